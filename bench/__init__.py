@@ -1,4 +1,4 @@
 """Measurements against the budgets: `python -m bench --json`, one line per figure.
 
-Every speed stands beside the same work done the plain way in the same run, as a reference row.
+Each speed has a reference row: the same work by a plain implementation, measured in the same run.
 """

@@ -13,7 +13,7 @@ from s2rstore.records import Bounds, Domain, Intrinsics
 
 
 def figures() -> Iterator[BudgetRow]:
-    """128 x 128 heat of RGB origin."""
+    """Project a 128 x 128 heatmap on the pixels of the RGB camera."""
     f = 128 / math.tan(math.radians(40))
     camera = Intrinsics(f, f, 128, 128)
     domain = Domain("d", "sim", camera, camera, 0.6, 0.0, 10 / 255, 6, 249)

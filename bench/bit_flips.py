@@ -1,11 +1,11 @@
 """Flip bits of a store and search for changes that `s2r verify` does not report.
 
     python -m bench.bit_flips STORE                every bit of every file: days for a large store
-    python -m bench.bit_flips STORE --sample 500   as many, evenly over the files, seeded
+    python -m bench.bit_flips STORE --sample 500   500 seeded flips, spread evenly over the files
 
-Works on a copy. After each flip `verify` must report damage; where it does not, everything that
-can be read through the store (tables, frames, arrays, floor plan, drives, weights, gap history)
-must be as before, or fail with an error. Exits with 1 where a flip changed something in silence.
+Works on a copy. After each flip `verify` must report damage. Otherwise everything that can be read
+through the store (tables, frames, arrays, floor plan, drives, weights, gap history) must be
+unchanged or fail with an error. Exits with 1 if a flip changes data silently.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def main() -> int:
 
 
 def every_bit(root: Path, paths: Callable[[str], bool] = lambda path: True) -> Iterator[Flip]:
-    """Every bit of the files whose paths are wanted."""
+    """Every bit of the selected files."""
     for path, size in files(root):
         if paths(path):
             yield from (Flip(path, byte, bit) for byte in range(size) for bit in range(8))
 
 
 def sampled(root: Path, count: int, seed: int) -> list[Flip]:
-    """Flips at random places; half of them in small files, which describe the large ones."""
+    """Random flips; half of them in small files, which describe the large ones."""
     rng = random.Random(seed)
     found = [(path, size) for path, size in files(root) if size]
     small = [each for each in found if each[1] <= _EVERY_BYTE] or found
@@ -87,7 +87,7 @@ def sampled(root: Path, count: int, seed: int) -> list[Flip]:
 
 
 def files(root: Path) -> list[tuple[str, int]]:
-    """All files but locks, with their sizes."""
+    """All files except locks, with their sizes."""
     return [
         (entry.path, entry.bytes)
         for entry in safe_files.walk(root)
@@ -96,7 +96,7 @@ def files(root: Path) -> list[tuple[str, int]]:
 
 
 def outcomes(root: Path, flips: Iterator[Flip] | list[Flip]) -> Iterator[tuple[Flip, Outcome]]:
-    """What each flip leads to; the store is put back after each."""
+    """The outcome of each flip; the store is restored after each."""
     before = figures(root)
     for flip in flips:
         file = root / flip.path
@@ -131,7 +131,7 @@ def _outcome(root: Path, before: Figures) -> Outcome:
 
 
 def figures(root: Path) -> Figures:
-    """A digest of everything that a reader of the store can see, by name."""
+    """Digests of everything that can be read through the store, by name."""
     found: Figures = {}
 
     def add(name: str, read: Callable[[], bytes]) -> None:
@@ -171,8 +171,8 @@ def _floor_plan(store: Store) -> bytes:
     if path is None:
         return b""
     try:
-        with Image.open(path) as picture:
-            return picture.convert("RGB").tobytes()
+        with Image.open(path) as image:
+            return image.convert("RGB").tobytes()
     except (OSError, ValueError, SyntaxError) as error:
         raise RequestError(f"{path}: {error}") from error
 

@@ -1,8 +1,8 @@
 """Many concurrent users over SSH on a copy of a store: `python -m bench.concurrent_users STORE`.
 
-Every user presses seeded random keys, waits for the screen, pauses, and goes on; with `--publish` a
-precompute publishes new generations meanwhile. Afterwards every screen is drawn from the bytes that
-arrived, and looked at for errors.
+Every user repeatedly presses a seeded random key, waits for the screen and pauses. With `--publish`
+a precompute publishes new generations at the same time. At the end every screen is drawn from the
+received bytes and checked for errors.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _KIND = "feature_distance"
 
 @dataclass
 class User:
-    """One terminal, and what was measured on it (seconds, bytes)."""
+    """One terminal and its measurements (seconds, bytes)."""
 
     screen: Screen
     rng: random.Random
@@ -55,7 +55,7 @@ class User:
     errors: list[str] = field(default_factory=list)
 
     def work(self, until: float) -> None:
-        """Press keys until a moment."""
+        """Press keys until a deadline."""
         while time.monotonic() < until:
             if self.screen.code is not None:
                 self.errors.append(f"ended with {self.screen.code}")
@@ -76,14 +76,14 @@ class User:
         self.ends.append(self.screen.received)
 
     def _settle(self) -> None:
-        """Wait until nothing has arrived for a while: the pictures come once the cursor rests."""
+        """Wait until no bytes arrive any more; images follow when the cursor rests."""
         received = -1
         while received != self.screen.received:
             received = self.screen.received
             self.screen.wait_for_bytes(received, _REST)
 
     def _drawn(self, number: int) -> float:
-        """When the first burst of bytes was complete."""
+        """Time at which the first burst of bytes is complete."""
         times = [at for at, _ in self.screen.arrivals[number:]]
         last = times[0]
         for at in times:
@@ -93,7 +93,7 @@ class User:
         return last
 
     def leave(self) -> None:
-        """Quit, and look at all that was drawn."""
+        """Quit and check everything that was drawn."""
         for key in (b"\x1b", "q"):
             time.sleep(0.5)
             if self.screen.code is None:
@@ -110,7 +110,7 @@ class User:
 
 @dataclass
 class Samples:
-    """What the far processes cost, looked at now and then."""
+    """Memory and processor time of the remote processes, sampled periodically."""
 
     memory: dict[int, int] = field(default_factory=dict)
     processor: dict[int, float] = field(default_factory=dict)
@@ -122,7 +122,7 @@ class Samples:
 
 
 class Publisher:
-    """Adds a run and computes it, again and again, until it is told to stop."""
+    """Repeatedly adds a run and computes it, until it is stopped."""
 
     def __init__(self, store: Path, pause: float) -> None:
         self._store, self._pause = store, pause
@@ -161,7 +161,7 @@ class Publisher:
 def measure(
     store: Path, users: int, seconds: float, seed: int, pause: float
 ) -> Iterator[BudgetRow]:
-    """The figures; `pause` 0 publishes nothing."""
+    """The measurements; with `pause` 0 nothing is published."""
     folder = Path(tempfile.mkdtemp())
     try:
         copy = Path(shutil.copytree(store, folder / store.name))
@@ -206,7 +206,7 @@ def _measured(
 
 
 def _entered(server: sshd.Sshd, store: Path, users: int, seed: int) -> list[User]:
-    """All users at work, their first screens at rest."""
+    """Start all users and wait for their first screens."""
     command = server.login(*sshd.application(store))
     present = [
         User(Screen(command, SIZE, _ENVIRONMENT, draws=False), random.Random(seed + number))
@@ -214,7 +214,9 @@ def _entered(server: sshd.Sshd, store: Path, users: int, seed: int) -> list[User
     ]
     for user in present:
         if not user.screen.wait_for_bytes(1000, 60):
-            raise SystemExit(f"nobody opens: {bytes(user.screen.raw).decode(errors='replace')}")
+            raise SystemExit(
+                f"the application did not start: {bytes(user.screen.raw).decode(errors='replace')}"
+            )
     time.sleep(5)
     return present
 

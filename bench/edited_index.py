@@ -14,9 +14,9 @@ Statement = str | tuple[str, list[object]]
 
 
 def edited(root: Path, statements: Sequence[Statement]) -> Path:
-    """Run statements, some with parameters, on the published index and state its new checksum.
+    """Run statements, some with parameters, on the published index and record its new checksum.
 
-    Gives the path of the index.
+    Returns the path of the index.
     """
     current = layout.read_current(root)
     index = root / current.index

@@ -2,9 +2,9 @@
 
     python -m bench.expressions [--examples 20000] [--seeds 1,2,3]
 
-For every seed a store is made and the examples are evaluated by both back ends of the language.
-Prints how many agreed, how many gave the same error and how many differed; the exit code is 1
-where any differed.
+For every seed a store is generated, and both back ends of the language evaluate the examples.
+Prints the numbers of equal results, of equal errors and of differences; the exit code is 1 if any
+result differs.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def main() -> int:
 
 
 def extreme_store(path: Path, rng: random.Random) -> Path:
-    """A store in whose index every number may be missing, infinite or at the edge of its type."""
+    """A store with missing, infinite and extreme numbers in its index."""
     index_store.build(path, INSTANCES, seed=rng.randrange(2**31))
     statements = []
     for table, columns in COLUMNS.items():
@@ -84,7 +84,7 @@ def extreme_store(path: Path, rng: random.Random) -> Path:
 
 
 def compare(store: Store, rng: random.Random, examples: int) -> Counter[str]:
-    """How often both back ends agree, refuse alike, or differ; every difference is printed."""
+    """Count equal results, equal errors and differences; print each difference."""
     counts: Counter[str] = Counter({"agree": 0, "differ": 0})
     make = Maker(rng)
     for _ in range(examples):
@@ -120,7 +120,7 @@ def _by_sql(
 
 
 class Maker:
-    """Makes random expressions of every kind of node."""
+    """Generates random expressions with every kind of node."""
 
     def __init__(self, rng: random.Random) -> None:
         self._rng = rng

@@ -2,18 +2,18 @@
 
 `python -m bench.false_alarm_rate` freezes one reference on the default world with all factors and
 uses it, as `s2r gap` does, to judge fresh evidence of every seed: a tour of 64 views through five
-rooms that the model was not trained on, and twelve drives. The gate answers FAIL where the whole
-95 % interval of the worst axis is above the threshold: without a gap, and with one exactly at the
-threshold, that may happen for 2.5 % of the seeds. The exit code is 1 where false alarms are
-significantly more frequent, or where the verdict of a seed without factors is not PASS. The number
+rooms that the model was not trained on, and twelve drives. The gate answers FAIL if the whole 95 %
+interval of the worst axis is above the threshold. Without a gap, and with a gap exactly at the
+threshold, this may happen for 2.5 % of the seeds. The exit code is 1 if false alarms are
+significantly more frequent, or if the verdict of a seed without factors is not PASS. The number
 after G of every axis (mean and deviation over the seeds) is the share of seeds whose whole interval
 is above that mean: the false alarm rate if the mean were the threshold.
 
 The tours have new poses, which a reference of other poses refuses; the bench writes their hash into
 the reference and keeps its scale, which belongs to the same building, model and count.
 
-Without factors sim and real images have the same bytes; `noise` renders both sides through the
-noisy sensor with independent noise, so that there is no gap but much that could look like one.
+Without factors sim and real images have the same bytes; `noise` renders both sides with independent
+sensor noise, so that the images differ although there is no gap.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ WORDS = ("PASS", "FAIL", "INCONCLUSIVE")
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Factors of both sides' images and of the real robot; `wanted` word where the truth is clear.
+    """Factors of both sides' images and of the real robot; `wanted` is the expected outcome.
 
     `calm` conditions have no gap over the threshold: a FAIL is a false alarm.
     """
@@ -75,7 +75,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """All seeds of a condition: words, and G of every axis with its bounds, (seeds, axes, 3)."""
+    """All seeds of a condition: outcomes, and G of every axis with its bounds, (seeds, axes, 3)."""
 
     condition: Condition
     words: Counter[str]
@@ -87,14 +87,15 @@ class Row:
 
     @property
     def rate(self) -> tuple[float, float, float]:
-        """Of FAIL, with its exact 95 % interval (Clopper and Pearson)."""
+        """Rate of FAIL with its exact 95 % interval (Clopper and Pearson)."""
         found = stats.binomtest(self.words["FAIL"], self.seeds).proportion_ci()
         return self.words["FAIL"] / self.seeds, float(found.low), float(found.high)
 
     @property
     def over(self) -> list[float]:
-        """Per axis how often the whole interval is over the mean of all seeds' G: the share of
-        false alarms if that were the threshold.
+        """Per axis the share of seeds whose whole interval is above the mean of all seeds' G.
+
+        This is the false alarm rate if the mean were the threshold.
         """
         means = self.gaps[:, :, 0].mean(axis=0)
         return [float(share) for share in (self.gaps[:, :, 1] > means + 1e-9).mean(axis=0)]
@@ -144,7 +145,7 @@ def main() -> int:
 
 
 def frozen(folder: Path) -> Path:
-    """The scale, as the README has it made: on the default world with all its factors."""
+    """The reference, frozen on the default world with all its factors."""
     from s2rtui.cli import main as s2r
 
     path, reference = folder / "all.s2r", folder / "reference.json"
@@ -155,12 +156,12 @@ def frozen(folder: Path) -> Path:
         precompute(path, QUIET, [MODEL], PrecomputeOptions(kinds=()))
         code += s2r(["gap", str(path), "--run", MODEL, "--freeze", str(reference)])
     if code:
-        raise SystemExit("the reference could not be made")
+        raise SystemExit("the reference could not be frozen")
     return reference
 
 
 def calm(reference: Path) -> tuple[Condition, ...]:
-    """No gap, and one whose delay is the threshold itself."""
+    """Conditions without a gap, and one whose delay equals the threshold."""
     scale = json.loads(reference.read_text())["axes"]["delay"]
     limit = scale["floor"] + THRESHOLD / 100 * (scale["anchor"] - scale["floor"])
     latency = limit * scale["fingerprint"]["period"] / SEVERITIES["latency"][1]
@@ -188,7 +189,7 @@ GAPS = (
 def judged(
     folder: Path, conditions: Sequence[Condition], seeds: Sequence[int], reference: Path
 ) -> Iterator[Row]:
-    """Every condition on the same tours; noise and drives are the condition's own."""
+    """Judge every condition on the same tours, each with separate noise and drives."""
     if not seeds:
         return
     path = folder / "tours.s2r"
@@ -216,7 +217,7 @@ def look(condition: Condition) -> str:
 def verdict(
     store: Store, condition: Condition, iids: np.ndarray, drives: Sequence[Drive], reference: Path
 ) -> tuple[str, list[tuple[float, float, float]]]:
-    """What `s2r gap` says, and G of every axis with its bounds."""
+    """The outcome of `s2r gap`, and G of every axis with its bounds."""
     evidence = Evidence(store, look(condition), iids, drives=drives)
     _fit(reference, evidence)
     request = gate.GapRequest(run=look(condition), reference=reference)

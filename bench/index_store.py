@@ -1,7 +1,6 @@
 """Build a store of any number of instances with eight runs, index only, to measure scaling.
 
-The instances walk through twelve rooms in sixteen trajectories; every run errs in its own way, more
-in some rooms than in others.
+Sixteen trajectories lead through twelve rooms; the errors differ between runs and between rooms.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _TRAJECTORIES = 16
 
 
 def build(path: Path, n: int, seed: int = 11) -> Path:
-    """Write the store and give its path back; frames and heatmaps are missing."""
+    """Write the store and return its path; frames and heatmaps are missing."""
     rng = np.random.default_rng(seed)
     per = -(-n // _TRAJECTORIES)
     turn = np.cumsum(rng.normal(0, 0.08, n))
@@ -62,7 +61,7 @@ def _words(names: list[str], codes: NDArray[np.integer[Any]]) -> NDArray[np.obje
 
 
 def _folded(values: NDArray[np.float64], size: float) -> NDArray[np.float64]:
-    """Reflected at both ends of 0 .. size."""
+    """Positions reflected at both ends of 0 .. size."""
     return size - np.abs(np.mod(values, 2 * size) - size)
 
 

@@ -15,14 +15,14 @@ from bench.budget import BudgetRow, seconds
 from bench.measured_stores import frames_store, lively
 from s2rstore.records import SIDES
 from s2rtools.inference import choose_backend
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.precompute.frame_reader import read_pairs
 
 _PAIRS = 32
 
 
 def figures(threads: int) -> Iterator[BudgetRow]:
-    """posest at 256 x 256; images per second, each way."""
+    """posest at 256 x 256; images per second with and without batches."""
     torch.set_num_threads(threads)
     folder = Path(tempfile.mkdtemp())
     try:

@@ -1,7 +1,7 @@
 """`python -m bench.kill_precompute STORE`: kill -9 a precompute at 30 random moments, then compare.
 
-STORE is copied; its runs are computed twice, once undisturbed. Prints one line per kill and
-exits with 1 where anything differs.
+STORE is copied; its runs are computed twice, once without interruption. Prints one line per kill
+and exits with 1 if any result differs.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def _kill_once(path: Path, number: int, after: float) -> None:
     with s2rstore.open(path) as store:
         count = store.execute("SELECT count(*) FROM prediction")[0][0]
     files = sum(1 for p in (path / "runs.zarr").rglob("*") if p.is_file())
-    told = f"generation {generation}, {count} predictions, {files} array files"
-    print(f"kill {number + 1:2d} after {after:5.2f} s: {told}, {len(damage)} damages", flush=True)
+    state = f"generation {generation}, {count} predictions, {files} array files"
+    print(f"kill {number + 1:2d} after {after:5.2f} s: {state}, {len(damage)} damages", flush=True)
     if damage:
         raise SystemExit(f"damage: {damage[0]}")
 

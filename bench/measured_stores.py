@@ -15,7 +15,7 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import pack_weights, register_model
+from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
 from s2rtools.precompute.registration import insert_run
 
@@ -70,7 +70,7 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
 
 
 def _pictures(rng: np.random.Generator, count: int, size: int) -> dict[str, np.ndarray]:
-    """Smooth pictures with a little noise, which compress about as photographs do."""
+    """Smooth images with a little noise, which compress about as well as photographs."""
     u, v = np.meshgrid(np.linspace(0, 6, size), np.linspace(0, 6, size))
     phase = rng.random((count, 1, 1, 3)) * 6
     waves = np.sin(u[None, :, :, None] + phase) + np.cos(v[None, :, :, None] * 2 + phase)
@@ -109,7 +109,7 @@ def _tables(draft: IndexTransaction, n: int, size: int) -> None:
 
 
 def lively(architecture: str) -> PoseNetwork:
-    """A network with random statistics, so that no layer dies out."""
+    """A network with random batch statistics, so that every layer has non-zero outputs."""
     import torch
 
     torch.manual_seed(0)
@@ -121,7 +121,7 @@ def lively(architecture: str) -> PoseNetwork:
 
 
 class _Quiet:
-    """A reporter that says nothing."""
+    """A reporter that ignores progress."""
 
     def begin(self, what: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...

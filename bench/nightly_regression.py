@@ -2,9 +2,10 @@
 
 `python -m bench.nightly_regression` renders images on the same course through the default building
 every day, predicts them with a shipped model, records twelve drives, and starts `s2r nightly`
-twice. On days 5 and 6 the world is changed (`--factors`, by default lamps are off); day 7 is as
-before. One line per day shows the exit code, JUnit, metrics and the dashboard's expressions, and
-whether the second start left all files unchanged. The exit code is 1 where any of them is wrong.
+twice. On days 5 and 6 the world is changed (`--factors`, by default lamps are off); day 7 has the
+original world. One line per day shows the exit code, JUnit, metrics and the dashboard's
+expressions, and whether the second start left all files unchanged. The exit code is 1 if any of
+them is wrong.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from s2rtui.cli import main as s2r
 FIRST = datetime.date(2026, 11, 16)
 BROKEN, MENDED, DAYS = 5, 7, 7
 HEALTHY: Severities = {"sensor": 0.5}
-"""Every day's camera is a little noisy."""
+"""Camera noise of every day."""
 COURSE, COUNT = 7, 64
 DASHBOARD = Path(__file__).parents[1] / "examples" / "grafana-dashboard.json"
 _SELECTOR = re.compile(r"(s2r_\w+)(?:\{([^}]*)\})?")
@@ -67,8 +68,8 @@ Samples = list[tuple[str, dict[str, str], float]]
 
 
 @dataclass(frozen=True, slots=True)
-class ToldNight:
-    """What one night's files say; `problems` is what is not as it should be."""
+class NightFiles:
+    """Contents of one night's files; `problems` lists deviations from the expected contents."""
 
     day: int
     code: int
@@ -80,7 +81,7 @@ class ToldNight:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.nightly_regression", description=__doc__)
-    parser.add_argument("--factors", default="lights", help="what is wrong from day 5 to 6")
+    parser.add_argument("--factors", default="lights", help="factors that are on from day 5 to 6")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="a new folder; default: none")
     options = parser.parse_args()
     wrong = {name: value for name, value in parse_factors(options.factors).items() if value}
@@ -92,16 +93,16 @@ def main() -> int:
         for day in range(1, DAYS + 1):
             broken = BROKEN <= day < MENDED
             record(folder, day, wrong if broken else {})
-            told = night(folder, day, red=broken)
-            bad += bool(told.problems)
-            print(_line(told), flush=True)
+            night_files = night(folder, day, red=broken)
+            bad += bool(night_files.problems)
+            print(_line(night_files), flush=True)
         bad += not _kept(folder)
         look(folder)
     return 1 if bad else 0
 
 
 def accept(folder: Path) -> None:
-    """The scale from a day on which everything is wrong, the golden run from a good one."""
+    """Freeze the reference on a day with all factors and the golden run on a day without any."""
     record(folder, -1, parse_factors("all"))
     _command("gap", folder / "lab.s2r", "--run", "today", "--drives", folder / "drives",
              "--freeze", folder / "reference.json")  # fmt: skip
@@ -112,10 +113,10 @@ def accept(folder: Path) -> None:
 
 
 def record(folder: Path, day: int, wrong: Severities) -> None:
-    """The day's store and drives in the place of yesterday's; the history stays."""
-    store, fresh, kept = (folder / name for name in ("lab.s2r", "fresh.s2r", "history"))
+    """Replace yesterday's store and drives by today's; the history stays."""
+    store, fresh, history = (folder / name for name in ("lab.s2r", "fresh.s2r", "history"))
     tours_store(fresh, [COURSE], COUNT, {"today": ({}, {**HEALTHY, **wrong})}, noise=day + 1)
-    for place, goal in ((store / "history", kept), (fresh, store), (kept, store / "history")):
+    for place, goal in ((store / "history", history), (fresh, store), (history, store / "history")):
         if place.exists():
             shutil.rmtree(goal, ignore_errors=True)
             place.rename(goal)
@@ -124,8 +125,8 @@ def record(folder: Path, day: int, wrong: Severities) -> None:
     make_drives(folder / "drives", 100 + day, robot)
 
 
-def night(folder: Path, day: int, red: bool) -> ToldNight:
-    """Start the night twice, and read what it wrote."""
+def night(folder: Path, day: int, red: bool) -> NightFiles:
+    """Run the night twice and read its files."""
     date = str(FIRST + datetime.timedelta(days=day - 1))
     words = ("nightly", folder / "nightly.toml", "--night", date, "--json")
     code, text = _command(*words)
@@ -135,8 +136,10 @@ def night(folder: Path, day: int, red: bool) -> ToldNight:
     wanted = ("FAIL", 1) if red else ("PASS", 0)
     failures = junit_failures(folder / "reports" / date / "junit.xml")
     samples = scraped(folder / "gap.prom")
-    told = [labels for name, labels, value in samples if name == "s2r_gap_outcome" and value == 1]
-    outcome = next(labels["outcome"] for labels in told if labels["axis"] == "all")
+    outcomes = [
+        labels for name, labels, value in samples if name == "s2r_gap_outcome" and value == 1
+    ]
+    outcome = next(labels["outcome"] for labels in outcomes if labels["axis"] == "all")
     shown = [labels["outcome"] for labels, _ in panel("Gate", samples)]
     checks = {
         f"exit code {code}": (found["outcome"], code) == wanted,
@@ -149,11 +152,11 @@ def night(folder: Path, day: int, red: bool) -> ToldNight:
         **{f"no sample for {each}": False for each in unanswered(samples)},
     }
     problems = [name for name, good in checks.items() if not good]
-    return ToldNight(day, code, found, failures, outcome, problems)
+    return NightFiles(day, code, found, failures, outcome, problems)
 
 
 def files(folder: Path) -> dict[Path, tuple[bytes, int]]:
-    """Content and time of all that a night may write; locks name their last holder."""
+    """Content and modification time of all files that a night may write, without locks."""
     roots = (folder / "lab.s2r" / "history", folder / "reports")
     found = [path for root in roots for path in root.rglob("*") if path.is_file()]
     found = [path for path in (*found, folder / "gap.prom") if path.suffix != ".lock"]
@@ -173,7 +176,7 @@ def scraped(path: Path) -> Samples:
 
 
 def panel(title: str, samples: Samples) -> list[tuple[dict[str, str], float]]:
-    """What the first expression of a panel shows, where it is a selector compared with 1."""
+    """The values of a panel whose first expression is a selector compared with 1."""
     (found,) = (each for each in _panels() if each["title"] == title)
     expression = found["targets"][0]["expr"]
     return [(labels, value) for labels, value in selected(expression, samples)
@@ -191,20 +194,20 @@ def selected(expression: str, samples: Samples) -> Iterator[tuple[dict[str, str]
 
 
 def unanswered(samples: Samples) -> list[str]:
-    """Expressions of the dashboard that would show nothing."""
+    """Expressions of the dashboard that match no sample."""
     expressions = [target["expr"] for each in _panels() for target in each.get("targets", ())]
     return [each for each in expressions if not any(True for _ in selected(each, samples))]
 
 
 def look(folder: Path) -> None:
-    """Pictures of the history view, and of the report, in the folder."""
+    """Write images of the history view and of the report into the folder."""
     for suffix in ("png", "txt"):
         _command("snapshot", folder / "lab.s2r", "--size", "120x40", "--keys", "G", "--out",
                  folder / f"history.{suffix}")  # fmt: skip
 
 
 def _kept(folder: Path) -> bool:
-    """Whether the history has a row a day, in order, red on the days that were."""
+    """Whether the history has one row per day in order, failing on the regression days only."""
     found = reader.read(folder / "lab.s2r/history/gap.duckdb").of_configuration("week")
     wanted = [1 if BROKEN <= day < MENDED else 0 for day in range(1, DAYS + 1)]
     nights = [FIRST + datetime.timedelta(days=day) for day in range(DAYS)]
@@ -241,12 +244,12 @@ def _folder(keep: Path | None) -> Iterator[Path]:
 _HEAD = "day  exit  verdict       G                    worst     golden  JUnit failures / not so"
 
 
-def _line(told: ToldNight) -> str:
-    found = told.night
+def _line(night_files: NightFiles) -> str:
+    found = night_files.night
     gap = f"{found['gap']:.1f} ({found['gap_low']:.1f} .. {found['gap_high']:.1f})"
-    failures = ", ".join(told.failures) or "-"
-    problems = f"  NOT SO: {'; '.join(told.problems)}" if told.problems else ""
-    return (f"{told.day:3d}  {told.code:4d}  {found['outcome']:<12}  {gap:<19}  "
+    failures = ", ".join(night_files.failures) or "-"
+    problems = f"  NOT SO: {'; '.join(night_files.problems)}" if night_files.problems else ""
+    return (f"{night_files.day:3d}  {night_files.code:4d}  {found['outcome']:<12}  {gap:<19}  "
             f"{found['worst']:<8}  {found['golden']:<6}  {failures}{problems}")  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from s2rtools.models.pose_network import LoadedModel
 
 
 def figures(threads: int) -> Iterator[BudgetRow]:
-    """One pair, three modes, both directions; posest and resposenet, float32."""
+    """Time one pair in three modes and both directions; posest and resposenet, float32."""
     torch.set_num_threads(threads)
     for architecture, budget in (("posest", 0.20), ("resposenet", None)):
         network = lively(architecture)

@@ -21,7 +21,7 @@ import numpy as np
 from s2rtools.precompute.pipeline import Options, precompute
 from s2rtools.precompute.tasks.umap_projection import ProjectionSettings, joint_umap
 rng = np.random.default_rng(0)
-for n in (60, 2400):  # the second compiles the search for neighbours, and transform
+for n in (60, 2400):  # the second size compiles the neighbour search and transform
     warm = rng.random((n, 50), dtype=np.float32)
     joint_umap((warm, warm + 1), np.ones(n, bool), ProjectionSettings(fit_instances=4200))
 def status(name):
@@ -41,7 +41,7 @@ print(json.dumps(status("VmHWM") - before))
 
 
 def figures(sizes: tuple[int, ...]) -> Iterator[BudgetRow]:
-    """Predictions, embeddings, PCA and UMAP of small frames by a small network."""
+    """Compute predictions, embeddings, PCA and UMAP of small frames with a small network."""
     for n in sizes:
         folder = Path(tempfile.mkdtemp())
         try:

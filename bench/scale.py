@@ -1,11 +1,10 @@
 """Cost of user actions at 1e3 and 1e6 instances of eight runs: `python -m bench.scale STORE`.
 
-Each store has a process of its own. Every change is made once unmeasured, on whatever it needs
-that was never read, and then several times with other values each time; its time is the median.
-Budgets are for the time that passes after a short rest, from which a processor wakes slowly; beside
-it stand the processor's time, which a busy machine does not lengthen as much, and that of changes
-one after the other. Drawn means the application as it runs, on a terminal of 200 x 60 that keeps
-nothing: from the change to the last escape code.
+Each store is measured in a separate process. Every change is made once to load its data, and then
+several times with different values; its time is the median. Budgets apply to the wall time after a
+short rest, from which a processor wakes slowly. The processor time, which depends less on other
+load, and the time of changes without a rest are reported, too. "Drawn" includes the application on
+a terminal of 200 x 60 that discards its input: from the change to the last escape code.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ _PAUSE = 0.03
 Steps = Callable[[Session, int], list[tuple[str, steps.Step]]]
 Row = tuple[str, float, str]
 Time = tuple[float, float]
-"""Milliseconds that passed, and that the processor worked."""
+"""Wall time and processor time in milliseconds."""
 Times = dict[str, Time]
 Work = Callable[[steps.Step], Time]
 
 
 def figures(folder: Path) -> Iterator[BudgetRow]:
-    """Both sizes, their stores built in `folder` and taken away again."""
+    """Measure both sizes; their stores are built in `folder` and removed."""
     for n in SIZES:
         path = index_store.build(folder / f"{n}.s2r", n)
         command = [sys.executable, "-m", "bench.scale", str(path)]
@@ -62,13 +61,13 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
 
 
 class Sink(HeadlessDriver):
-    """A terminal that counts what it is sent."""
+    """A terminal that counts the bytes written to it."""
 
     received = 0
 
     @property
     def is_headless(self) -> bool:
-        """Not, so that the application encodes what it draws."""
+        """False, so that the application encodes its output."""
         return False
 
     def write(self, data: str) -> None:
@@ -76,7 +75,7 @@ class Sink(HeadlessDriver):
 
 
 class Probe:
-    """The application on one store, its clock and its memory."""
+    """The application on one store, with timers and memory figures."""
 
     def __init__(self, path: Path) -> None:
         self.loaded = _resident()
@@ -114,7 +113,7 @@ class Probe:
         return found
 
     async def settle(self) -> None:
-        """Until nothing is drawn or fetched any more."""
+        """Wait until all drawing and loading is finished."""
         limit = time.monotonic() + 120
         while not (self.app.is_running and self.app.settled):
             assert time.monotonic() < limit, "the feeds never come to rest"
@@ -124,7 +123,7 @@ class Probe:
     async def measured(
         self, series: Steps, work: Work, pause: float = _PAUSE
     ) -> tuple[Times, Times]:
-        """By kind of change: the first time, and the median of all others; each after a rest."""
+        """First time and median of the others for each kind of change, each after a rest."""
         taken: dict[str, list[Time]] = defaultdict(list)
         start, self.turn = self.turn, self.turn + _TURNS + 1
         for turn in range(start, self.turn):
@@ -138,7 +137,7 @@ class Probe:
         )
 
     def counted(self, step: steps.Step) -> Time:
-        """A change and all numbers that views show."""
+        """Make a change and compute the numbers of all views."""
 
         def work() -> None:
             step()
@@ -147,7 +146,7 @@ class Probe:
         return _clocked(work)
 
     def drawn(self, step: steps.Step) -> Time:
-        """A change until all that changed is drawn and written."""
+        """Make a change and wait until everything is drawn and written."""
 
         def work() -> None:
             step()
@@ -171,7 +170,7 @@ def _middle(times: Iterable[Time]) -> Time:
 
 
 def _spread(name: str, first: Times, after: Times) -> list[Row]:
-    """The middle of all kinds of change, the slowest kind, and the slowest first time."""
+    """The median over all kinds of change, the slowest kind, and the slowest first change."""
     slowest, new = max(after, key=after.__getitem__), max(first, key=first.__getitem__)
     passed, busy = _middle(after.values())
     return [
@@ -184,7 +183,7 @@ def _spread(name: str, first: Times, after: Times) -> list[Row]:
 
 
 def _resident() -> float:
-    """MB of this process that are in memory."""
+    """Resident memory of this process in MB."""
     found = re.search(r"VmRSS:\s+(\d+)", Path("/proc/self/status").read_text())
     return int(found[1]) / 1024 if found else float("nan")
 

@@ -37,7 +37,7 @@ _MAP, _TAB = (88, 54), (54, 12)
 
 
 def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
-    """Selection changes of every kind; every turn has others, so that no mask is known before."""
+    """Selection changes of every kind, different in every turn, so that no mask is cached."""
     half, t = len(session.store.instances) // 2, turn
 
     def select(expression: str) -> Step:
@@ -81,7 +81,7 @@ def _room(index: int) -> str:
 
 
 def numbers(scene: Scene) -> None:
-    """What every view counts before it draws, as its drawing asks for it."""
+    """The numbers that every view computes before it draws."""
     _overview(scene)
     view = BY_NAME["umap"].input(scene)
     frame = umap_layout(view, _TAB).frame
@@ -108,7 +108,7 @@ def _overview(scene: Scene) -> None:
 
 
 def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
-    """Everything else that a key does."""
+    """All other changes that keys make."""
 
     def mark(view: str, panel: str, lasso: bool) -> Step:
         x, y = 2.0 + 0.4 * turn, 3.0 + 0.2 * turn

@@ -1,6 +1,6 @@
 """Latency from a key press on a slider to the drawn prediction.
 
-`python -m bench.slider_latency STORE --run R` measures on a store of your own.
+`python -m bench.slider_latency STORE --run R` measures with an existing store.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _LOADING = 120.0
 
 
 def milliseconds(store: Path, run: str | None = None, moves: int = 15) -> list[float]:
-    """Per move of the brightness slider, until pictures and prediction are on the canvas."""
+    """Time of each move of the brightness slider until images and prediction are drawn."""
     return asyncio.run(_measured(store, run, moves))
 
 
 async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
     app = S2RApp(Session(store, run), RenderOptions())
-    found: list[float] = []
+    latencies: list[float] = []
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await app.run_action("do('adjust')")
@@ -38,13 +38,13 @@ async def _measured(store: Path, run: str | None, moves: int) -> list[float]:
             began = time.perf_counter()
             await app.run_action("do('more')")
             await _until(app, before, 10.0)
-            found.append(1e3 * (time.perf_counter() - began))
+            latencies.append(1e3 * (time.perf_counter() - began))
             await settle(app, pilot)
-    return found
+    return latencies
 
 
 async def _until(app: S2RApp, before: object, patience: float) -> None:
-    """Wait for another live result; what draws it runs in the same turn of the loop."""
+    """Wait for another live result, which is drawn in the same iteration of the event loop."""
     limit = time.monotonic() + patience
     while app.resources.live is before:
         if time.monotonic() > limit:
@@ -57,8 +57,8 @@ def main() -> int:
     parser.add_argument("store", type=Path)
     parser.add_argument("--run")
     options = parser.parse_args()
-    found = milliseconds(options.store, options.run)
-    print(f"median {statistics.median(found):.0f} ms, largest {max(found):.0f} ms")
+    latencies = milliseconds(options.store, options.run)
+    print(f"median {statistics.median(latencies):.0f} ms, largest {max(latencies):.0f} ms")
     return 0
 
 

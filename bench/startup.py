@@ -26,14 +26,14 @@ async def main():
     async with app.run_test(size=(120, 40)) as pilot:
         strips = app.screen._compositor.render_strips()
         text = "\\n".join(strip.text for strip in strips)
-        assert "worst region" in text and "shift" in text, text  # a finding, and its map
-        os._exit(0)  # it is on the screen; what workers still bring is not waited for
+        assert "worst region" in text and "shift" in text, text  # a finding and its map
+        os._exit(0)  # the screen is complete; do not wait for workers
 asyncio.run(main())
 """
 
 
 def figures(store: Path) -> Iterator[BudgetRow]:
-    """Command line and first paint, each in a process of its own."""
+    """Measure the command line and the first paint, each in a new process."""
     with tempfile.TemporaryDirectory() as compiled:
         environment = {**os.environ, "PYTHONPYCACHEPREFIX": compiled}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -42,10 +42,10 @@ def figures(store: Path) -> Iterator[BudgetRow]:
             command = [sys.executable, *words]
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
 
-        told = seconds(lambda: run("-m", "s2rtui", "--help"))
-        yield BudgetRow("s2r --help", told, "s", 0.5)
+        help_seconds = seconds(lambda: run("-m", "s2rtui", "--help"))
+        yield BudgetRow("s2r --help", help_seconds, "s", 0.5)
         taken: list[tuple[float, float]] = []
-        for _ in range(_TIMES + 1):  # by turns: what else the machine does meets both
+        for _ in range(_TIMES + 1):  # alternate, so that other load affects both
             began = time.perf_counter()
             run("-c", _IMPORTS)
             between = time.perf_counter()

@@ -1,8 +1,8 @@
 """Coverage of the parameters' 95 % intervals, and detection of a structural mismatch.
 
-`python -m bench.sysid` identifies the planar robot in ten worlds of random truth and prints the 40
-cases of delay, mass, friction and damping, then the same worlds with wheels of unequal radius, and
-the time of a 60 s replay. It exits with 1 where fewer than 35 cases hold.
+`python -m bench.sysid` identifies the planar robot in ten worlds with random parameters and prints
+the 40 cases of delay, mass, friction and damping, then the same worlds with wheels of unequal
+radius, and the time of a 60 s replay. It exits with 1 if fewer than 35 intervals contain the truth.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def main() -> int:
 
 
 def replay_seconds() -> float:
-    """Of the planar simulator, 60 s at 50 poses a second."""
+    """Replay time of the planar simulator, 60 s at 50 poses per second."""
     rng = np.random.default_rng(0)
     torques = np.repeat(rng.uniform(-0.2, 0.6, (2, 120)), 10, axis=1)
     channels = {"left_torque": torques[0], "right_torque": torques[1]}

@@ -21,12 +21,12 @@ SIZES = ((120, 40), (200, 60))
 _MOVE = b"\x1b[C"
 _DRAWS_PICTURES = b"\x1b[1;1R\x1b_Gi=31;OK\x1b\\\x1b[1;1R\x1b[6;20;10t\x1b[?62c"
 _TRUE_PIXELS = 160_000
-"""Bytes of four pictures as small as they are at 120 x 40."""
+"""Bytes of four images at their size on a terminal of 120 x 40."""
 KEYS = {
     "w": b"w", "b": b"b", "undo": b"u", "zoom in": b"+", "zoom out": b"0", "run": b"r",
     "umap": b"4", "orientation": b"5", "list": b"8", "map": b"2", "help": b"?", "leave": b"\x1b",
 }  # fmt: skip
-"""Pressed one after the other, each on what the one before has left."""
+"""Keys in order; each acts on the state that the previous one left."""
 
 
 class MeasuredTerminal:
@@ -42,7 +42,7 @@ class MeasuredTerminal:
         self._pid = pid
 
     def read(self, quiet: float = _QUIET, patience: float = 20.0) -> list[tuple[float, int]]:
-        """(time, bytes) of what arrives until nothing did for `quiet` seconds."""
+        """(time, bytes) of the output until there is none for `quiet` seconds."""
         found: list[tuple[float, int]] = []
         limit = time.monotonic() + patience
         while time.monotonic() < limit:
@@ -66,7 +66,7 @@ class MeasuredTerminal:
 
 
 def figures(store: Path) -> Iterator[BudgetRow]:
-    """At both sizes; only the smaller one has budgets."""
+    """Measure both sizes; only the smaller one has budgets."""
     for size in SIZES:
         terminal = MeasuredTerminal(store, size)
         at = f"{size[0]}x{size[1]}: "
@@ -82,7 +82,7 @@ def figures(store: Path) -> Iterator[BudgetRow]:
 
 
 def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[BudgetRow]:
-    """The cursor where a terminal draws pictures, in cells of 10 x 20 pixels."""
+    """Move the cursor on a terminal that draws images, with cells of 10 x 20 pixels."""
     terminal = MeasuredTerminal(store, size, "--graphics")
     terminal.read(1.0, 5)
     terminal.press(_DRAWS_PICTURES)
@@ -93,17 +93,17 @@ def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[BudgetRow]:
 
 
 def _cursor(terminal: MeasuredTerminal, at: str, bound: int | None) -> Iterator[BudgetRow]:
-    """The move itself, and the pictures once the cursor rests: the largest of several."""
-    moves, pictures = [], []
+    """Largest of several: the bytes of a move, and of the images when the cursor rests."""
+    moves, images = [], []
     for _ in range(6):
         began = time.monotonic()
         terminal.press(_MOVE)
         arrived = terminal.read()
         moves.append(_sum(arrived, until=began + 0.14))
-        pictures.append(_sum(arrived) - moves[-1])
+        images.append(_sum(arrived) - moves[-1])
     name = f"{at}cursor to the next instance"
     yield BudgetRow(f"{name}, the move", max(moves), "bytes", 4000 if bound else None)
-    yield BudgetRow(f"{name}, its pictures", max(pictures), "bytes", bound)
+    yield BudgetRow(f"{name}, its pictures", max(images), "bytes", bound)
 
 
 def _sum(arrived: list[tuple[float, int]], until: float = math.inf) -> int:

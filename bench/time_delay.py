@@ -16,7 +16,7 @@ from s2rtools.motion_logs import Log
 SEEDS = 100
 RATE = 50.0
 NOISE = ((0.001, 0.002), (0.005, 0.005), (0.01, 0.01), (0.02, 0.02))
-"""Of positions in m and of headings in rad."""
+"""Noise of positions in m and of headings in rad."""
 BUDGET = 2.7
 
 
@@ -26,9 +26,9 @@ def figures(seeds: int = SEEDS) -> Iterator[BudgetRow]:
         ours, theirs, held = [], [], []
         for seed in range(seeds):
             late, real, sim = _pair(seed, noise, turn_noise)
-            found = time_delay.estimate_delay(real, sim, GapSettings(400))
-            ours.append(found.seconds - late)
-            held.append(found.low <= late <= found.high)
+            estimate = time_delay.estimate_delay(real, sim, GapSettings(400))
+            ours.append(estimate.seconds - late)
+            held.append(estimate.low <= late <= estimate.high)
             theirs.append(cross_correlation(real, sim) - late)
         name = f"delay, noise {1000 * noise:g} mm {1000 * turn_noise:g} mrad"
         yield BudgetRow(f"{name}: cross-correlation", _rms(theirs), "ms")
@@ -49,7 +49,7 @@ def cross_correlation(real: Log, sim: Log) -> float:
 
 
 def _rates(log: Log, time: np.ndarray) -> list[np.ndarray]:
-    """Speed and yaw rate about their means, smoothed as `align` does."""
+    """Speed and yaw rate about their means, smoothed as in the time delay estimate."""
     columns = (log.x, log.y, np.unwrap(log.heading))
     sigma = time_delay.SMOOTHING * RATE
     kernel = signal.windows.gaussian(int(6 * sigma) | 1, sigma)
@@ -64,10 +64,10 @@ def _rates(log: Log, time: np.ndarray) -> list[np.ndarray]:
 def _pair(seed: int, noise: float, turn_noise: float) -> tuple[float, Log, Log]:
     rng = np.random.default_rng(seed)
     late = rng.uniform(-0.15, 0.15)
-    told = robot.commands(30.0, rng)
-    exact = robot.drive(told, delay=0.2 + late)
+    commands = robot.commands(30.0, rng)
+    exact = robot.drive(commands, delay=0.2 + late)
     real = robot.sampled(exact, RATE, noise, turn_noise, rng, name="real")
-    return late, real, robot.sampled(robot.drive(told, delay=0.2), RATE, name="sim")
+    return late, real, robot.sampled(robot.drive(commands, delay=0.2), RATE, name="sim")
 
 
 def _rms(errors: list[float]) -> float:

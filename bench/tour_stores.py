@@ -29,10 +29,10 @@ from s2rtools.training import pretrained
 MODEL = "vanilla"
 FRAME = 128
 ROOMS = 5
-"""Rooms that a tour goes through: neighbours in it look alike, as in a recording."""
+"""Rooms of a tour; consecutive views look alike, as in a recording."""
 _SPARE = 8
 _VIEWS = 1_000_000
-"""Numbers of views that one domain has for itself."""
+"""Noise numbers reserved for each domain."""
 
 Severities = Mapping[str, float]
 Looks = Mapping[str, tuple[Severities, Severities]]
@@ -42,22 +42,24 @@ Looks = Mapping[str, tuple[Severities, Severities]]
 def tours_store(path: Path, seeds: Sequence[int], count: int, looks: Looks, noise: int = 0) -> None:
     """A store of one trajectory of `count` views a seed, and a computed run of each look.
 
-    No model was trained on these poses; trajectory k is that of seeds[k]. Another `noise` is that
-    of other photographs of the same places.
+    No model was trained on these poses; trajectory k belongs to seeds[k]. Another `noise` gives
+    other photographs of the same places.
     """
-    found = importer.scan(Path(), ScanOptions(frame=(FRAME, FRAME), world={"count": 2}))
+    scan = importer.scan(Path(), ScanOptions(frame=(FRAME, FRAME), world={"count": 2}))
     sides = {_domain(name, side): looks[name][side == "real"]
              for name in looks for side in ("sim", "real")}  # fmt: skip
-    kinds = {_domain(name, side): found.domains[side] for name in looks for side in ("sim", "real")}
-    found.domains = {name: replace(kind, domain=name) for name, kind in kinds.items()}
-    pictures = _seen(sides)
+    kinds = {_domain(name, side): scan.domains[side] for name in looks for side in ("sim", "real")}
+    scan.domains = {name: replace(kind, domain=name) for name, kind in kinds.items()}
+    domain_looks = _open_looks(sides)
     world = World(pretrained.WORLD_SEED)
-    found.trajectories = {
-        f"tour-{number:05d}": _sightings(tour(world, seed, count), pictures, noise, number * count)
+    scan.trajectories = {
+        f"tour-{number:05d}": _records(
+            tour(world, seed, count), domain_looks, noise, number * count
+        )
         for number, seed in enumerate(seeds)
     }
-    found.recorded_at, found.drives = {}, None
-    build(found, path, "bench", strict=True, progress=lambda views: None)
+    scan.recorded_at, scan.drives = {}, None
+    build(scan, path, "bench", strict=True, progress=lambda views: None)
     pretrained.add_pretrained_models(path)
     with edit(path) as draft:
         for name in looks:
@@ -83,8 +85,8 @@ def tour(world: World, seed: int, count: int) -> Poses:
             return poses[:count]
 
 
-class _Remembered:
-    """Renders as another does, each view once as long as it is among the last ones."""
+class _CachedRenderer:
+    """Caches the most recent views of another renderer."""
 
     def __init__(self, renderer: SceneRenderer) -> None:
         self._one = lru_cache(256)(
@@ -100,7 +102,7 @@ class _Remembered:
 
 
 class _Look(WorldData):
-    """A side whose clean views others share."""
+    """A side that shares its noise-free views with other sides."""
 
     def __init__(self, recipe: WorldRecipe, rendered: Any) -> None:
         super().__init__(recipe)
@@ -110,24 +112,24 @@ class _Look(WorldData):
         return self._rendered
 
 
-def _seen(sides: Mapping[str, Severities]) -> dict[str, _Look]:
-    """Per domain what renders it; sides that differ in sensors alone render a pose once."""
+def _open_looks(sides: Mapping[str, Severities]) -> dict[str, _Look]:
+    """The renderer of each domain; sides that differ only in their sensors share rendered views."""
     world, scenes, looks = World(pretrained.WORLD_SEED), {}, {}
     for name, factors in sides.items():
         shaping = {f: v for f, v in factors.items() if FACTORS[f].shapes_scene}
         key = tuple(sorted(shaping.items()))
         if key not in scenes:
-            scenes[key] = _Remembered(world.renderer(shaping))
-        given = {**dict.fromkeys(FACTORS, 0.0), **factors}
-        recipe = WorldRecipe(pretrained.WORLD_SEED, count=2, frame=FRAME, factors=given)
+            scenes[key] = _CachedRenderer(world.renderer(shaping))
+        all_factors = {**dict.fromkeys(FACTORS, 0.0), **factors}
+        recipe = WorldRecipe(pretrained.WORLD_SEED, count=2, frame=FRAME, factors=all_factors)
         looks[name] = _Look(recipe, scenes[key])
     return looks
 
 
-def _sightings(
+def _records(
     poses: NDArray[np.float64], looks: Mapping[str, _Look], noise: int, first: int
 ) -> list[InstanceRecord]:
-    """No two views of a store share the noise of their sensors."""
+    """Records of the poses; every view of a store has different sensor noise."""
     return [
         InstanceRecord(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),

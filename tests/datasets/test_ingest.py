@@ -16,7 +16,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
-from s2rtools.common.read_ahead import ahead
+from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from tests.datasets.helpers import SIZE, ingest, kinds
@@ -177,7 +177,7 @@ def test_work_ahead_is_in_order_and_bounded() -> None:
         return item * item
 
     with ThreadPoolExecutor(2) as pool:
-        results = ahead(pool, work, range(50), window=4)
+        results = map_ahead(pool, work, range(50), window=4)
         assert next(results) == 0
         assert len(begun) <= 5
         assert list(results) == [i * i for i in range(1, 50)]

@@ -34,7 +34,7 @@ def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
         (".toml", f"x = {{{LONG_KEY}}}", "a key of more than"),
         (".json", '{"name": "a", "name": "b"}', "stands twice"),
         (".json", "1" * 10_000, "no JSON"),
-        (".json", "[]", "Expected a table"),
+        (".json", "[]", "expected a table, got a list"),
         (".toml", "# x\n" * (1 << 19), "at most"),
     ],
     ids=["deep json", "deep toml", "dotted", "inline", "twice", "digits", "list", "large"],

@@ -35,7 +35,6 @@ def both_ways(model: LoadedModel, chosen: list[int] | None = None) -> tuple[np.n
     patches = cut_patches(height, width)
     if chosen is not None:
         patches = [patches[i] for i in chosen]
-        patches = [type(p)(i, p.region) for i, p in enumerate(patches)]
     graph = LocalGraph(backend.trunk)
     with torch.inference_mode():
         before, local = occlusion._recompute_locally(backend, graph, x, other, patches)
@@ -82,8 +81,7 @@ def test_what_is_local_is_marked_so() -> None:
 @given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
 def test_patches_cover_the_image_once(height: int, width: int, count: int) -> None:
     seen = np.zeros((height, width), int)
-    for patch in cut_patches(height, width, count):
-        r = patch.region
+    for r in cut_patches(height, width, count):
         seen[r.r0 : r.r1, r.c0 : r.c1] += 1
     assert (seen == 1).all()
 

@@ -21,7 +21,7 @@ from s2rstore.records import Domain
 from s2rstore.run_inputs import run_domain, run_frame, run_frames
 from s2rtools.adjustments import apply_chain, parse_adjustment
 from s2rtools.inference import open_backend
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.registration import add_run

@@ -13,6 +13,7 @@ from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
+from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtui.session.heatmaps import heatmap_choices
 from tests.precompute.test_pipeline import Quiet
 
@@ -37,7 +38,7 @@ def test_distances_are_those_of_brute_force(n: int, limit: int) -> None:
     points[7::9] = points[0]  # equal embeddings are neighbours at no distance
     points[5::11] = np.nan
     settings = outliers.OutlierSettings(sample=limit)
-    sample = outliers.sample_rows(np.isfinite(points[:, 0]), settings)
+    sample = sample_rows(np.isfinite(points[:, 0]), limit, settings.seed)
     assert sample.size <= limit
     found = outliers.neighbour_distance(
         points, np.arange(n), points[sample], sample, settings=settings
@@ -125,7 +126,6 @@ def test_several_units_are_one_score(
     with edit(path) as draft:
         draft.delete("zarr_array", kind=outliers.KIND)
     monkeypatch.setattr("s2rtools.precompute.tasks.outliers.OUTLIER_ROWS", 32)
-    monkeypatch.setattr("s2rtools.precompute.tasks.outliers._READ_ROWS", 7)
     precompute(path, Quiet(), ["vanilla"], FEW)
     with s2rstore.open(path) as store:
         assert np.allclose(store.run_columns("vanilla").sim.outlier, whole, rtol=1e-6)

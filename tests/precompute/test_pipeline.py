@@ -19,7 +19,7 @@ from s2rstore.files import layout
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import parse_adjustment
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.prediction_rows import decode_split, encode_split

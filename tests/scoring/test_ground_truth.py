@@ -12,7 +12,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtools.inference import open_backend
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import report
 from s2rtools.scoring.factor_effects import Counterfactuals

@@ -11,7 +11,7 @@ from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import Weights, register_model
+from s2rtools.models.model_registration import Weights, register_model
 from tests.support import pairs
 
 LOGS = ("real", "sim", "untuned", "commands")

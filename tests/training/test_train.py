@@ -199,18 +199,14 @@ def test_minutes_end_a_training(few):
     assert 0.6 <= float(result.provenance["seconds"]) < 5
 
 
-def test_frames_are_collected_in_blocks(tmp_path):
+def test_frames_are_collected_in_blocks():
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
     depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
     blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
     held = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
-    mapped = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001, tmp_path / "cache")
     assert held.depth.dtype == np.uint16
-    np.testing.assert_array_equal(held.rgb, mapped.rgb)
-    rows = np.array([4, 0])
-    assert held.inputs(rows).shape == (2, 4, 8, 8)
-    np.testing.assert_array_equal(held.inputs(rows), mapped.inputs(rows))
+    assert held.inputs(np.array([4, 0])).shape == (2, 4, 8, 8)
     with pytest.raises(ValueError, match="expected 6"):
         DomainFrames.from_blocks("sim", blocks, 6, (8, 8), 0.001)
 

@@ -38,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _add(options: argparse.Namespace) -> None:
-    from s2rtools.precompute.registration import add_model
+    from s2rtools.models.model_registration import add_model
 
     add_model(options.store, options.name, options.file, options.arch, options.convention,
               options.trust)  # fmt: skip

@@ -10,13 +10,18 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
-from s2rtools.adjustments import camera, colour, depth, erase
-from s2rtools.adjustments.adjustment import Adjustment, ImageAdjustment, RenderedAdjustment
+from s2rtools.adjustments import camera, image_adjustments
+from s2rtools.adjustments.adjustment import (
+    Adjustment,
+    Depth,
+    ImageAdjustment,
+    Images,
+    Mask,
+    RenderedAdjustment,
+    Rgb,
+)
 
 __all__ = [
     "ADJUSTMENTS",
@@ -32,12 +37,12 @@ __all__ = [
 ADJUSTMENTS: dict[str, Adjustment] = {
     adjustment.name: adjustment
     for adjustment in (
-        colour.BRIGHTNESS,
-        colour.CONTRAST,
-        colour.TEMPERATURE,
-        depth.DEPTH_RANGE,
-        depth.DEPTH_BLUR,
-        erase.BLACK,
+        image_adjustments.BRIGHTNESS,
+        image_adjustments.CONTRAST,
+        image_adjustments.TEMPERATURE,
+        image_adjustments.DEPTH_RANGE,
+        image_adjustments.DEPTH_BLUR,
+        image_adjustments.BLACK,
         camera.HEIGHT,
         camera.PITCH,
         camera.FOV,
@@ -47,9 +52,7 @@ ADJUSTMENTS: dict[str, Adjustment] = {
 Chain = Sequence[Mapping[str, Any]]
 
 
-def apply_chain(
-    rgb: NDArray[np.uint8], depth_raw: NDArray[Any], valid: NDArray[np.bool_], chain: Chain
-) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+def apply_chain(rgb: Rgb, depth_raw: Depth, valid: Mask, chain: Chain) -> Images:
     """Apply the image adjustments of a chain in order to a batch.
 
     Takes rgb (B, H, W, 3) uint8, depth_raw (B, H, W) and its validity; returns both images in the
@@ -93,7 +96,7 @@ def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
     for step in rest.split(","):
         name, equals, number = step.strip().partition("=")
         adjustment = _find_adjustment(name.strip())
-        if not equals and adjustment is not erase.BLACK:
+        if not equals and adjustment is not image_adjustments.BLACK:
             example = f"{name}={adjustment.neutral + adjustment.step:g}"
             raise RequestError(f"--adjust {text}: {name} needs a value, such as {example}")
         try:

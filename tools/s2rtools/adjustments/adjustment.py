@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Side
 
-Images = tuple[NDArray[np.uint8], NDArray[Any]]
-Apply = Callable[[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_], float], Images]
+Rgb = NDArray[np.uint8]
+Depth = NDArray[Any]
+Mask = NDArray[np.bool_]
+Images = tuple[Rgb, Depth]
+Apply = Callable[[Rgb, Depth, Mask, float], Images]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,12 @@
-"""Typed values from TOML and JSON documents that somebody else wrote.
+"""Convert TOML and JSON documents that come from outside to typed values.
 
-A document is described by a `msgspec.Struct`; an error names the document, the key, and what is
-allowed there.
+A `msgspec.Struct` describes a document; errors name the document, the key and the allowed values.
 """
 
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import re
 import types
@@ -30,22 +30,25 @@ _NAMES = {
 }
 _UNKNOWN = re.compile(r"Object contains unknown field `(.*)`\Z", re.S)
 _MISSING = re.compile(r"Object missing required field `(.*)`\Z", re.S)
-_EXPECTED = re.compile(r"Expected `([^`]*)`(?:, got `(\w+)`)?(.*)\Z", re.S)
+_EXPECTED = re.compile(r"Expected `([^`]*)`(.*?)(?:, got `?(\w+)`?)?\Z", re.S)
 _STEP = re.compile(r"\.([^.\[]+)|\[(\d+)\]|(\[\.\.\.\])")
 
 
-def convert(data: Any, kind: type[Kind], where: str, check: bool = True) -> Kind:
+def convert(
+    data: Any, kind: type[Kind], where: str, check: bool = True, key: str = ""
+) -> Kind:  # fmt: skip
     """Return `data` as an instance of the struct `kind`; `where` names the document.
 
-    Raises RequestError for unknown, missing and invalid values. `check` also refuses numbers that
-    are not finite or exceed 64 bits, and empty texts, at any depth.
+    `key` is the key of `data` in the document. Raises RequestError for unknown, missing and invalid
+    values. `check` also refuses numbers that are not finite or exceed 64 bits, and empty texts, at
+    any depth.
     """
     if check:
-        _check_values(data, where, "")
+        _check_values(data, where, key)
     try:
         return msgspec.convert(data, kind, str_keys=True)
     except msgspec.ValidationError as error:
-        raise RequestError(f"{where}: {_message(str(error), data, kind)}") from None
+        raise RequestError(f"{where}: {_message(str(error), data, kind, key)}") from None
 
 
 def _check_values(value: Any, where: str, key: str) -> None:
@@ -64,42 +67,36 @@ def _check_values(value: Any, where: str, key: str) -> None:
         raise RequestError(f"{place}: must not be empty")
 
 
-def _message(text: str, data: Any, kind: Any) -> str:
-    reason, _, path = text.partition(" - at ")
-    _, dollar, path = path.rstrip("`").partition("$")
-    if not dollar:
-        path = ""
+def _message(text: str, data: Any, kind: Any, key: str) -> str:
+    reason, _, path = text.partition(" - at `$")
     expected = _EXPECTED.match(reason)
-    key, value, struct = _resolve(path, data, kind, expected[2] if expected else None)
-    for pattern in (_UNKNOWN, _MISSING):
-        if found := pattern.match(reason):
-            name = f"{key}.{found[1]}" if key else found[1]
-            known = msgspec.structs.fields(struct)
-            if pattern is _MISSING:
-                return f"{name}: missing"
-            return f"{name}: {_unknown_key(found[1], [field.encode_name for field in known])}"
+    key, value, struct = _resolve(path.rstrip("`"), data, kind, key, expected and expected[3])
+    prefix = f"{key}." if key else ""
+    if missing := _MISSING.match(reason):
+        return f"{prefix}{missing[1]}: missing"
+    if unknown := _UNKNOWN.match(reason):
+        known = [field.encode_name for field in msgspec.structs.fields(struct)]
+        close = difflib.get_close_matches(unknown[1], known, n=1)
+        suggestion = f"did you mean {close[0]}? " if close else ""
+        return f"{prefix}{unknown[1]}: unknown key; {suggestion}known: {', '.join(known)}"
     if expected is None:
         return f"{key}: {reason}" if key else reason
     kinds = expected[1].split(" | ")
     if "float" in kinds and "int" in kinds:
         kinds.remove("int")
     allowed = " or ".join(_NAMES[each] for each in kinds if each in _NAMES)
-    limit = re.sub(r"(\d)\.0\b", r"\1", expected[3])
-    return f"{key or 'document'}: expected {allowed}{limit}, got {_shown(value)}"
+    limit = re.sub(r"(\d)\.0\b", r"\1", expected[2])
+    got = expected[3] if (expected[3] or "").isdigit() else _shown(value)
+    return f"{key or 'document'}: expected {allowed}{limit}, got {got}"
 
 
-def _unknown_key(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    suggestion = f"did you mean {close[0]}? " if close else ""
-    return f"unknown key; {suggestion}known: {', '.join(known)}"
-
-
-def _resolve(path: str, data: Any, kind: Any, found_type: str | None) -> tuple[str, Any, Any]:
+def _resolve(
+    path: str, data: Any, kind: Any, key: str, actual_type: str | None
+) -> tuple[str, Any, Any]:
     """The key, value and struct type at a path of msgspec, which does not name keys of a dict."""
-    key = ""
     for name, number, any_key in _STEP.findall(path):
         if any_key:
-            expected = _TYPES.get(found_type or "")
+            expected = _TYPES.get(actual_type or "")
             name = next((str(k) for k, v in data.items() if type(v) is expected), next(iter(data)))
         if number:
             data, key = data[int(number)], f"{key}[{number}]"
@@ -121,12 +118,7 @@ def _field_type(kind: Any, name: str) -> Any:
 
 
 def _shown(value: Any) -> str:
-    if isinstance(value, str):
-        text = f'"{value}"'
-    elif isinstance(value, bool):
-        text = str(value).lower()
-    elif isinstance(value, int | float):
-        text = f"{value}"
-    else:
+    if isinstance(value, dict | list):
         return "a table" if isinstance(value, dict) else "a list"
+    text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."

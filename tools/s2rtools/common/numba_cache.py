@@ -1,9 +1,9 @@
-"""numba with a cache that a change of any compiled file empties.
+"""numba with a cache that is invalidated if any compiled file changes.
 
-numba stamps a cached function by its own file alone, so a kernel would go on with the old code of a
-function that it calls from another file. The cache therefore lies in a folder that is named by the
-content of all of them and the versions of the libraries, under `NUMBA_CACHE_DIR` or the user's
-cache; in a temporary folder where those cannot be written.
+numba checks only the file of a cached function, so a kernel would use outdated code of a function
+that it calls from another file. The cache folder is therefore named after the content of all these
+files and the versions of the libraries. It lies in `NUMBA_CACHE_DIR` or the user's cache folder,
+or in a temporary folder if neither is writable.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ _LIBRARIES = ("numba", "umap-learn", "pynndescent")
 
 @contextmanager
 def cached() -> Iterator[None]:
-    """What is imported inside keeps its compiled functions, although its authors did not ask.
+    """Cache the compiled functions of libraries that are imported inside.
 
-    For libraries that compile themselves anew in each process: umap-learn spends 13 s so.
+    Without it, umap-learn compiles for 13 s in each process.
     """
     plain = {name: getattr(numba, name) for name in ("jit", "njit")}
 
-    def keeping(decorate: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *given, **options: decorate(*given, **{"cache": True} | options)
+    def with_cache(decorate: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *args, **options: decorate(*args, **{"cache": True} | options)
 
     try:
         for name, decorate in plain.items():
-            setattr(numba, name, keeping(decorate))
+            setattr(numba, name, with_cache(decorate))
         yield
     finally:
         for name, decorate in plain.items():
@@ -54,9 +54,9 @@ def cached() -> Iterator[None]:
 
 def _folder() -> Path:
     package = Path(__file__).parents[1]
-    told = b"".join((package / name).read_bytes() for name in _FILES)
-    told += " ".join(version(library) for library in _LIBRARIES).encode()
-    name = f"s2rtui-{hashlib.sha256(told).hexdigest()[:12]}"
+    content = b"".join((package / name).read_bytes() for name in _FILES)
+    content += " ".join(version(library) for library in _LIBRARIES).encode()
+    name = f"s2rtui-{hashlib.sha256(content).hexdigest()[:12]}"
     cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     for parent in (os.environ.get("NUMBA_CACHE_DIR"), f"{cache}/numba"):
         if parent:

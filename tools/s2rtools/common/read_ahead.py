@@ -1,4 +1,4 @@
-"""Working ahead of a consumer in threads, by a bounded number of items."""
+"""Compute items in an executor ahead of their consumer."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from typing import TypeVar
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_WINDOW = 64
 
-
-def ahead(
-    pool: Executor, work: Callable[[Item], Result], items: Iterable[Item], window: int = _WINDOW
+def map_ahead(
+    pool: Executor, work: Callable[[Item], Result], items: Iterable[Item], window: int = 64
 ) -> Iterator[Result]:
-    """Results in order, with at most `window` of them waiting: memory stays small."""
+    """Results in the order of the items; at most `window` are computed in advance."""
     rest = iter(items)
     waiting: deque[Future[Result]] = deque(pool.submit(work, i) for i in islice(rest, window))
     while waiting:

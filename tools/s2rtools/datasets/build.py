@@ -1,4 +1,4 @@
-"""Build a store from a scan: decode, check and write in a folder beside it, then rename."""
+"""Build a store from a scan: decode, check and write in a temporary folder, then rename it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import cv2
 import numpy as np
@@ -23,18 +24,11 @@ from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.records import Domain
-from s2rtools.common.read_ahead import ahead
+from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
-from s2rtools.datasets.scan import (
-    CheckedFrame,
-    DecodedFrame,
-    FrameChecksum,
-    InputIssue,
-    InstanceRecord,
-    Scan,
-)
+from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InputIssue, InstanceRecord, Scan
 
 SHARD_ROWS = 64
 _MAX_FLOOR_PLAN_SIDE = 1056
@@ -62,7 +56,12 @@ def build(
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
-    _report_poses_outside(scan)
+    edges = scan.bounds
+    for record in (record for records in scan.trajectories.values() for record in records):
+        if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
+            file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
+            detail = f"({record.x:g}, {record.y:g}); stored anyway"
+            scan.issues.append(InputIssue("pose outside the bounds", file, detail))
     _refuse_unusable(scan, strict)
     folder = building_folder(target)
     _remove_leftovers(target, report_line)
@@ -92,13 +91,13 @@ def build(
 
 
 def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
-    """Remove building folders of ended processes of this host; report every folder found.
+    """Remove building folders of ended processes of this host; report every such folder.
 
     Folders of running processes and of other hosts stay.
     """
     for folder in building_folders(target):
-        is_own = folder.process == os.getpid()
-        if folder.is_of_this_host and (is_own or folder.is_abandoned):
+        is_this_process = folder.process == os.getpid()
+        if folder.is_of_this_host and (is_this_process or folder.is_abandoned):
             shutil.rmtree(folder.path, ignore_errors=True)
             if not folder.path.exists():
                 report_line(
@@ -116,23 +115,13 @@ def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
 
 
 def _refuse_unusable(scan: Scan, strict: bool) -> None:
-    fatal = [i for i in scan.issues if i.kind == "empty data set"] or not scan.trajectories
+    issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
+    fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
     if fatal or (strict and scan.issues):
-        first = scan.issues[0] if scan.issues else InputIssue("empty data set", str(scan.root))
-        more = f" and {len(scan.issues) - 1} more" if len(scan.issues) > 1 else ""
+        first, more = issues[0], f" and {len(issues) - 1} more" if len(issues) > 1 else ""
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
         )
-
-
-def _report_poses_outside(scan: Scan) -> None:
-    edges = scan.bounds
-    for records in scan.trajectories.values():
-        for record in records:
-            if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
-                file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
-                detail = f"({record.x:g}, {record.y:g}); kept"
-                scan.issues.append(InputIssue("pose outside the bounds", file, detail))
 
 
 def _write_trajectory(
@@ -141,25 +130,23 @@ def _write_trajectory(
     """Write the usable instances of one trajectory in two passes.
 
     The first pass decodes and checks every frame, so that arrays are created with their final
-    length; the second pass writes them shard by shard.
+    length; the second pass writes them shard by shard. Both use one thread per processor, fewer
+    if source images are large, to bound the memory.
     """
-    with FrameCache(root) as cache, ThreadPoolExecutor(_thread_count(records)) as pool:
+    largest = max(source.pixels for record in records for source in record.sources.values())
+    threads = max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
+    with TemporaryFile(dir=root) as file, ThreadPoolExecutor(threads) as pool:
+        cache = FrameCache(file)
         usable = _usable_records(scan, pool, records, cache, progress)
         if not usable:
             return
         checksums: dict[str, list[FrameChecksum]] = {}
         for domain in scan.domains.values():
-            frames = ahead(pool, partial(_decode, scan, domain), usable)
+            frames = map_ahead(pool, partial(_decode, scan, domain), usable)
             checksums[domain.domain] = list(_write_frames(root, name, domain, frames, len(usable)))
             progress(len(usable))
     for row, record in enumerate(usable):
         yield record, {domain: rows[row] for domain, rows in checksums.items()}
-
-
-def _thread_count(records: list[InstanceRecord]) -> int:
-    """One thread per processor, fewer where source images are large, to bound the memory."""
-    largest = max(source.pixels for record in records for source in record.sources.values())
-    return max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
 
 
 def _usable_records(
@@ -170,44 +157,49 @@ def _usable_records(
     progress: ReportProgress,
 ) -> list[InstanceRecord]:
     """The records whose frames all decode, with the most common depth dtype of each domain."""
-    decoded: list[tuple[InstanceRecord, dict[str, CheckedFrame]]] = []
-    for record, results in ahead(pool, partial(_check, scan, cache), records):
+    decoded: list[tuple[InstanceRecord, list[InputIssue]]] = []
+    for record, defects, conversions in map_ahead(pool, partial(_check, scan, cache), records):
         progress(len(record.sources))
-        issues = [result for result in results.values() if isinstance(result, InputIssue)]
-        scan.issues += issues
-        if not issues:
-            frames = {d: r for d, r in results.items() if isinstance(r, CheckedFrame)}
-            decoded.append((record, frames))
+        scan.issues += defects
+        if not defects:
+            decoded.append((record, conversions))
     expected = {
-        domain: Counter(frames[domain].depth_type for _, frames in decoded).most_common(1)[0][0]
-        for domain in (scan.domains if decoded else ())
+        name: Counter(record.sources[name].depth_type for record, _ in decoded).most_common(1)[0][0]
+        for name in (scan.domains if decoded else ())
     }
     usable = []
-    for record, frames in decoded:
-        differing = [name for name in expected if frames[name].depth_type != expected[name]]
+    for record, conversions in decoded:
+        types = {name: source.depth_type for name, source in record.sources.items()}
+        differing = [name for name in expected if types[name] != expected[name]]
         for name in differing:
             file = record.sources[name].file_names(scan)[1] or name
-            detail = f"{frames[name].depth_type}, the others are {expected[name]}"
+            detail = f"{types[name]}, the others are {expected[name]}"
             scan.issues.append(InputIssue("mixed depth types", file, detail))
         if not differing:
-            scan.issues += [issue for frame in frames.values() for issue in frame.issues]
+            scan.issues += conversions
             usable.append(record)
     return usable
 
 
 def _check(
     scan: Scan, cache: FrameCache, record: InstanceRecord
-) -> tuple[InstanceRecord, dict[str, CheckedFrame | InputIssue]]:
-    """Check the frame of each domain; decoded frames move into the cache."""
+) -> tuple[InstanceRecord, list[InputIssue], list[InputIssue]]:
+    """Decode the frames that only decoding can check, and move them into the cache.
+
+    Returns the record, the issues that make it unusable, and those of lossy conversions.
+    """
     sources = dict(record.sources)
-    results: dict[str, CheckedFrame | InputIssue] = {}
+    defects: list[InputIssue] = []
+    conversions: list[InputIssue] = []
     for name, source in record.sources.items():
-        result = source.check(scan, scan.domains[name])
-        if isinstance(result, CheckedFrame) and result.frame is not None:
-            sources[name] = cache.add(source, result.frame)
-            result = replace(result, frame=None)
-        results[name] = result
-    return replace(record, sources=sources), results
+        if source.depth_type is None:
+            frame = source.decode(scan, scan.domains[name])
+            if isinstance(frame, InputIssue):
+                defects.append(frame)
+            else:
+                sources[name] = cache.add(source, frame)
+                conversions += frame.issues
+    return replace(record, sources=sources), defects, conversions
 
 
 def _decode(scan: Scan, domain: Domain, record: InstanceRecord) -> DecodedFrame:
@@ -244,16 +236,16 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
     if scan.floor_plan is None:
         return None
     if isinstance(scan.floor_plan, Path):
-        picture = read_floor_plan(scan.floor_plan)
-        if picture is None:
+        image = read_floor_plan(scan.floor_plan)
+        if image is None:
             file = scan.relative(scan.floor_plan)
             scan.issues.append(InputIssue("unreadable floor plan", file))
             return None
     else:
-        picture = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
-    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(picture.shape[:2]))
-    size = round(picture.shape[1] * scale), round(picture.shape[0] * scale)
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        image = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
+    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(image.shape[:2]))
+    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     name = f"{layout.ASSETS}/floor_plan.png"
     atomic_writes.write(root, name, cv2.imencode(".png", small)[1].tobytes())
     return name

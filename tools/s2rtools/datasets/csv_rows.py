@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -11,12 +12,12 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular
 
 _MAX_BYTES = 256 << 20
-"""Of a file; a manifest has about 150 per row."""
+"""Bytes of a file; a manifest has about 150 per row."""
 _MAX_LINE_BYTES = 1 << 20
 """Bytes of a line."""
 _MAX_COLUMNS = 1000
 _MAX_ROWS = 4_000_000
-"""In memory, up to 400 MB for a manifest of 200,000 instances."""
+"""Rows of a file; 200,000 instances take up to 400 MB of memory."""
 
 
 def read_rows(path: Path, columns: Collection[str]) -> Iterator[tuple[int, dict[str, str]]]:
@@ -60,8 +61,16 @@ def _lines(path: Path, file: BinaryIO) -> Iterator[str]:
                 f"{path}:{number}: longer than {_MAX_LINE_BYTES:,} bytes; not a CSV file"
             )
         if b"\0" in line:
-            raise RequestError(f"{path}:{number}: holds NUL bytes; not a CSV file")
+            raise RequestError(f"{path}:{number}: contains NUL bytes; not a CSV file")
         try:
             yield line.decode("utf-8-sig" if number == 1 else "utf-8")
         except UnicodeDecodeError as error:
             raise RequestError(f"{path}:{number}: not UTF-8; save it as UTF-8") from error
+
+
+def parse_float(text: str | None) -> float:
+    """The number in a text; NaN for a missing value or one that is not a number."""
+    try:
+        return float(text) if text else math.nan
+    except ValueError:
+        return math.nan

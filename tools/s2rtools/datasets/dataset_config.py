@@ -1,7 +1,7 @@
-"""Data set configuration: bounds, rooms and cameras beside the images, as TOML or JSON.
+"""Data set configuration: bounds, rooms and cameras of a data set, as TOML or JSON.
 
     name = "office"             y_down = true          accuracy_scale = 26.0   (optional, m)
-    floor_plan = "map.png"      picture that fills the bounds (optional)
+    floor_plan = "map.png"      image that fills the bounds (optional)
     [bounds]                    x0, y0, x1, y1 in metres
     [recorded_at]               TRAJECTORY = "2026-03-02T10:00"  (optional)
     [[rooms]]                   room = "hall", rectangles = [[x0, y0, x1, y1], ...]  (optional)
@@ -11,15 +11,15 @@
                                 depth_raw_max, source = { ... }  (optional)
 
 Angles in degrees, intrinsics in pixels of the original images with pixel i covering [i, i + 1).
-If depth images have another size than RGB images, `rgb` and `depth` carry their own width and
-height. Errors name the file, the key and the allowed values.
+If depth images have another size than RGB images, set `width` and `height` in `rgb` and `depth`.
+Errors name the file, the key and the allowed values.
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -28,20 +28,15 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
-from s2rtools.datasets.scan import MAX_PIXELS
+from s2rtools.common.documents import convert
+from s2rtools.datasets.path_containment import PathContainment
+from s2rtools.datasets.scan import MAX_PIXELS, Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
 Degrees = Annotated[float, Meta(ge=1, le=179)]
 Size = tuple[int, int]
-Table = TypeVar("Table")
 
-_WORDS = {
-    "`object`": "a table", "`array`": "a list", "`float`": "a number", "`int`": "a whole number",
-    "`bool`": "true or false", "`str`": "text", "`null`": "nothing",
-    "Object missing required field": "missing key",
-}  # fmt: skip
-"""What a person calls the types in msgspec's messages."""
 _MIN_EXTENT = 0.01
 _RAW_MAX = 65535
 
@@ -169,30 +164,34 @@ class DatasetConfig:
         if isinstance(document, dict):
             document = {**defaults, **document}
         self.path = path
-        self.table = _convert(document, DatasetTable, str(path))
-        edges = self.table.bounds
-        self.bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+        self.table = convert(document, DatasetTable, str(path), check=False)
 
-    @property
-    def accuracy_scale(self) -> float:
-        """Metres; by default the diagonal of the bounds."""
-        scale = self.table.accuracy_scale
-        return self.bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale
+    def empty_scan(self, root: Path, frame: Size, containment: PathContainment) -> Scan:
+        """A scan of the data set in `root`, without domains, trajectories and floor plan.
 
-    @property
-    def recorded_at(self) -> dict[str, str]:
-        """When each trajectory was recorded, as written."""
-        return {name: str(value) for name, value in self.table.recorded_at.items()}
-
-    @property
-    def rooms(self) -> tuple[Room, ...]:
-        """Rectangles in order of precedence."""
-        rectangles = [(r.room, edges) for r in self.table.rooms for edges in r.rectangles]
-        return tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles))
+        Rooms are in order of precedence; the accuracy scale is the diagonal of the bounds by
+        default.
+        """
+        table, edges = self.table, self.table.bounds
+        bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+        scale = table.accuracy_scale
+        rectangles = [(r.room, edges) for r in table.rooms for edges in r.rectangles]
+        return Scan(
+            name=table.name,
+            root=root,
+            frame=frame,
+            y_down=table.y_down,
+            bounds=bounds,
+            accuracy_scale=bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale,
+            rooms=tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles)),
+            outside_folders=containment.outside_folders,
+        )
 
     def domain(self, name: str, frame: Size) -> Domain:
         """A domain with its cameras scaled to frames of (height, width)."""
-        table = _convert(self._domain_table(name), DomainTable, f"{self.path}: domains.{name}")
+        table = convert(
+            self._domain_table(name), DomainTable, str(self.path), False, f"domains.{name}"
+        )
         return Domain(
             domain=checked_name(name, "domain"),
             kind="sim" if table.kind == "sim" else "real",
@@ -221,17 +220,6 @@ class DatasetConfig:
         table = domain.get(image, {})
         kind: type[CameraTable] = IntrinsicsCamera
         if isinstance(table, dict):
-            kind = FieldOfViewCamera if "hfov" in table else IntrinsicsCamera
+            kind = FieldOfViewCamera if "hfov" in table else kind
             table = {key: domain[key] for key in ("width", "height") if key in domain} | table
-        return _convert(table, kind, f"{self.path}: domains.{name}.{image}")
-
-
-def _convert(value: Any, kind: type[Table], where: str) -> Table:
-    """Validate plain data. Raises RequestError, beginning with `where` and the key."""
-    try:
-        return msgspec.convert(value, kind)
-    except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at `$")
-        for technical, plain in _WORDS.items():
-            reason = reason.replace(technical, plain)
-        raise RequestError(f"{where}{place.rstrip('`')}: {reason}") from error
+        return convert(table, kind, str(self.path), False, f"domains.{name}.{image}")

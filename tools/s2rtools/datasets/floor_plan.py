@@ -1,4 +1,4 @@
-"""Read the picture of a data set's floor plan."""
+"""Read the image of a data set's floor plan."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_ASPECT_RATIO = 50
 
 
 def read_floor_plan(path: Path) -> NDArray[Any] | None:
-    """The picture, (h, w, 3) uint8 BGR; None if it is not an image or is damaged.
+    """The image, (h, w, 3) uint8 BGR; None if it is not an image or is damaged.
 
     Raises RequestError if the file is too large or declares an implausible size.
     """

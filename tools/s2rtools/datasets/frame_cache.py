@@ -3,39 +3,27 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import threading
 from dataclasses import dataclass, replace
-from pathlib import Path
-from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import CheckedFrame, DecodedFrame, FrameSource, InputIssue, Scan
+from s2rtools.datasets.scan import DecodedFrame, FrameSource, Scan
 
 
 class FrameCache:
-    """An unnamed temporary file with one trajectory's frames; any thread may add and read.
+    """One trajectory's frames in a temporary file; any thread may add and read.
 
     It takes at most 5 bytes per stored pixel and avoids decoding every image twice.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+    def __init__(self, file: IO[bytes]) -> None:
+        self._descriptor = file.fileno()
         self._lock = threading.Lock()
         self._end = 0
-
-    def __enter__(self) -> FrameCache:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
-        self._file.close()
 
     def add(self, source: FrameSource, frame: DecodedFrame) -> CachedFrame:
         """Store a frame; the returned source reads it from here."""
@@ -45,7 +33,7 @@ class FrameCache:
             self._end += len(content)
         written = 0
         while written < len(content):
-            written += os.pwrite(self._file.fileno(), content[written:], offset + written)
+            written += os.pwrite(self._descriptor, content[written:], offset + written)
         empty = np.empty(0, dtype=np.uint8)
         shapes = frame.rgb.shape, frame.depth.shape
         metadata = replace(frame, rgb=empty, depth=empty)
@@ -55,9 +43,9 @@ class FrameCache:
         content = bytearray(size)
         done = 0
         while done < size:
-            count = os.preadv(self._file.fileno(), [memoryview(content)[done:]], offset + done)
+            count = os.preadv(self._descriptor, [memoryview(content)[done:]], offset + done)
             if not count:
-                raise OSError(0, "a temporary file was cut")
+                raise OSError(0, "a temporary file was truncated")
             done += count
         return content
 
@@ -77,12 +65,12 @@ class CachedFrame:
     def pixels(self) -> int:
         return self.source.pixels
 
+    @property
+    def depth_type(self) -> str:
+        return str(self.depth_dtype)
+
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.source.file_names(scan)
-
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        frame = self.decode(scan, domain)
-        return CheckedFrame(str(self.depth_dtype), self.metadata.issues, frame)
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -16,11 +16,13 @@ from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MAX_PIXELS, CheckedFrame, DecodedFrame, InputIssue, Scan
+from s2rtools.datasets.scan import MAX_PIXELS, DecodedFrame, InputIssue, Scan
 
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
+_MAX_PIXEL_BYTES = 8
+"""Four channels of 16 bits."""
 _MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
 
@@ -33,6 +35,11 @@ class ImageFiles:
     depth: Path
     rgb_size: tuple[int, int]
     depth_size: tuple[int, int]
+    depth_type: ClassVar[None] = None
+
+    @property
+    def paths(self) -> tuple[Path, Path]:
+        return self.rgb, self.depth
 
     @property
     def pixels(self) -> int:
@@ -41,68 +48,50 @@ class ImageFiles:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        frame = decode_frame(scan, domain, self)
-        if isinstance(frame, InputIssue):
-            return frame
-        return CheckedFrame(str(frame.depth.dtype), frame.issues, frame)
-
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
-        return decode_frame(scan, domain, self)
+        """Read, check and resize one frame; an InputIssue names the unusable file.
 
-
-def decode_frame(scan: Scan, domain: Domain, files: ImageFiles) -> DecodedFrame | InputIssue:
-    """Read, check and resize one frame; an InputIssue names the unusable file.
-
-    RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
-    occurs in the file and validity needs no second mask.
-    """
-    digest = hashlib.sha256()
-    rgb = _read(scan, files.rgb, files.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
-    if isinstance(rgb, InputIssue):
-        return rgb
-    height, width = scan.frame
-    small, bits = _resized_rgb(rgb.pixels, (width, height)), rgb.bits
-    del rgb
-    depth = _read(scan, files.depth, files.depth_size, cv2.IMREAD_UNCHANGED, digest)
-    if isinstance(depth, InputIssue):
-        return depth
-    name = scan.relative(files.depth)
-    if depth.pixels.ndim == 3:
-        if (
-            int(np.ptp(depth.pixels[..., :3].astype(np.int16), axis=2).max())
-            > _MAX_DEPTH_COLOUR_SPREAD
-        ):
-            return InputIssue("not a depth image", name, "it is a colour image")
-        depth.pixels = depth.pixels[..., 0]
-    if depth.pixels.dtype not in (np.uint8, np.uint16):
-        return InputIssue("not a depth image", name, f"type {depth.pixels.dtype}")
-    raw = cv2.resize(depth.pixels, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-    if _is_photo(raw, small):
-        return InputIssue("not a depth image", name, "it repeats the RGB image")
-    valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-    issues: tuple[InputIssue, ...] = ()
-    if bits > 8:
-        detail = f"{bits} bits; stored with 8"
-        issues = (InputIssue("colours of more than 8 bits", scan.relative(files.rgb), detail),)
-    return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues)
-
-
-@dataclass(slots=True)
-class _DecodedImage:
-    """Pixels of an image file and its bits per sample."""
-
-    pixels: NDArray[Any]
-    bits: int
+        RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
+        occurs in the file and validity needs no second mask.
+        """
+        digest = hashlib.sha256()
+        rgb = _read(scan, self.rgb, self.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
+        if isinstance(rgb, InputIssue):
+            return rgb
+        height, width = scan.frame
+        pixels, bits = rgb
+        shrinks = pixels.shape[0] >= height and pixels.shape[1] >= width
+        mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        small = np.asarray(cv2.resize(pixels, (width, height), interpolation=mode), dtype=np.uint8)
+        del rgb, pixels
+        depth = _read(scan, self.depth, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
+        if isinstance(depth, InputIssue):
+            return depth
+        pixels, name = depth[0], scan.relative(self.depth)
+        if pixels.ndim == 3:
+            if np.ptp(pixels[..., :3].astype(np.int16), axis=2).max() > _MAX_DEPTH_COLOUR_SPREAD:
+                return InputIssue("not a depth image", name, "it is a colour image")
+            pixels = pixels[..., 0]
+        if pixels.dtype not in (np.uint8, np.uint16):
+            return InputIssue("not a depth image", name, f"type {pixels.dtype}")
+        raw = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+        if _is_photo(raw, small):
+            return InputIssue("not a depth image", name, "it repeats the RGB image")
+        valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
+        issues: tuple[InputIssue, ...] = ()
+        if bits > 8:
+            detail = f"{bits} bits; stored with 8"
+            issues = (InputIssue("colours of more than 8 bits", scan.relative(self.rgb), detail),)
+        return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues)
 
 
 def _read(
     scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
-) -> _DecodedImage | InputIssue:
-    """Decode an image of the expected (height, width); other sizes are not decoded."""
+) -> tuple[NDArray[Any], int] | InputIssue:
+    """Pixels and bits per sample of an image; other sizes than (height, width) are not decoded."""
     name = scan.relative(path)
     try:
-        content = read_bytes(path, _max_bytes(size))
+        content = read_bytes(path, size[0] * size[1] * _MAX_PIXEL_BYTES + _MAX_METADATA_BYTES)
     except RequestError as error:
         return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)
@@ -129,22 +118,11 @@ def _read(
         return InputIssue("unreadable image", name, "it cannot be decoded")
     if image.shape[:2] != size:
         return _wrong_size(name, image.shape, size)
-    return _DecodedImage(np.asarray(image), header.bits)
+    return np.asarray(image), header.bits
 
 
 def _wrong_size(name: str, size: tuple[int, ...], expected: tuple[int, int]) -> InputIssue:
     return InputIssue("wrong size", name, f"{size_text(size)}, expected {size_text(expected)}")
-
-
-def _max_bytes(size: tuple[int, int]) -> int:
-    """Largest file for an image size: 4 channels of 16 bits, and metadata."""
-    return size[0] * size[1] * 8 + _MAX_METADATA_BYTES
-
-
-def _resized_rgb(rgb: NDArray[Any], size: tuple[int, int]) -> NDArray[np.uint8]:
-    shrinks = rgb.shape[1] >= size[0] and rgb.shape[0] >= size[1]
-    mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(rgb, size, interpolation=mode), dtype=np.uint8)
 
 
 def _is_photo(depth: NDArray[Any], rgb: NDArray[np.uint8]) -> bool:

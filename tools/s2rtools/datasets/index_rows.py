@@ -15,7 +15,6 @@ from s2rstore.geometry.curvature import curvature
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
-from s2rstore.records import Domain
 from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
 
 StoredRecords = dict[str, list[tuple[InstanceRecord, dict[str, FrameChecksum]]]]
@@ -39,7 +38,10 @@ def write_index(
     for room in scan.rooms:
         draft.insert_row("room", asdict(room))
     for domain in scan.domains.values():
-        draft.insert_row("domain", _domain_row(domain))
+        row = {k: v for k, v in asdict(domain).items() if not isinstance(v, dict)}
+        for image in ("rgb", "depth"):
+            row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
+        draft.insert_row("domain", {**row, "source": domain.sources})
     draft.insert("instance", _instance_columns(scan, rows))
     for name in scan.domains:
         draft.insert(
@@ -91,13 +93,6 @@ def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[
         "frame_height": scan.frame[0],
         "frame_width": scan.frame[1],
     }
-
-
-def _domain_row(domain: Domain) -> dict[str, Any]:
-    row = {key: value for key, value in asdict(domain).items() if not isinstance(value, dict)}
-    for image in ("rgb", "depth"):
-        row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
-    return {**row, "source": domain.sources}
 
 
 def _instance_columns(scan: Scan, rows: list[InstanceRow]) -> dict[str, Any]:

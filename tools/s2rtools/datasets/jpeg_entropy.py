@@ -178,17 +178,12 @@ def _units(frame: _Frame, parts: list[_Component]) -> tuple[int, NDArray[np.int6
     widest = max(part.across for part in frame.components.values())
     tallest = max(part.down for part in frame.components.values())
     if len(parts) == 1:
-        part = parts[0]
-        across = _blocks(math.ceil(frame.width * part.across / widest))
-        down = _blocks(math.ceil(frame.height * part.down / tallest))
-        return across * down, np.zeros(1, dtype=np.int64)
+        width = math.ceil(frame.width * parts[0].across / widest)
+        height = math.ceil(frame.height * parts[0].down / tallest)
+        return math.ceil(width / 8) * math.ceil(height / 8), np.zeros(1, dtype=np.int64)
     units = math.ceil(frame.width / (8 * widest)) * math.ceil(frame.height / (8 * tallest))
     order = [number for number, part in enumerate(parts) for _ in range(part.across * part.down)]
     return units, np.array(order, dtype=np.int64)
-
-
-def _blocks(pixels: int) -> int:
-    return math.ceil(pixels / 8)
 
 
 @njit(cache=True, nogil=True)
@@ -401,15 +396,7 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                     if abs(sums[part] << shift) * scale > _DC_RANGE + scale * (1 << shift):
                         return 4, at
                 k = 1
-            if run:
-                run -= 1
-                if before:
-                    band_known = known[64 * unit + k : 64 * unit + last + 1]
-                    at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
-                    if bits < 0:
-                        return 2, at
-                continue
-            while k <= last:
+            while k <= last and not run:
                 at, buffer, bits = _fill(data, at, buffer, bits)
                 code = _next_code(codes[parts + part], buffer, bits)
                 if code == 0:
@@ -423,13 +410,8 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                         return 1, at
                     if bits < skip:
                         return 2, at
-                    run = (1 << skip) + _take(buffer, bits, skip) - 1
+                    run = (1 << skip) + _take(buffer, bits, skip)
                     bits -= skip
-                    if before:
-                        band_known = known[64 * unit + k : 64 * unit + last + 1]
-                        at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
-                        if bits < 0:
-                            return 2, at
                     break
                 if before:
                     if size > 1:
@@ -473,6 +455,13 @@ def _walk(data, at, codes, scales, order, units, restart, band, known):
                     if first:
                         known[64 * unit + k] = 1
                 k += 1
+            if run:
+                run -= 1
+                if before:
+                    band_known = known[64 * unit + k : 64 * unit + last + 1]
+                    at, buffer, bits = _skip_corrections(data, at, buffer, bits, band_known)
+                    if bits < 0:
+                        return 2, at
     if run:
         return 5, at
     return _padding(data, at, buffer, bits)

@@ -24,7 +24,7 @@ class PathContainment:
         self._real_folders: dict[str, str] = {}
 
     def for_folder(self, folder: Path) -> PathContainment:
-        """The same for another folder; both share `outside_folders`."""
+        """A containment check for another folder; both share `outside_folders`."""
         other = PathContainment(folder, self.allowed)
         other.outside_folders = self.outside_folders
         return other
@@ -32,7 +32,7 @@ class PathContainment:
     def resolve(self, name: str, where: str) -> Path:
         """The path of a named file. Raises RequestError, beginning with `where`."""
         if "\0" in name:
-            raise RequestError(f"{where}: {name!r} is no file name")
+            raise RequestError(f"{where}: {name!r} is not a file name")
         path = self.folder / name
         if os.path.isabs(name) or ".." in Path(name).parts:
             refusal = f"{where}: {name!r}: write it relative to this folder, without `..`"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,6 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
+from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Room
 
 FRAME_SIZE = (256, 256)
@@ -40,6 +42,14 @@ class ScanOptions:
     world: Mapping[str, Any] = field(default_factory=dict)
     allow_outside: bool = False
 
+    def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
+        """The requested trajectories, all by default. Raises RequestError for unknown names."""
+        names = list(known)
+        for name in self.trajectories:
+            if name not in names:
+                raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
+        return [checked_name(name, "trajectory") for name in self.trajectories or names]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecodedFrame:
@@ -55,15 +65,6 @@ class DecodedFrame:
     issues: tuple[InputIssue, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class CheckedFrame:
-    """A usable frame: the dtype of its raw depth, its issues and, if decoded, its pixels."""
-
-    depth_type: str
-    issues: tuple[InputIssue, ...] = ()
-    frame: DecodedFrame | None = None
-
-
 class FrameSource(Protocol):
     """Source of one frame: a pair of image files, a cached frame, or a renderer."""
 
@@ -71,11 +72,12 @@ class FrameSource(Protocol):
     def pixels(self) -> int:
         """Pixels of the larger source image."""
 
+    @property
+    def depth_type(self) -> str | None:
+        """The dtype of the raw depth; None if only decoding shows it and whether it is usable."""
+
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file relative to the scan's root; None without files."""
-
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        """Check everything about the frame."""
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """The pixels, or an InputIssue that names the unusable file."""
@@ -106,7 +108,7 @@ class Scan:
     """A data set as an importer read it; `domains` hold cameras for the stored frame size.
 
     `trajectories` maps names to instances in recording order. File names in reports are relative
-    to `root`. `floor_plan` is a file or a picture (h, w, 3) uint8 RGB that fills the bounds.
+    to `root`. `floor_plan` is a file or an image (h, w, 3) uint8 RGB that fills the bounds.
     `provenance` is stored by section. `drives` writes the robot's drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
     """
@@ -117,18 +119,25 @@ class Scan:
     y_down: bool
     bounds: Bounds
     accuracy_scale: float
-    domains: dict[str, Domain]
     rooms: tuple[Room, ...]
-    floor_plan: Path | NDArray[np.uint8] | None
-    trajectories: dict[str, list[InstanceRecord]]
+    domains: dict[str, Domain] = field(default_factory=dict)
+    floor_plan: Path | NDArray[np.uint8] | None = None
+    trajectories: dict[str, list[InstanceRecord]] = field(default_factory=dict)
     recorded_at: dict[str, str] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
     outside_folders: Mapping[str, int] = field(default_factory=dict)
 
+    def add_trajectory(self, name: str, records: Iterable[InstanceRecord | None]) -> None:
+        """Add the usable records of a trajectory; without any, add an issue."""
+        if usable := [record for record in records if record is not None]:
+            self.trajectories[name] = usable
+        else:
+            self.issues.append(InputIssue("empty trajectory", name, "no usable pair"))
+
     def relative(self, path: Path) -> str:
-        """The path relative to `root`, or as it is where it lies elsewhere."""
+        """The path relative to `root`, or unchanged if it lies elsewhere."""
         try:
             return path.relative_to(self.root).as_posix()
         except ValueError:

@@ -1,4 +1,4 @@
-"""Heatmaps: maps over an image that explain where the gap or the pose error arises.
+"""Heatmaps: maps over an image that show where the gap or the pose error arises.
 
 Registry: `HEATMAP_KINDS` maps a heatmap kind's name to a `HeatmapKind`. To add a heatmap, write one
 module with a subclass of `HeatmapKind` and add one line to `HEATMAP_KINDS`.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -11,7 +9,13 @@ from torch import Tensor
 
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, feature_size
+from s2rtools.heatmaps.heatmap_method import (
+    HeatArrays,
+    HeatmapKind,
+    OutputSpec,
+    PairBatch,
+    feature_size,
+)
 from s2rtools.models.pose_network import LoadedModel
 
 
@@ -35,7 +39,7 @@ class Activation(HeatmapKind):
             for side in SIDES
         ]
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         return {
             (side, None): _maps(pair.model, pair.features(side), pair.side(side).truth)
             for side in SIDES

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from numpy.typing import NDArray
 from torch.nn import functional
 
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, feature_size
+from s2rtools.heatmaps.heatmap_method import (
+    HeatArrays,
+    HeatmapKind,
+    OutputSpec,
+    PairBatch,
+    feature_size,
+)
 from s2rtools.models.pose_network import LoadedModel
 
 
@@ -23,7 +26,7 @@ class FeatureDistance(HeatmapKind):
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         return [OutputSpec(None, None, feature_size(model), ("row", "column"), "activation")]
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         sim, real = pair.features("sim"), pair.features("real")
         cosine = functional.cosine_similarity(sim, real, dim=1, eps=1e-8).clamp(-1, 1)
         distance = (1 - cosine) * (sim - real).abs().mean(dim=1)

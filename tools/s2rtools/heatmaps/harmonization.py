@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import into_rgb
 from s2rstore.geometry.reprojection import Reprojection, RigOffset
-from s2rstore.records import Domain, Side
+from s2rstore.records import Domain
 
 COLOUR_FLOOR = 5.0
 """Grey levels added to both deviations, so that noise of flat images is not amplified."""
@@ -77,14 +77,13 @@ class CameraView:
         raw = _sample_image(real[1], u, v, cv2.INTER_NEAREST)
         valid = _sample_image(real[2].astype(np.uint8), u, v, cv2.INTER_NEAREST) > 0
         measured = inside & valid
-        own_depth = np.nan_to_num(metres, nan=0.0)
+        sim_depth = np.nan_to_num(metres, nan=0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            depth = np.where(
-                measured, raw * self.other.depth_scale * own_depth / expected, own_depth
-            )
+            warped = raw * self.other.depth_scale * sim_depth / expected
+        depth = np.where(measured, warped, sim_depth)
         return HarmonisedPair(
             sim[0].astype(np.float32), rgb,
-            own_depth.astype(np.float32), depth.astype(np.float32), visible, measured,
+            sim_depth.astype(np.float32), depth.astype(np.float32), visible, measured,
         )  # fmt: skip
 
     def warp_from_other(
@@ -106,19 +105,15 @@ class ImageAlignment:
     def __init__(
         self, sim: Domain, real: Domain, frame: tuple[int, int], correction: RigOffset
     ) -> None:
-        self._domains: dict[Side, Domain] = {"sim": sim, "real": correction.applied(real)}
-        self._frame = frame
-
-    def domain(self, side: Side) -> Domain:
-        return self._domains[side]
+        self._sim, self._real, self._frame = sim, correction.applied(real), frame
 
     @cached_property
     def sim_view(self) -> CameraView:
-        return CameraView(self.domain("sim"), self.domain("real"), self._frame)
+        return CameraView(self._sim, self._real, self._frame)
 
     @cached_property
     def real_view(self) -> CameraView:
-        return CameraView(self.domain("real"), self.domain("sim"), self._frame)
+        return CameraView(self._real, self._sim, self._frame)
 
 
 def _sample_image(

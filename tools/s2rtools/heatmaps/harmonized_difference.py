@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.harmonization import COLOUR_FLOOR
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.preprocessing import preprocess
 
@@ -49,11 +49,12 @@ class _HarmonisedKind(HeatmapKind):
         return [OutputSpec(side, None, size, ("row", "column"), self.unit, "float16")
                 for side in SIDES]  # fmt: skip
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
-        sim = [
-            _mask_unknown(heat, view.measured if self.needs_depth else view.visible)
-            for heat, view in zip(self.distance(pair), pair.harmonised, strict=True)
-        ]
+    def compute(self, pair: PairBatch) -> HeatArrays:
+        sim = []
+        for heat, harmonised in zip(self.distance(pair), pair.harmonised, strict=True):
+            known = harmonised.measured if self.needs_depth else harmonised.visible
+            share = _area_mean(known.astype(np.float32), heat.shape)
+            sim.append(np.where(share > _SHARE, heat, np.float32(np.nan)))
         size = self.size(pair.model)
         view = pair.aligned().real_view
         real = np.stack(
@@ -69,7 +70,7 @@ class HarmonisedDistance(_HarmonisedKind):
 
     The real image is harmonised to sim: warped through the sim depth by both calibrated rigs, holes
     filled, and per image and channel R <- (R - mean_R) / (std_R + c) * (std_S + c) + mean_S. At
-    least 0. It shows changes of the scene independently of the light, not what harmed the pose.
+    least 0. It shows changes of the scene independently of the light, not causes of the error.
     Untrained networks give similar maps, because early features are mostly edges and colours.
     """
 
@@ -86,14 +87,12 @@ class HarmonisedDistance(_HarmonisedKind):
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        views = pair.harmonised
-        size = pair.model.network.input_size
-        sim = preprocess(
-            _stack(v.sim for v in views), _stack(v.sim_depth for v in views), 1.0, size
+        views, size = pair.harmonised, pair.model.network.input_size
+        images = (
+            (np.stack([v.sim for v in views]), np.stack([v.sim_depth for v in views])),
+            (np.stack([v.real for v in views]), np.stack([v.real_depth for v in views])),
         )
-        real = preprocess(
-            _stack(v.real for v in views), _stack(v.real_depth for v in views), 1.0, size
-        )
+        sim, real = (preprocess(rgb, depth, 1.0, size) for rgb, depth in images)
         with torch.inference_mode():
             a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
             cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
@@ -126,13 +125,6 @@ class HarmonisedDifference(_HarmonisedKind):
         return np.stack(distances).astype(np.float32)
 
 
-def _mask_unknown(heat: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Heat (fh, fw), NaN in cells whose pixels (h, w) are mostly unknown."""
-    flat = heat.shape[1], heat.shape[0]
-    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
-    return np.where(share > _SHARE, heat, np.float32(np.nan))
-
-
 def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     assert model.network.early is not None
     device = next(model.network.parameters()).device
@@ -140,13 +132,13 @@ def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     return features
 
 
-def _stack(images: Any) -> NDArray[np.float32]:
-    return np.stack(list(images)).astype(np.float32)
-
-
 def _blur(image: NDArray[Any]) -> NDArray[np.float32]:
     """Mean over 3 x 3 pixels, to suppress single noisy pixels."""
     return np.asarray(cv2.blur(image.astype(np.float32), (3, 3)))
+
+
+def _area_mean(image: NDArray[Any], size: tuple[int, ...]) -> NDArray[Any]:
+    return np.asarray(cv2.resize(image, (size[1], size[0]), interpolation=cv2.INTER_AREA))
 
 
 def _shrink(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
@@ -154,8 +146,7 @@ def _shrink(heat: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.floa
     if heat.shape == size:
         return heat
     known = np.isfinite(heat)
-    flat = size[1], size[0]
-    share = cv2.resize(known.astype(np.float32), flat, interpolation=cv2.INTER_AREA)
-    total = cv2.resize(np.where(known, heat, 0), flat, interpolation=cv2.INTER_AREA)
+    share = _area_mean(known.astype(np.float32), size)
+    total = _area_mean(np.where(known, heat, 0), size)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(share > _SHARE, total / share, np.nan).astype(np.float32)

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -17,6 +18,8 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 Ray = Literal["rgb", "depth"]
+HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
+"""Arrays (B, *shape) of a heatmap kind by side and mode."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +97,7 @@ class HeatmapKind(ABC):
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
     `model_free` kinds need no network; `aligned` kinds compare both views by calibrated rigs.
-    `surface` selects the depth for the projection on the floor: its own side's, or the nearer one.
+    `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
     name: ClassVar[str]
@@ -115,8 +118,8 @@ class HeatmapKind(ABC):
         """The arrays that `compute` fills."""
 
     @abstractmethod
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
-        """For each output's (side, mode), an array (B, *shape)."""
+    def compute(self, pair: PairBatch) -> HeatArrays:
+        """The arrays of all outputs for a batch."""
 
     def ray(self, mode: str | None) -> Ray:
         """The camera whose pixels the map lies on."""
@@ -125,8 +128,6 @@ class HeatmapKind(ABC):
 
 def feature_size(model: LoadedModel) -> tuple[int, int]:
     """Rows and columns of the trunk's output."""
-    import torch
-
     height, width = model.network.input_size
     device = next(model.network.parameters()).device
     with torch.inference_mode():

@@ -12,10 +12,9 @@ from torch import Tensor
 
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.incremental_inference import (
     LocalGraph,
-    Patch,
     PixelRegion,
     cut_patches,
     non_local_reason,
@@ -55,7 +54,7 @@ class Occlusion(HeatmapKind):
             for mode in MODES
         ]  # fmt: skip
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         height, width = pair.model.network.input_size
         backend = _float32_backend(pair.backend)
         at_once = max(1, _PIXELS_AT_ONCE // (height * width))
@@ -65,9 +64,7 @@ class Occlusion(HeatmapKind):
         ]
         return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
-    def _chunk(
-        self, pair: PairBatch, backend: Backend, rows: slice
-    ) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def _chunk(self, pair: PairBatch, backend: Backend, rows: slice) -> HeatArrays:
         count = self.params["patches"]
         patches = cut_patches(*pair.model.network.input_size, count)
         inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])
@@ -81,14 +78,11 @@ class Occlusion(HeatmapKind):
         truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
         change = (
             _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
-        )
-        change[len(change) // 2 :] *= -1
-        change = change.reshape(len(change), count, count, len(MODES), 2)
-        half = len(change) // 2
-        halves = change[:half], change[half:]
+        ).reshape(2, -1, count, count, len(MODES), 2)
+        change[1] *= -1
         return {
             (side, mode): np.moveaxis(part[..., number, :], -1, 1).astype(np.float32)
-            for side, part in zip(SIDES, halves, strict=True)
+            for side, part in zip(SIDES, change, strict=True)
             for number, mode in enumerate(MODES)
         }
 
@@ -131,40 +125,45 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
 
 
 def _recompute_locally(
-    backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[Patch]
+    backend: Backend,
+    graph: LocalGraph,
+    inputs: Tensor,
+    others: Tensor,
+    patches: list[PixelRegion],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
-    groups: dict[Any, list[tuple[Patch, dict[str, PixelRegion]]]] = {}
-    for patch in patches:
-        regions = graph.affected_regions(patch.region, base)
-        groups.setdefault(graph.batch_signature(regions), []).append((patch, regions))
-    for members in groups.values():
-        content = torch.stack([_patch_content(inputs, others, p.region) for p, _ in members], dim=1)
-        changed = graph.recompute(base, content, [regions for _, regions in members])
-        for position, (patch, regions) in enumerate(members):
-            target = regions[graph.output]
+    regions = [graph.affected_regions(patch, base) for patch in patches]
+    groups: dict[Any, list[int]] = {}
+    for number in range(len(patches)):
+        groups.setdefault(graph.batch_signature(regions[number]), []).append(number)
+    for numbers in groups.values():
+        content = [_patch_content(inputs, others, patches[number]) for number in numbers]
+        changed = graph.recompute(
+            base, torch.stack(content, dim=1), [regions[number] for number in numbers]
+        )
+        for position, number in enumerate(numbers):
+            target = regions[number][graph.output]
             full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
             full[..., target.r0 : target.r1, target.c0 : target.c1] = changed[:, position]
             changed_poses = _poses(backend, full.flatten(0, 1))
-            poses[:, patch.index] = changed_poses.reshape(len(inputs), len(MODES), 3)
+            poses[:, number] = changed_poses.reshape(len(inputs), len(MODES), 3)
     return _poses(backend, features), poses
 
 
 def _recompute_fully(
-    backend: Backend, inputs: Tensor, others: Tensor, patches: list[Patch]
+    backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same by running the whole network on every changed input."""
+    """Like `_recompute_locally`, by running the whole network on every changed input."""
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
-    for patch in patches:
-        region = patch.region
+    for number, region in enumerate(patches):
         changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
         changed[..., region.r0 : region.r1, region.c0 : region.c1] = _patch_content(
             inputs, others, region
         )
         batches = changed.flatten(0, 1).split(_BATCH)
         changed_poses = [_poses(backend, backend.features(batch)) for batch in batches]
-        poses[:, patch.index] = np.concatenate(changed_poses).reshape(len(inputs), len(MODES), 3)
+        poses[:, number] = np.concatenate(changed_poses).reshape(len(inputs), len(MODES), 3)
     return _poses(backend, backend.features(inputs)), poses

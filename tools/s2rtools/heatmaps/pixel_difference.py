@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.models.pose_network import LoadedModel
 
 SIZE = 128
 
 
 class PixelDifference(HeatmapKind):
-    """Mode `rgb`: mean |difference| over channels after each image's own mean and deviation per
-    channel are taken out. Mode `depth`: |difference| in metres where both sides are valid, NaN
-    where a cell has no such pixel. Averaged over areas to 128 x 128.
+    """Absolute difference of both images, averaged over areas to 128 x 128.
+
+    Mode `rgb`: mean over channels, after each image is standardised per channel. Mode `depth`: in
+    metres where both sides are valid, NaN where a cell has no such pixel.
     """
 
     name = "pixel_difference"
@@ -31,14 +30,20 @@ class PixelDifference(HeatmapKind):
             OutputSpec(None, "depth", shape, axes, "m", "float16"),
         ]
 
-    def compute(self, pair: PairBatch) -> dict[tuple[str | None, str | None], NDArray[Any]]:
+    def compute(self, pair: PairBatch) -> HeatArrays:
         sim, real = pair.sim, pair.real
-        rgb = np.stack([_rgb(a, b) for a, b in zip(sim.rgb, real.rgb, strict=True)])
+        rgb = np.stack([
+            _small(np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32))
+            for a, b in zip(sim.rgb, real.rgb, strict=True)
+        ])  # fmt: skip
         metres = np.abs(
             sim.depth * np.float32(sim.depth_scale) - real.depth * np.float32(real.depth_scale)
         )
         both = (sim.valid & real.valid).astype(np.float32)
-        depth = np.stack([_masked(m, v) for m, v in zip(metres, both, strict=True)])
+        share = np.stack([_small(weight) for weight in both])
+        total = np.stack([_small(values) for values in metres * both])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            depth = np.where(share > 1e-3, total / share, np.nan).astype(np.float32)
         return {(None, "rgb"): rgb, (None, "depth"): depth}
 
     def ray(self, mode: str | None) -> Ray:
@@ -49,19 +54,6 @@ def _small(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(image, (SIZE, SIZE), interpolation=cv2.INTER_AREA))
 
 
-def _rgb(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.float32]:
-    difference = np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32)
-    return _small(difference)
-
-
 def _normalised(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     values = image.astype(np.float32)
-    mean = values.mean(axis=(0, 1))
-    deviation = values.std(axis=(0, 1))
-    return (values - mean) / np.maximum(deviation, 1.0)
-
-
-def _masked(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    share = _small(weight)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(share > 1e-3, _small(values * weight) / share, np.nan).astype(np.float32)
+    return (values - values.mean(axis=(0, 1))) / np.maximum(values.std(axis=(0, 1)), 1.0)

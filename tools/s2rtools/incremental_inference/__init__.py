@@ -1,11 +1,6 @@
 """Incremental inference: recompute a network only where a changed input patch has an effect."""
 
 from s2rtools.incremental_inference.graph import LocalGraph, non_local_reason
-from s2rtools.incremental_inference.regions import (
-    Patch,
-    PixelRegion,
-    SlidingWindow,
-    cut_patches,
-)
+from s2rtools.incremental_inference.regions import PixelRegion, SlidingWindow, cut_patches
 
-__all__ = ["LocalGraph", "Patch", "PixelRegion", "SlidingWindow", "cut_patches", "non_local_reason"]
+__all__ = ["LocalGraph", "PixelRegion", "SlidingWindow", "cut_patches", "non_local_reason"]

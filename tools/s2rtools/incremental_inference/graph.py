@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -51,14 +53,16 @@ class NotLocalError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class _Operation:
-    """One operation: the names of its inputs and the function that computes it."""
+    """One operation: its kind, the names of its inputs and the function that computes it.
+
+    `windows` slide along rows and columns of the input, which is padded with `fill`.
+    """
 
     name: str
     inputs: tuple[str, ...]
     kind: str
-    call: Any
-    rows: SlidingWindow | None = None
-    cols: SlidingWindow | None = None
+    call: Callable[..., Tensor]
+    windows: tuple[SlidingWindow, SlidingWindow] | None = None
     fill: float = 0.0
 
 
@@ -90,7 +94,9 @@ class LocalGraph:
                     raise NotLocalError("it has more than one input")
                 self._input = node.name
             elif node.op == "output":
-                last = _output_name(node)
+                if len(node.args) != 1 or not isinstance(node.args[0], fx.Node):
+                    raise NotLocalError("it returns more than one tensor")
+                last = node.args[0].name
             else:
                 self._steps.append(_operation(node, modules))
         self._steps, self.output = _fuse_operations(self._steps, last)
@@ -101,11 +107,10 @@ class LocalGraph:
         padded: dict[str, Tensor] = {}
         for step in self._steps:
             values = [outputs[name] for name in step.inputs]
-            if step.rows is None or step.cols is None:
-                outputs[step.name] = _join(step, values)
-            else:
-                padded[step.name] = _pad(values[0], step)
-                outputs[step.name] = step.call(padded[step.name])
+            if step.windows is not None:
+                values = [_pad(values[0], *step.windows, step.fill)]
+                padded[step.name] = values[0]
+            outputs[step.name] = step.call(*values)
         return BaseOutputs(outputs, padded)
 
     def affected_regions(self, region: PixelRegion, base: BaseOutputs) -> dict[str, PixelRegion]:
@@ -115,9 +120,9 @@ class LocalGraph:
             merged = affected[step.inputs[0]]
             for name in step.inputs[1:]:
                 merged = merged.union(affected[name])
-            if step.rows is not None and step.cols is not None:
-                shape = base.outputs[step.inputs[0]].shape
-                merged = affected_region(merged, step.rows, step.cols, (shape[-2], shape[-1]))
+            if step.windows is not None:
+                height, width = base.outputs[step.inputs[0]].shape[-2:]
+                merged = affected_region(merged, *step.windows, (height, width))
             affected[step.name] = merged
         return affected
 
@@ -132,11 +137,12 @@ class LocalGraph:
     def _offset(self, step: _Operation, regions: dict[str, PixelRegion], name: str) -> Pair:
         """Offset of an input's changed part in the crop from which the step is computed."""
         target, source = regions[step.name], regions[name]
-        if step.rows is None or step.cols is None:
+        if step.windows is None:
             return source.r0 - target.r0, source.c0 - target.c0
+        rows, cols = step.windows
         return (
-            source.r0 + step.rows.padding - target.r0 * step.rows.stride,
-            source.c0 + step.cols.padding - target.c0 * step.cols.stride,
+            source.r0 + rows.padding - target.r0 * rows.stride,
+            source.c0 + cols.padding - target.c0 * cols.stride,
         )
 
     def recompute(
@@ -158,7 +164,7 @@ class LocalGraph:
                 self._paste_changed_part(base, parts[name], step, name, regions, lead)
                 for name in step.inputs
             ]
-            parts[step.name] = step.call(crops[0]) if step.rows else _join(step, crops)
+            parts[step.name] = step.call(*crops)
         return parts[self.output].unflatten(0, lead)
 
     def _paste_changed_part(
@@ -172,20 +178,24 @@ class LocalGraph:
     ) -> Tensor:
         target = regions[0][step.name]
         row, col = self._offset(step, regions[0], name)
-        if step.rows is None or step.cols is None:
+        required = [region[step.name] for region in regions]
+        if step.windows is None:
             if part.shape[-2:] == target.shape:
                 return part
             source = base.outputs[name]
-            windows = [regions[p][step.name] for p in range(len(regions))]
         else:
             source = base.padded[step.name]
-            windows = [_required_region(step, regions[p][step.name]) for p in range(len(regions))]
-        size = (source.shape[1], *windows[0].shape)
+            rows, cols = step.windows
+            required = [
+                PixelRegion(*rows.required_inputs(r.r0, r.r1), *cols.required_inputs(r.c0, r.c1))
+                for r in required
+            ]
+        size = (source.shape[1], *required[0].shape)
         crop = torch.empty((math.prod(lead), *size), dtype=part.dtype, device=part.device,
                            memory_format=torch.channels_last)  # fmt: skip
         grouped = crop.unflatten(0, lead)
-        for place, w in enumerate(windows):
-            grouped[:, place] = source[:, None, :, w.r0 : w.r1, w.c0 : w.c1]
+        for place, r in enumerate(required):
+            grouped[:, place] = source[:, None, :, r.r0 : r.r1, r.c0 : r.c1]
         top, left = max(row, 0), max(col, 0)
         pasted = part[..., top - row : crop.shape[-2] - row, left - col : crop.shape[-1] - col]
         crop[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
@@ -195,77 +205,56 @@ class LocalGraph:
 def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operation], str]:
     """Merge pointwise steps and unpadded pooling into the window that alone feeds them.
 
-    Merged steps are computed on the window's crop and need no crop of their own. Returns the steps
+    Merged steps are computed on the window's crop, not on separate crops. Returns the steps
     and the name of the last step.
     """
-    users: dict[str, int] = {output: 1}
-    for step in steps:
-        for name in step.inputs:
-            users[name] = users.get(name, 0) + 1
+    users = Counter([output, *(name for step in steps for name in step.inputs)])
     fused: dict[str, _Operation] = {}
     renamed: dict[str, str] = {}
     for step in steps:
         inputs = tuple(renamed.get(name, name) for name in step.inputs)
         before = fused.get(inputs[0])
         alone = users[step.inputs[0]] == 1 and step.inputs[0] != output
-        if before is not None and before.rows is not None and alone and _is_mergeable(step):
+        padded = any(window.padding for window in step.windows or ())
+        mergeable = step.kind == "pointwise" or (step.kind == "pool" and not padded)
+        if before is not None and before.windows is not None and alone and mergeable:
+            rows, cols = before.windows
+            if step.windows is not None:
+                rows, cols = rows.followed_by(step.windows[0]), cols.followed_by(step.windows[1])
             renamed[step.name] = before.name
-            fused[before.name] = _merge_operations(before, step)
+            fused[before.name] = replace(
+                before, windows=(rows, cols), call=_composed(before.call, step.call)
+            )
         else:
             fused[step.name] = replace(step, inputs=inputs)
     return list(fused.values()), renamed.get(output, output)
 
 
-def _is_mergeable(step: _Operation) -> bool:
-    if step.rows is None or step.cols is None:
-        return step.kind == "pointwise"
-    return step.kind == "pool" and not (step.rows.padding or step.cols.padding)
-
-
-def _merge_operations(before: _Operation, step: _Operation) -> _Operation:
-    first, then = before.call, step.call
-    rows, cols = before.rows, before.cols
-    if step.rows is not None and step.cols is not None and rows is not None and cols is not None:
-        rows, cols = rows.followed_by(step.rows), cols.followed_by(step.cols)
-    return replace(before, rows=rows, cols=cols, call=lambda x: then(first(x)))
-
-
-def _required_region(step: _Operation, target: PixelRegion) -> PixelRegion:
-    if step.rows is None or step.cols is None:
-        return target
-    return PixelRegion(
-        *step.rows.required_inputs(target.r0, target.r1),
-        *step.cols.required_inputs(target.c0, target.c1),
-    )
-
-
-def _output_name(node: fx.Node) -> str:
-    if len(node.args) != 1 or not isinstance(node.args[0], fx.Node):
-        raise NotLocalError("it returns more than one tensor")
-    return node.args[0].name
+def _composed(first: Callable[..., Tensor], then: Callable[..., Tensor]) -> Callable[..., Tensor]:
+    return lambda x: then(first(x))
 
 
 def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
+    inputs = tuple(_input_names(node))
     if node.op == "call_module":
         module = modules[str(node.target)]
-        inputs = tuple(_input_names(node))
         if isinstance(module, nn.BatchNorm2d) and module.running_mean is None:
             raise NotLocalError(f"{node.target}: batch norm without running statistics")
         if isinstance(module, _POINTWISE):
-            return _Operation(node.name, inputs, "pointwise", _out_of_place(module))
+            if getattr(module, "inplace", False):
+                module.inplace = False
+            return _Operation(node.name, inputs, "pointwise", module)
         if isinstance(module, _WINDOWS):
             return _window_operation(node.name, inputs, module)
         raise NotLocalError(f"{node.target} ({type(module).__name__}) is not local")
     if node.op == "call_function":
         if node.target in _POINTWISE_FUNCTIONS:
             options = {k: v for k, v in node.kwargs.items() if k != "inplace"}
-            function = node.target
-            return _Operation(node.name, tuple(_input_names(node)), "pointwise",
-                         lambda x, f=function, o=options: f(x, **o))  # fmt: skip
-        if node.target in _ADD and len(_input_names(node)) == 2 and not node.kwargs:
-            return _Operation(node.name, tuple(_input_names(node)), "add", torch.add)
+            return _Operation(node.name, inputs, "pointwise", partial(node.target, **options))
+        if node.target in _ADD and len(inputs) == 2 and not node.kwargs:
+            return _Operation(node.name, inputs, "join", torch.add)
         if node.target in _CAT and node.kwargs.get("dim", (*node.args, 0)[1]) == 1:
-            return _Operation(node.name, tuple(_input_names(node)), "cat", torch.cat)
+            return _Operation(node.name, inputs, "join", lambda *parts: torch.cat(parts, dim=1))
     raise NotLocalError(f"{node.name} ({node.target}) is not local")
 
 
@@ -276,12 +265,6 @@ def _input_names(node: fx.Node) -> list[str]:
         listed = argument if isinstance(argument, list | tuple) else [argument]
         names += [item.name for item in listed if isinstance(item, fx.Node)]
     return names
-
-
-def _out_of_place(module: nn.Module) -> nn.Module:
-    if getattr(module, "inplace", False):
-        module.inplace = False  # type: ignore[assignment]
-    return module
 
 
 def _pair(value: int | Pair) -> Pair:
@@ -299,41 +282,29 @@ def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> 
     kernel, padding = _pair(module.kernel_size), _pair(padding_value)  # type: ignore[arg-type]
     stride = _pair(module.stride)  # type: ignore[arg-type]
     dilation = _pair(getattr(module, "dilation", 1))
-    windows = [
+    rows, cols = (
         SlidingWindow(d * (k - 1) + 1, s, p)
         for k, s, p, d in zip(kernel, stride, padding, dilation, strict=True)
-    ]
+    )
     if isinstance(module, nn.Conv2d):
-        weight, bias, groups = module.weight, module.bias, module.groups
-
-        def convolve(x: Tensor) -> Tensor:
-            return functional.conv2d(x, weight, bias, stride, 0, dilation, groups)
-
-        return _Operation(name, inputs, "window", convolve, windows[0], windows[1])
+        convolve = partial(
+            functional.conv2d, weight=module.weight, bias=module.bias, stride=stride, padding=0,
+            dilation=dilation, groups=module.groups,
+        )  # fmt: skip
+        return _Operation(name, inputs, "window", convolve, (rows, cols))
     if isinstance(module, nn.MaxPool2d):
-
-        def largest(x: Tensor) -> Tensor:
-            return functional.max_pool2d(x, kernel, stride, 0, dilation)
-
-        return _Operation(name, inputs, "pool", largest, windows[0], windows[1], -math.inf)
+        largest = partial(
+            functional.max_pool2d, kernel_size=kernel, stride=stride, padding=0, dilation=dilation
+        )
+        return _Operation(name, inputs, "pool", largest, (rows, cols), -math.inf)
     if any(padding) and not module.count_include_pad:
         raise NotLocalError(f"{name}: average pooling that excludes its padding")
-
-    def average(x: Tensor) -> Tensor:
-        return functional.avg_pool2d(x, kernel, stride)
-
-    return _Operation(name, inputs, "pool", average, windows[0], windows[1])
+    average = partial(functional.avg_pool2d, kernel_size=kernel, stride=stride)
+    return _Operation(name, inputs, "pool", average, (rows, cols))
 
 
-def _pad(x: Tensor, step: _Operation) -> Tensor:
-    rows, cols = step.rows, step.cols
-    if rows is None or cols is None or not (rows.padding or cols.padding):
+def _pad(x: Tensor, rows: SlidingWindow, cols: SlidingWindow, fill: float) -> Tensor:
+    if not (rows.padding or cols.padding):
         return x
     edges = (cols.padding, cols.padding, rows.padding, rows.padding)
-    return functional.pad(x, edges, value=step.fill).contiguous(memory_format=torch.channels_last)
-
-
-def _join(step: _Operation, values: list[Tensor]) -> Tensor:
-    if step.kind == "cat":
-        return torch.cat(values, dim=1)
-    return step.call(*values)
+    return functional.pad(x, edges, value=fill).contiguous(memory_format=torch.channels_last)

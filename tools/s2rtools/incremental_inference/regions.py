@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise, product
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +71,8 @@ def affected_region(
     return PixelRegion(r0, r1, c0, c1)
 
 
-@dataclass(frozen=True, slots=True)
-class Patch:
-    """A patch of an image; `index` counts row by row from the top left."""
-
-    index: int
-    region: PixelRegion
-
-
-def cut_patches(height: int, width: int, count: int = 6) -> list[Patch]:
-    """count x count patches with edges at round(i * size / count)."""
+def cut_patches(height: int, width: int, count: int = 6) -> list[PixelRegion]:
+    """count x count patches, row by row, with edges at round(i * size / count)."""
     rows = [round(i * height / count) for i in range(count + 1)]
     cols = [round(i * width / count) for i in range(count + 1)]
-    return [
-        Patch(r * count + c, PixelRegion(rows[r], rows[r + 1], cols[c], cols[c + 1]))
-        for r in range(count)
-        for c in range(count)
-    ]
+    return [PixelRegion(*r, *c) for r, c in product(pairwise(rows), pairwise(cols))]

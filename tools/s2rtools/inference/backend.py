@@ -14,6 +14,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
+from s2rtools.models.torchscript import last_line
 
 BATCH = 8
 TOLERANCE_METRES = 0.01
@@ -85,9 +86,8 @@ class Backend:
         """Checked output of a network without accessible features."""
         try:
             raw: object = self.model.network(x)
-        except Exception as error:  # whatever the module's own code raises
-            reason = (str(error).strip().splitlines() or [type(error).__name__])[-1][:160]
-            raise self._error(f"fails on {len(x)} images: {reason}") from error
+        except Exception as error:  # the module's code may raise anything
+            raise self._error(f"fails on {len(x)} images: {last_line(error)}") from error
         return self._checked(raw, x)
 
     def _checked(self, raw: object, x: Tensor) -> Tensor:
@@ -95,10 +95,9 @@ class Backend:
         expected = len(x), self.model.convention.width
         if not isinstance(raw, Tensor):
             raise self._error(f"returns {type(raw).__name__}, not a tensor")
-        if tuple(raw.shape) != expected:
-            raise self._error(
-                f"returns {tuple(raw.shape)} for {len(x)} images, expected {expected}"
-            )
+        shape = tuple(raw.shape)
+        if shape != expected:
+            raise self._error(f"returns {shape} for {len(x)} images, expected {expected}")
         return raw
 
     def _error(self, reason: str) -> RequestError:
@@ -135,13 +134,8 @@ class OpenVinoBackend(Backend):
             raise RequestError(
                 f"model {self.model.name!r}: a network without features runs on torch only"
             )
-        height, width = model.network.input_size
-        self.trunk = self.trunk.to("cpu")
-        self.device = torch.device("cpu")
-        model.network.to(self.device)
-        converted = openvino.convert_model(
-            self.trunk, example_input=torch.zeros(1, 4, height, width)
-        )
+        example = torch.zeros(1, 4, *model.network.input_size)
+        converted = openvino.convert_model(self.trunk, example_input=example)
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         self._compiled = openvino.compile_model(converted, "CPU", options)
         kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
@@ -191,7 +185,9 @@ def choose_backend(
             if name == "auto":
                 continue
             raise
-        metres, radians = _largest_difference(backend.forward_all(sample).pose, expected)
+        pose = backend.forward_all(sample).pose
+        metres = float(np.hypot(*(pose[:, :2] - expected[:, :2]).T).max())
+        radians = float(angles.distance(pose[:, 2], expected[:, 2]).max())
         if metres <= TOLERANCE_METRES and radians <= TOLERANCE_RADIANS:
             return backend
         if name != "auto":
@@ -200,8 +196,3 @@ def choose_backend(
                 "calibration batch; use --backend torch"
             )
     return Backend(model, threads)
-
-
-def _largest_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float]:
-    turn = angles.distance(a[:, 2], b[:, 2])
-    return float(np.hypot(*(a[:, :2] - b[:, :2]).T).max()), float(turn.max())

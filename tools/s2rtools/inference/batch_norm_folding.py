@@ -37,12 +37,7 @@ def fold_batch_norm(trunk: nn.Module) -> nn.Module:
             traced.graph.erase_node(node)
     traced.delete_all_unused_submodules()
     traced.recompile()
-    return channels_last(traced.requires_grad_(False))
-
-
-def channels_last(module: nn.Module) -> nn.Module:
-    """The same module, with its weights laid out for channels-last convolutions."""
-    for parameter in module.parameters():
+    for parameter in traced.requires_grad_(False).parameters():
         if parameter.ndim == 4:
             parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
-    return module
+    return traced

@@ -1,6 +1,5 @@
 """Interactive inference: predictions and heatmaps of one instance under any adjustments."""
 
-from s2rtools.interactive.live_model import LiveModel
-from s2rtools.interactive.live_result import LiveResult, LiveSide
+from s2rtools.interactive.live_model import LiveModel, LiveResult, LiveSide
 
 __all__ = ["LiveModel", "LiveResult", "LiveSide"]

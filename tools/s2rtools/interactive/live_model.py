@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,13 @@ from s2rstore.geometry.floor_grid import FloorHeat, MapGrid
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
-from s2rstore.records import SIDES, Run, Side
+from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import run_camera_move, run_domain
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
-from s2rtools.interactive.live_result import HeatKey, LiveResult, LiveSide
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
@@ -35,39 +35,68 @@ _RESULT_BYTES = 64 << 20
 Chains = Mapping[Side, Chain]
 Cancelled = Callable[[], bool]
 
-
-def _never() -> bool:
-    return False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _SideOutput:
-    """A side after the forward pass."""
-
-    live: LiveSide
-    batch: SideBatch
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the arrays and tensors."""
-        arrays = (self.live.rgb, self.live.depth, self.live.surface, self.batch.x,
-                  self.batch.features, self.batch.embedding)  # fmt: skip
-        return sum(array.nbytes for array in arrays if array is not None)
+HeatKey = tuple[str, Side, str | None]
+"""Kind, side and mode of a heatmap; modes as `Store.heatmap` names them."""
+Heat = Mapping[HeatKey, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _CachedImages:
-    """Images of one side of an instance."""
+class LiveSide:
+    """Network input of one side, and the predicted pose.
 
-    images: FrameImages
+    rgb (H, W, 3) uint8; depth (H, W) metres, NaN where invalid; both adjusted. `surface` (H, W) is
+    the raw depth before image adjustments, on which heat is projected. `domain` holds the cameras
+    of the frame. x, y and error in metres, heading and heading_error in radians; NaN without a
+    prediction.
+    """
 
-    @property
-    def nbytes(self) -> int:
-        return sum(image.nbytes for image in self.images.values())
+    domain: Domain
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    surface: NDArray[np.uint8] | NDArray[np.uint16]
+    x: float
+    y: float
+    heading: float
+    error: float
+    heading_error: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveResult:
+    """Both sides of one instance, with the heatmaps computed so far."""
+
+    iid: int
+    sim: LiveSide
+    real: LiveSide
+    heat: Heat = field(default_factory=dict)
+
+    def side(self, side: Side) -> LiveSide:
+        return self.sim if side == "sim" else self.real
+
+    def heatmap(self, kind: str, side: Side, mode: str | None = None) -> NDArray[np.float32]:
+        """A heatmap (rows, columns), as from `Store.heatmap`. RequestError if not computed."""
+        key = kind, side, mode or DEFAULT_MODES.get(kind)
+        if key not in self.heat:
+            raise RequestError(f"heatmap {kind} {key[2] or ''}: not computed for these adjustments")
+        return self.heat[key]
+
+
+SideOutput = tuple[LiveSide, SideBatch]
+"""A side after the forward pass."""
+
+
+def _image_bytes(images: FrameImages) -> int:
+    return sum(image.nbytes for image in images.values())
+
+
+def _output_bytes(output: SideOutput) -> int:
+    side, batch = output
+    arrays = side.rgb, side.depth, side.surface, batch.x, batch.features, batch.embedding
+    return sum(array.nbytes for array in arrays if array is not None)
 
 
 class LiveModel:
-    """Computes what precompute would store for a run of the same model with other chains.
+    """Computes the values that precompute stores for a run of the same model with other chains.
 
     Only one thread may use it at a time. Recent frames and sides are cached. It always runs plain
     torch in float32, as the computation of a saved run does.
@@ -76,7 +105,7 @@ class LiveModel:
     def __init__(self, store: Store, run: str, trust: bool = False, threads: int = 0) -> None:
         """Load the model of a run and warm it up; `threads` 0 keeps torch's setting.
 
-        The store is opened again at its generation, so that the caller may close its own. Raises
+        Opens the store separately at the same generation, so that the caller may close it. Raises
         RequestError if the model cannot be loaded, or executes code and is not trusted.
         """
         self._store = s2rstore.open(store.path, generation=store.generation)
@@ -89,8 +118,8 @@ class LiveModel:
             self._store.close()
             raise
         self._renderers: Renderers = {}
-        self._frames = LruCache(_FRAME_BYTES)
-        self._outputs = LruCache(_RESULT_BYTES)
+        self._frames = LruCache(_FRAME_BYTES, _image_bytes)
+        self._outputs = LruCache(_RESULT_BYTES, _output_bytes)
         self._alignment: tuple[tuple[Any, ...], ImageAlignment | None] = ((), None)
         self._types: dict[str, dict[tuple[str | None, str | None], str]] = {}
 
@@ -113,45 +142,60 @@ class LiveModel:
         return tuple(kind.name for kind in sorted(suited, key=lambda kind: kind.cost != "forward"))
 
     def compute(
-        self, iid: int, chains: Chains, kinds: Sequence[str] = (), cancelled: Cancelled = _never
-    ) -> LiveResult | None:
+        self, iid: int, chains: Chains, kinds: Sequence[str] = (),
+        cancelled: Cancelled = lambda: False,
+    ) -> LiveResult | None:  # fmt: skip
         """The last result of `steps`; None if cancelled."""
         results = list(self.steps(iid, chains, kinds, cancelled))
         return results[-1] if results and not cancelled() else None
 
     def steps(
-        self, iid: int, chains: Chains, kinds: Sequence[str] = (), cancelled: Cancelled = _never
-    ) -> Iterator[LiveResult]:
+        self, iid: int, chains: Chains, kinds: Sequence[str] = (),
+        cancelled: Cancelled = lambda: False,
+    ) -> Iterator[LiveResult]:  # fmt: skip
         """Yield images and predictions first, then the same with each heatmap kind added.
 
         A side that `chains` does not name keeps the run's adjustments. The iteration ends when
         `cancelled` returns True between two steps. Raises RequestError for unknown instances,
         adjustments and kinds, and for cameras that cannot be moved.
         """
-        run = self._adjusted_run(iid, chains)
-        self._check_kinds(kinds)
-        outputs: dict[Side, _SideOutput] = {}
+        count = len(self._store.instances)
+        if not 0 <= iid < count:
+            raise RequestError(f"instance {iid}: the store holds 0 .. {count - 1}")
+        known = self.kinds if kinds else ()
+        for kind in kinds:
+            if kind not in known:
+                raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(known)}")
+        sim, real = (
+            [dict(step) for step in chains.get(side, self.run.adjustments(side))] for side in SIDES
+        )
+        run = replace(self.run, sim_adjustments=sim, real_adjustments=real)
+        outputs: list[SideOutput] = []
         for side in SIDES:
             if cancelled():
                 return
-            outputs[side] = self._side_output(run, side, iid)
+            chain = tuple((step["name"], float(step["value"])) for step in run.adjustments(side))
+            compute = partial(self._compute_side, run, side, iid)
+            outputs.append(self._outputs.get((iid, run.domain(side), chain), compute))
         if cancelled():
             return
-        result = LiveResult(iid, outputs["sim"].live, outputs["real"].live)
+        (sim_side, sim_batch), (real_side, real_batch) = outputs
+        result = LiveResult(iid, sim_side, real_side)
         yield result
         pair = None
         for kind in kinds:
             if cancelled():
                 return
-            pair = pair or self._pair_batch(run, outputs)
+            pair = pair or self._pair_batch(run, sim_batch, real_batch)
             result = replace(result, heat={**result.heat, **self._heatmaps(kind, pair)})
             yield result
 
     def floor_grid(
         self, result: LiveResult, kind: str, side: Side, mode: str | None = None
     ) -> NDArray[np.float32]:
-        """One of a result's heatmaps projected on the floor: the mean per cell of the map grid, NaN
-        in empty cells, as precompute computes it for this instance alone.
+        """Project one of a result's heatmaps on the floor, as precompute does for one instance.
+
+        Returns the mean per cell of the map grid, NaN in empty cells.
         """
         heat = result.heatmap(kind, side, mode)
         dataset, truth = self._store.dataset, self._store.instances
@@ -169,52 +213,31 @@ class LiveModel:
         floor_heat.add(grid, heat[None], depth, pose, ray)
         return np.asarray(grid.aggregates()[0])
 
-    def _adjusted_run(self, iid: int, chains: Chains) -> Run:
-        """The run with these chains."""
-        count = len(self._store.instances)
-        if not 0 <= iid < count:
-            raise RequestError(f"instance {iid}: the store holds 0 .. {count - 1}")
-        sim, real = (
-            [dict(step) for step in chains.get(side, self.run.adjustments(side))] for side in SIDES
-        )
-        return replace(self.run, sim_adjustments=sim, real_adjustments=real)
-
-    def _check_kinds(self, kinds: Sequence[str]) -> None:
-        known = self.kinds if kinds else ()
-        for kind in kinds:
-            if kind not in known:
-                raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(known)}")
-
-    def _side_output(self, run: Run, side: Side, iid: int) -> _SideOutput:
-        chain = tuple((step["name"], float(step["value"])) for step in run.adjustments(side))
-        key = iid, run.domain(side), chain
-        return self._outputs.get(key, lambda: self._compute_side(run, side, iid))
-
-    def _compute_side(self, run: Run, side: Side, iid: int) -> _SideOutput:
+    def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:
         domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)
         source = RunFrames(self._store, run, renderers=self._renderers)
         images = self._frames.get(
-            (iid, domain.domain, move), lambda: _CachedImages(source.read(side, iid, iid + 1))
-        ).images
+            (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
+        )
         size = self._backend.model.network.input_size
         frames = side_frames(images, domain, run.adjustments(side), size)
         truth = self._store.instances
         pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
         batch = side_batch(self._backend, frames, pose)
         metres = np.where(frames.valid[0], frames.depth[0] * np.float32(domain.depth_scale), np.nan)
-        x, y, heading = (float(value) for value in _finite_poses(batch.prediction)[0])
+        finite = np.isfinite(batch.prediction[0]).all()
+        x, y, heading = (float(v) if finite else math.nan for v in batch.prediction[0])
         live = LiveSide(
             domain, frames.rgb[0], metres.astype(np.float32), images["depth"][0], x, y, heading,
             math.hypot(x - pose[0, 0], y - pose[0, 1]),
             float(pose_metrics.heading_error(np.array([heading]), pose[:, 2])[0]),
         )  # fmt: skip
-        return _SideOutput(live, batch)
+        return live, batch
 
-    def _pair_batch(self, run: Run, outputs: Mapping[Side, _SideOutput]) -> PairBatch:
+    def _pair_batch(self, run: Run, sim: SideBatch, real: SideBatch) -> PairBatch:
         moves = tuple(run_camera_move(self._store, run, side) for side in SIDES)
         if self._alignment[0] != moves:
             self._alignment = moves, rig_calibration.load_alignment(self._store, run)
-        sim, real = (outputs[side].batch for side in SIDES)
         return PairBatch(self._backend.model, self._backend, sim, real, self._alignment[1])
 
     def _heatmaps(self, name: str, pair: PairBatch) -> dict[HeatKey, NDArray[np.float32]]:
@@ -236,8 +259,3 @@ class LiveModel:
                 else:
                     heatmaps[name, side, mode] = heat[0] if heat.ndim == 3 else heat
         return heatmaps
-
-
-def _finite_poses(poses: NDArray[Any]) -> NDArray[np.float64]:
-    """Poses (n, 3), entirely NaN where any component is not finite."""
-    return np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, np.nan)

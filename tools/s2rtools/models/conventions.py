@@ -78,12 +78,8 @@ def parse_convention(text: str) -> OutputConvention:
     else:
         heading, _, frame = (part.strip() for part in text.partition(","))
         frame = frame or "map"
-    if heading not in get_args(HeadingUnit):
-        raise RequestError(_unknown_value(text, "heading", heading, get_args(HeadingUnit)))
-    if frame not in get_args(HeadingFrame):
-        raise RequestError(_unknown_value(text, "frame", frame, get_args(HeadingFrame)))
+    for key, value, kind in (("heading", heading, HeadingUnit), ("frame", frame, HeadingFrame)):
+        if value not in get_args(kind):
+            known = ", ".join(get_args(kind))
+            raise RequestError(f"output convention {text!r}: {key} {value!r}; one of {known}")
     return OutputConvention(heading, frame)
-
-
-def _unknown_value(text: str, key: str, value: str, allowed: tuple[str, ...]) -> str:
-    return f"output convention {text!r}: {key} {value!r}; one of {', '.join(allowed)}"

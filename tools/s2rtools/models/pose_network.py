@@ -9,8 +9,6 @@ from torch import Tensor, nn
 
 from s2rtools.models.conventions import OutputConvention
 
-__all__ = ["LoadedModel", "OutputConvention", "PoseNetwork"]
-
 
 class PoseNetwork(nn.Module):
     """A network from an RGB-D image to a pose, in three steps that can be called separately.

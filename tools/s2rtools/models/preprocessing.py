@@ -36,13 +36,13 @@ def preprocess(
 def resize_frames(
     rgb: NDArray[np.uint8], depth: NDArray[Any], size: tuple[int, int]
 ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
-    """Resize both images of a batch to (h, w); return the same arrays if they have that size."""
-    if rgb.shape[1:3] == size and depth.shape[1:3] == size:
-        return rgb, depth
+    """Resize both images of a batch to (h, w); arrays of that size are returned unchanged."""
     return _resize(rgb, size), _resize(depth, size)
 
 
 def _resize(images: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    if images.shape[1:3] == size:
+        return images
     height, width = size
     out = np.empty((len(images), height, width, *images.shape[3:]), dtype=images.dtype)
     grows = images.shape[1] < height or images.shape[2] < width

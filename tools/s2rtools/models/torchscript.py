@@ -43,7 +43,7 @@ class OpaqueNetwork(PoseNetwork):
             return cls(module)
         except RuntimeError as error:
             raise RequestError(
-                f"{where}: not a usable TorchScript archive ({_first_line(error)})"
+                f"{where}: not a usable TorchScript archive ({last_line(error)})"
             ) from error
 
     def forward(self, x: Tensor) -> Tensor:
@@ -55,9 +55,9 @@ class OpaqueNetwork(PoseNetwork):
         try:
             with torch.inference_mode():
                 output = self(torch.zeros(1, 4, *self.input_size))
-        except Exception as error:  # whatever the module's own code raises
+        except Exception as error:  # the module's code may raise anything
             shape = f"(1, 4, {self.input_size[0]}, {self.input_size[1]})"
-            raise RequestError(f"network: fails on {shape}: {_first_line(error)}") from error
+            raise RequestError(f"network: fails on {shape}: {last_line(error)}") from error
         is_row = isinstance(output, Tensor) and output.ndim == 2 and len(output) == 1
         if not is_row or output.shape[1] not in (3, 4):
             result = (
@@ -79,6 +79,7 @@ def _input_size(module: nn.Module) -> tuple[int, int]:
     return size
 
 
-def _first_line(error: Exception) -> str:
+def last_line(error: Exception) -> str:
+    """The last line of an exception's message, which names the cause; its type if it is empty."""
     lines = [line for line in str(error).splitlines() if line.strip()]
     return lines[-1].strip()[:160] if lines else type(error).__name__

@@ -1,30 +1,44 @@
-"""Read an untrusted weights file: check its declared sizes before its tensors."""
+"""Read an untrusted weights file: check its declared sizes, then its tensors; execute no code."""
 
 from __future__ import annotations
 
 import io
+import pickle
+import re
+import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
+from safetensors import SafetensorError
+from safetensors.torch import load
 from torch import Tensor
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes
+from s2rstore.security.memory_limit import bounded_memory
 
 MAX_TORCHSCRIPT_BYTES = 1 << 31
 """Bytes of a TorchScript archive, which is read only if the user trusts it."""
 _MAX_HEADER_BYTES = 16 << 20
 """Bytes of a safetensors header; a tensor takes about 100."""
-_COPIES, _BESIDE = 4, 16 << 20
+_COPIES, _EXTRA_BYTES = 4, 16 << 20
 """Copies of the parameters in a file (float64, optimizer moments), and bytes in addition."""
+_UNPICKLING_BYTES = 64 << 20
+"""Memory for unpickling, in addition to the tensors."""
+_WRAPPER_KEYS = ("state_dict", "model", "model_state_dict", "net")
+_DECODING_ERRORS = (
+    SafetensorError, RuntimeError, EOFError, MemoryError, ValueError, TypeError, LookupError,
+    AttributeError, AssertionError, struct.error,
+)  # fmt: skip
+"""Exceptions of the readers on bytes that are not a file of tensors."""
 
 
 def max_file_bytes(parameters: int) -> int:
     """Largest weights file for a number of bytes of parameters."""
-    return _COPIES * parameters + _BESIDE
+    return _COPIES * parameters + _EXTRA_BYTES
 
 
 def read_weights_file(path: Path, max_bytes: int) -> bytes:
@@ -58,6 +72,31 @@ def check_archive(path: Path, content: bytes) -> None:
         raise RequestError(f"{path}: its entries are compressed, which torch never writes")
     if sum(entry.file_size for entry in entries) > len(content):
         raise RequestError(f"{path}: its entries declare more bytes than the file has")
+
+
+def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
+    """Tensors of a weights file, read without running code from it. Raises RequestError."""
+    try:
+        if path.suffix == ".safetensors":
+            loaded: Any = load(content)
+        else:
+            with bounded_memory(2 * len(content) + _UNPICKLING_BYTES):
+                loaded = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        match = re.search(r"GLOBAL ([\w.]+)", str(error))
+        reason = "not a file of tensors that torch can read without running code"
+        if match:
+            reason = f"loading it would run code ({match[1]}), which is refused"
+        raise RequestError(f"{path}: {reason}; save its state_dict()") from error
+    except _DECODING_ERRORS as error:
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise RequestError(f"{path}: not a plain state dict ({reason})") from error
+    for wrapper in _WRAPPER_KEYS:
+        if isinstance(loaded, Mapping) and isinstance(loaded.get(wrapper), Mapping):
+            loaded = loaded[wrapper]
+    if not isinstance(loaded, Mapping) or not all(isinstance(v, Tensor) for v in loaded.values()):
+        raise RequestError(f"{path}: no state dict in it (a mapping of names to tensors)")
+    return {str(key).removeprefix("module."): value for key, value in loaded.items()}
 
 
 def check_tensors(state: Mapping[str, Tensor], expected: Mapping[str, Tensor], where: str) -> None:

@@ -52,7 +52,7 @@ def run_units(
                 yield futures[future]
         except BrokenProcessPool as error:
             raise RequestError(
-                f"{root}: a worker process was killed (out of memory?); finished units are kept; "
+                f"{root}: a worker process was killed (out of memory?); finished units are stored; "
                 "run the command again, with --workers 1 if memory is short"
             ) from error
         finally:
@@ -79,7 +79,7 @@ def _start_resource_tracker() -> None:
 
 @contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """Defer ctrl+c until the workers have started; workers ignore it from their first moment."""
+    """Defer ctrl+c until the workers have started; workers ignore it from the start."""
     received: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -96,20 +96,15 @@ def _defer_interrupts() -> Iterator[None]:
 
 
 def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
+    """Open this worker; it ends with its parent, so that it cannot write the files of a rerun."""
     global _compute_unit
-    _die_with_parent()
-    _compute_unit = opener(root, threads)
-
-
-def _run_in_worker(unit: WorkUnit) -> None:
-    if _compute_unit is None:
-        raise RuntimeError("the worker was not started")
-    _compute_unit(unit)
-
-
-def _die_with_parent() -> None:
-    """End this worker with its parent, so that it does not write files that a rerun writes."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == 1:
             os._exit(1)
+    _compute_unit = opener(root, threads)
+
+
+def _run_in_worker(unit: WorkUnit) -> None:
+    assert _compute_unit is not None, "the worker was not started"
+    _compute_unit(unit)

@@ -15,6 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.adjustments import Chain, apply_chain
+from s2rtools.common.read_ahead import map_ahead
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.rendering import FrameRenderer, open_renderer
 
@@ -34,6 +35,11 @@ class SideFrames:
     valid: NDArray[np.bool_]
     depth_scale: float
     x: NDArray[np.float32]
+
+    def rows(self, rows: slice) -> SideFrames:
+        return SideFrames(
+            self.rgb[rows], self.depth[rows], self.valid[rows], self.depth_scale, self.x[rows]
+        )
 
 
 PairFrames = dict[Side, SideFrames]
@@ -90,30 +96,22 @@ def read_pairs(
     A thread reads and prepares the next block while the caller computes.
     """
     source = frames or RunFrames(store, run)
-    blocks = [(low, min(low + _READ_ROWS, stop)) for low in range(start, stop, _READ_ROWS)]
 
-    def prepare(low: int, high: int) -> PairFrames:
+    def prepare(low: int) -> PairFrames:
         return {
             side: side_frames(
-                source.read(side, low, high), store.domain(run.domain(side)),
+                source.read(side, low, min(low + _READ_ROWS, stop)), store.domain(run.domain(side)),
                 run.adjustments(side), input_size,
             )
             for side in SIDES
         }  # fmt: skip
 
     with ThreadPoolExecutor(1, thread_name_prefix="frames") as pool:
-        next_block = pool.submit(prepare, *blocks[0]) if blocks else None
-        for position, (low, high) in enumerate(blocks):
-            assert next_block is not None
-            block = next_block.result()
-            if position + 1 < len(blocks):
-                next_block = pool.submit(prepare, *blocks[position + 1])
-            for offset in range(0, high - low, batch):
-                rows = slice(offset, min(offset + batch, high - low))
-                yield (
-                    low + offset,
-                    {side: _slice_frames(frames, rows) for side, frames in block.items()},
-                )
+        blocks = range(start, stop, _READ_ROWS)
+        for low, block in zip(blocks, map_ahead(pool, prepare, blocks, window=1), strict=True):
+            for offset in range(0, len(block["sim"].x), batch):
+                rows = slice(offset, offset + batch)
+                yield low + offset, {side: frames.rows(rows) for side, frames in block.items()}
 
 
 def side_frames(
@@ -127,9 +125,3 @@ def side_frames(
         valid = valid & (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     x = preprocess(rgb, depth, domain.depth_scale, input_size)
     return SideFrames(rgb, depth, valid, domain.depth_scale, x)
-
-
-def _slice_frames(frames: SideFrames, rows: slice) -> SideFrames:
-    return SideFrames(
-        frames.rgb[rows], frames.depth[rows], frames.valid[rows], frames.depth_scale, frames.x[rows]
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,17 +18,18 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference import Backend, choose_backend
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
+from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.executors import run_units
 from s2rtools.precompute.frame_reader import read_pairs
-from s2rtools.precompute.publish import publish_run
+from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.tasks.map_grids import map_stages
-from s2rtools.precompute.tasks.network_outputs import forward_stage, heatmap_stages
+from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stage
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stage
-from s2rtools.precompute.unit_computer import worker_factory
+from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import Stage, missing_units
 
 
@@ -61,20 +63,16 @@ def precompute(
     another process computes, RequestError for unknown runs or kinds.
     """
     options = options or PrecomputeOptions()
-    kinds = _check_kinds(options.kinds)
+    for kind in options.kinds or ():
+        if kind not in HEATMAP_KINDS:
+            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
+    kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
     with locks.compute_lock(root):
         with s2rstore.open(root) as store:
             names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
             raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
         return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
-
-
-def _check_kinds(kinds: tuple[str, ...] | None) -> tuple[str, ...]:
-    for kind in kinds or ():
-        if kind not in HEATMAP_KINDS:
-            raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
-    return tuple(HEATMAP_KINDS) if kinds is None else kinds
 
 
 def _compute_run(
@@ -92,41 +90,39 @@ def _compute_run(
             reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
     with s2rstore.open(root) as store:
         run = store.run(name)
-        backend = _choose_backend(store, run, options)
         model = load_model(store, run.model, options.trust)
+        backend = _choose_backend(store, run, model, options.backend)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         frames = frames_stages(store, run)
         rendered = tuple(spec for stage in frames for spec in stage.specs)
-        forward = forward_stage(store, run, model, backend, allowed, rendered)
-        heatmaps = heatmap_stages(store, run, model, backend, allowed, rendered)
+        forward, heatmaps = network_stages(store, run, model, backend, allowed, rendered)
         projection = projection_stage(store, forward)
         second = [projection, *map_stages(store, forward, heatmaps)]
         third = [outlier_stage(store, forward, projection)]
     for group in (frames, [forward, *heatmaps], second, third):
-        _compute_stages(root, group, {name: backend["name"]}, options, reporter)
+        _compute_stages(root, group, backend["name"], options, reporter)
     stages = [forward, *heatmaps, *second, *third, *frames]
     published = publish_run(root, name, stages, backend)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 
 
-def _choose_backend(store: Store, run: Run, options: PrecomputeOptions) -> dict[str, Any]:
+def _choose_backend(store: Store, run: Run, model: LoadedModel, name: str) -> dict[str, Any]:
     """Name and precision of the backend; all but plain torch are checked on the first images."""
-    model = load_model(store, run.model, options.trust)
     height, width = model.network.input_size
     samples = [np.empty((0, 4, height, width), dtype=np.float32)]
-    if options.backend != Backend.name:
+    if name != Backend.name:
         stop = min(16, len(store.instances))
         for _, frames in read_pairs(store, run, (height, width), 0, stop, 16):
             samples += [frames[side].x for side in SIDES]
-    chosen = choose_backend(model, np.concatenate(samples), options.backend, threads=0)
+    chosen = choose_backend(model, np.concatenate(samples), name)
     return {"name": chosen.name, "precision": chosen.precision}
 
 
 def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
-    backends: dict[str, str],
+    backend: str,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
 ) -> None:
@@ -137,7 +133,8 @@ def _compute_stages(
         return
     names = list(dict.fromkeys(unit.stage.name for unit in units))
     label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
-    reporter.begin(f"{units[0].stage.run}: {label}", sum(unit.rows for unit in units))
+    reporter.begin(f"{units[0].stage.run}: {label}", sum(len(unit.rows) for unit in units))
     workers = min(options.workers, len(units), os.cpu_count() or 1)
-    for unit in run_units(root, units, worker_factory(backends, options.trust), workers):
-        reporter.advance(unit.rows)
+    opener = partial(UnitComputer, backend, options.trust)
+    for unit in run_units(root, units, opener, workers):
+        reporter.advance(len(unit.rows))

@@ -1,4 +1,4 @@
-"""Register models and runs in a store."""
+"""Register runs in a store."""
 
 from __future__ import annotations
 
@@ -14,36 +14,19 @@ from s2rstore.geometry.camera_offset import UNMOVED, camera_move
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtools.models.conventions import parse_convention
-from s2rtools.models.library import DEFAULT_CONVENTIONS, read_weights, register_model
+from s2rtools.models.model_registration import check_name_free
 from s2rtools.rendering import open_renderer
 
 Chains = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
-def add_model(
-    root: Path, name: str, file: Path, architecture: str, convention: str | None, trust: bool
-) -> None:
-    """Check a weights file and publish it as a model. Raises RequestError."""
-    checked_name(name, "model")
-    with s2rstore.open(root) as store:
-        _refuse_existing(name, store.models, "model", root)
-    weights = read_weights(file, architecture, trust)
-    if convention is None and architecture not in DEFAULT_CONVENTIONS:
-        raise RequestError(
-            f"--convention: {architecture} has no default; name heading unit and frame"
-        )
-    output = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
-    with edit(root) as draft:
-        check_name_free(draft, "model", name)
-        register_model(root, draft, name, weights, output)
-        draft.set_provenance(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
-
-
 def add_run(
     root: Path, name: str, model: str, sim: str | None, real: str | None, chains: Chains
 ) -> str:
-    """Publish a run that is not computed yet; return its name. Raises RequestError."""
+    """Publish a run that is not computed yet; return its name.
+
+    Raises RequestError, also if a chain moves cameras that cannot be rendered.
+    """
     checked_name(name, "run")
     for side, chain in chains.items():
         names = [str(step["name"]) for step in chain]
@@ -51,13 +34,15 @@ def add_run(
         if repeated is not None:
             raise RequestError(f"--adjust {side}: {repeated} twice; name each adjustment once")
     with s2rstore.open(root) as store:
-        _refuse_existing(name, store.runs, "run", root)
+        if name in store.runs:
+            raise RequestError(f"run {name!r}: already in {root}; choose another name")
         if model not in store.models:
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
         domains = find_domain(store, "sim", sim), find_domain(store, "real", real)
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
-            _check_move(store, domain, chain)
+            if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
+                open_renderer(store, domain)
     with edit(root) as draft:
         check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
@@ -76,13 +61,6 @@ def drop_run(root: Path, name: str) -> bool:
         if draft.rows("SELECT 1 FROM run WHERE run = ? AND key IS NULL", [name]):
             draft.delete("run", run=name)
     return True
-
-
-def _check_move(store: Store, domain: str, chain: Sequence[Mapping[str, Any]]) -> None:
-    """Raises RequestError if a chain moves cameras that cannot be rendered."""
-    record = store.domain(domain)
-    if camera_move(chain, record, store.dataset.frame_width) != UNMOVED:
-        open_renderer(store, domain)
 
 
 def insert_run(
@@ -108,14 +86,6 @@ def insert_run(
     )
 
 
-def check_name_free(draft: IndexTransaction, table: str, name: str) -> None:
-    """Raises RequestError if another process has used the name in the meantime."""
-    if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
-        raise RequestError(
-            f"{table} {name!r}: another process has just used the name; choose another"
-        )
-
-
 def find_domain(store: Store, kind: Side, name: str | None) -> str:
     """The named domain of a kind; by default `sim` / `real`, or the first of that kind."""
     names = [key for key, domain in store.domains.items() if domain.kind == kind]
@@ -124,8 +94,3 @@ def find_domain(store: Store, kind: Side, name: str | None) -> str:
     if name not in names:
         raise RequestError(f"--{kind} {name}: no {kind} domain (has: {', '.join(names)})")
     return name
-
-
-def _refuse_existing(name: str, existing: Mapping[str, Any], table: str, root: Path) -> None:
-    if name in existing:
-        raise RequestError(f"{table} {name!r}: already in {root}; choose another name")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,9 @@ COARSE_ZOOM = np.round(np.arange(0.84, 1.161, 0.04), 3)
 FINE_HEIGHT = (-0.04, -0.02, 0.0, 0.02, 0.04)
 FINE_ZOOM = (-0.02, 0.0, 0.02)
 
+_CalibrationPair = tuple[ViewImages, ViewImages, NDArray[np.float32]]
+"""Sim and real images of an instance, and the gradients of the sim image."""
+
 
 def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
     """The rigs of a run with the stored correction; None if the domains are not calibrated.
@@ -44,46 +47,30 @@ def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
 
 
 def ensure_calibrated(root: Path, run: Run) -> bool:
-    """Calibrate the run's pair of domains and publish the result; False if it exists."""
+    """Calibrate the run's pair of domains and publish the result; False if it exists.
+
+    Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side.
+    """
+    section = f"alignment:{run.sim_domain}|{run.real_domain}"
     with s2rstore.open(root) as store:
-        if store.provenance(_provenance_section(run)).get("version") == str(VERSION):
+        if store.provenance(section).get("version") == str(VERSION):
             return False
-        sim, real = (store.domain(run.domain(side)) for side in SIDES)
-        pairs, frame = _samples(store, sim, real)
+        domains = [store.domain(run.domain(side)) for side in SIDES]
         size = store.dataset.frame_height, store.dataset.frame_width
-        offset = calibrate(
-            _scale_cameras(sim, frame, size), _scale_cameras(real, frame, size), frame, pairs
+        share = min(1.0, MAX_SIDE / max(size))
+        frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
+        n = len(store.instances)
+        iids = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
+        sim_images, real_images = (
+            [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
         )
+        pairs = list(zip(sim_images, real_images, strict=True))
+        sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
+        offset = calibrate(sim, real, frame, pairs)
     with edit(root) as draft:
-        draft.set_provenance(
-            _provenance_section(run),
-            {
-                "height": offset.height,
-                "zoom": offset.zoom,
-                "frames": len(pairs),
-                "version": VERSION,
-            },
-        )
+        facts = {**asdict(offset), "frames": len(pairs), "version": VERSION}
+        draft.set_provenance(section, facts)
     return True
-
-
-def _provenance_section(run: Run) -> str:
-    return f"alignment:{run.sim_domain}|{run.real_domain}"
-
-
-def _samples(
-    store: Store, sim: Domain, real: Domain
-) -> tuple[list[tuple[ViewImages, ViewImages]], tuple[int, int]]:
-    """Image pairs spread over the data set, at most `MAX_SIDE` on their longer side."""
-    height, width = store.dataset.frame_height, store.dataset.frame_width
-    share = min(1.0, MAX_SIDE / max(height, width))
-    frame = max(8, round(height * share)), max(8, round(width * share))
-    n = len(store.instances)
-    rows = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
-    return [
-        (_read_images(store, int(iid), sim, frame), _read_images(store, int(iid), real, frame))
-        for iid in rows
-    ], frame
 
 
 def _read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
@@ -118,10 +105,8 @@ def calibrate(
     gradient magnitudes between the sim and the warped real image. No correction is returned
     unless it gains at least `MIN_GAIN`.
     """
-    prepared = [
-        _CalibrationPair(sim_images, real_images, _gradient(sim_images[0]))
-        for sim_images, real_images in image_pairs
-    ]
+    prepared = [(sim_images, real_images, _gradient(sim_images[0]))
+                for sim_images, real_images in image_pairs]  # fmt: skip
 
     def score(correction: RigOffset, pairs: list[_CalibrationPair]) -> float:
         return _mean_correlation(ImageAlignment(sim, real, frame, correction).sim_view, pairs)
@@ -142,25 +127,16 @@ def calibrate(
     return chosen
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _CalibrationPair:
-    """Both images of an instance, and the gradients of the sim image."""
-
-    sim: ViewImages
-    real: ViewImages
-    gradient: NDArray[np.float32]
-
-
 def _mean_correlation(view: CameraView, pairs: list[_CalibrationPair]) -> float:
     """Mean correlation of gradients; a pair that hardly overlaps counts as 0."""
     scores = []
-    for pair in pairs:
-        rgb, visible = view.warp_colours(pair.sim, pair.real, view.metres(*pair.sim[1:]))
+    for sim, real, gradient in pairs:
+        rgb, visible = view.warp_colours(sim, real, view.metres(*sim[1:]))
         inner = cv2.erode(visible.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         correlation = 0.0
         if inner.mean() > MIN_OVERLAP:
             with np.errstate(invalid="ignore", divide="ignore"):
-                correlation = float(np.corrcoef(pair.gradient[inner], _gradient(rgb)[inner])[0, 1])
+                correlation = float(np.corrcoef(gradient[inner], _gradient(rgb)[inner])[0, 1])
         scores.append(correlation if np.isfinite(correlation) else 0.0)
     return float(np.mean(scores)) if scores else 0.0
 

@@ -44,15 +44,10 @@ class ArraySpec:
     rows: int
     attributes: tuple[tuple[str, str], ...] = ()
 
-    @property
-    def name(self) -> str:
-        return ".".join(
-            part for part in (self.kind.replace(":", "."), self.mode, self.side) if part
-        )
-
     def path(self, run: str) -> str:
         """Path inside runs.zarr."""
-        return f"{run}/{self.key}/{self.name}"
+        parts = self.kind.replace(":", "."), self.mode, self.side
+        return f"{run}/{self.key}/{'.'.join(part for part in parts if part)}"
 
     def open_array(self, root: Path, run: str) -> StoredArray:
         """Open the stored array. Raises RequestError if its shape or dtype differs."""
@@ -85,17 +80,6 @@ class Stage:
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)
 
-    def unit_key(self, shard: int) -> str:
-        digest = hashlib.sha256("|".join(spec.path(self.run) for spec in self.specs).encode())
-        return f"{self.run}:{self.name}:{digest.hexdigest()[:12]}:{shard}"
-
-    def shards(self) -> range:
-        return range(-(-self.rows // self.shard_rows))
-
-    def row_range(self, shard: int) -> tuple[int, int]:
-        start = shard * self.shard_rows
-        return start, min(start + self.shard_rows, self.rows)
-
     def create(self, root: Path) -> None:
         """Create the stage's empty arrays that do not exist yet."""
         for spec in self.specs:
@@ -111,7 +95,7 @@ class Stage:
         return partial(self.source_array, root)
 
     def source_array(
-        self, root: Path, kind: str, side: str, mode: str | None = None
+        self, root: Path, kind: str, side: str | None, mode: str | None = None
     ) -> StoredArray:
         """Open the array of a source."""
         for spec in self.sources:
@@ -136,21 +120,23 @@ class Stage:
             path = root / layout.RUNS / spec.path(self.run)
             file = stored_array.write_shard(path, shard, rows, root)
             files.append((file.relative_to(root).as_posix(), len(rows)))
-        Ledger(root).add(self.unit_key(shard), files)
+        digest = hashlib.sha256("|".join(spec.path(self.run) for spec in self.specs).encode())
+        Ledger(root).add(f"{self.run}:{self.name}:{digest.hexdigest()[:12]}:{shard}", files)
 
 
 @dataclass(frozen=True, slots=True)
 class WorkUnit:
-    """One shard of a stage, and the arrays that it still lacks."""
+    """One shard of a stage, and the arrays whose shard is missing."""
 
     stage: Stage
     shard: int
     missing: tuple[ArraySpec, ...]
 
     @property
-    def rows(self) -> int:
-        start, stop = self.stage.row_range(self.shard)
-        return stop - start
+    def rows(self) -> range:
+        """Rows of the shard in the arrays; instances, except for map grids."""
+        start = self.shard * self.stage.shard_rows
+        return range(start, min(start + self.stage.shard_rows, self.stage.rows))
 
 
 def content_key(facts: dict[str, Any]) -> str:
@@ -178,7 +164,7 @@ def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[WorkUnit]:
     ledger = Ledger(root)
     entries = ledger.by_path()
     for stage in stages:
-        for shard in stage.shards():
+        for shard in range(-(-stage.rows // stage.shard_rows)):
             missing = tuple(
                 spec for spec in stage.specs
                 if not ledger.proves(entries.get(stage.shard_file(spec, shard), []))

@@ -19,7 +19,7 @@ from s2rstore.index.transaction import check_writable, edit
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rtools.inference import open_backend
-from s2rtools.models.library import load_model
+from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import heatmap_metrics
 from s2rtools.scoring.factor_effects import Counterfactuals

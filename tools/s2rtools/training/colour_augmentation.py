@@ -32,16 +32,11 @@ def vary_colours(x: Tensor, generator: torch.Generator) -> Tensor:
     rgb = (x[:, :3] + 1) * 0.5
     luma = (rgb.mean(dim=(2, 3)) @ _YIQ[0]) * brightness
     stretch = 1 / (white - black)
-    matrix = _hue_turn(hue) * (brightness * contrast * stretch)[:, None, None]
+    turn = torch.zeros(len(x), 3, 3)
+    turn[:, 0, 0] = 1
+    turn[:, 1, 1] = turn[:, 2, 2] = hue.cos()
+    turn[:, 1, 2], turn[:, 2, 1] = -hue.sin(), hue.sin()
+    matrix = (_RGB @ turn @ _YIQ) * (brightness * contrast * stretch)[:, None, None]
     offset = (luma * (1 - contrast) - black) * stretch
     changed = torch.baddbmm(offset[:, None, None], matrix, rgb.flatten(2)).clamp_(0, 1)
     return torch.cat([changed.view_as(rgb) * 2 - 1, x[:, 3:]], dim=1)
-
-
-def _hue_turn(angle: Tensor) -> Tensor:
-    turn = torch.zeros(len(angle), 3, 3)
-    turn[:, 0, 0] = 1
-    turn[:, 1, 1] = turn[:, 2, 2] = angle.cos()
-    turn[:, 1, 2], turn[:, 2, 1] = -angle.sin(), angle.sin()
-    matrix: Tensor = _RGB @ turn @ _YIQ
-    return matrix

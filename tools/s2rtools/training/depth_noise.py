@@ -31,15 +31,10 @@ def perlin(shape: tuple[int, int], cells: int, rng: np.random.Generator) -> NDAr
         product: NDArray[np.float64] = slope_y[at] * (v - down) + slope_x[at] * (u - right)
         return product
 
-    fade_v, fade_u = _fade(v), _fade(u)
+    fade_v, fade_u = (t * t * t * (t * (t * 6 - 15) + 10) for t in (v, u))
     top = corner(0, 0) * (1 - fade_u) + corner(0, 1) * fade_u
     bottom = corner(1, 0) * (1 - fade_u) + corner(1, 1) * fade_u
     return np.asarray(top * (1 - fade_v) + bottom * fade_v, dtype=np.float32)
-
-
-def _fade(t: NDArray[np.float64]) -> NDArray[np.float64]:
-    faded: NDArray[np.float64] = t * t * t * (t * (t * 6 - 15) + 10)
-    return faded
 
 
 def noise_fields(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:

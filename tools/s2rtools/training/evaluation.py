@@ -41,9 +41,8 @@ def pose_errors(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance in metres and heading error in degrees, (B,) each."""
     offset = poses[:, :2] - truth[:, :2]
-    return np.hypot(offset[:, 0], offset[:, 1]), np.degrees(
-        angles.distance(poses[:, 2], truth[:, 2])
-    )
+    turn = angles.distance(poses[:, 2], truth[:, 2])
+    return np.hypot(offset[:, 0], offset[:, 1]), np.degrees(turn)
 
 
 def evaluate_splits(

@@ -33,39 +33,28 @@ class TrainingRecipe:
     needs_start: bool = False
 
 
-def _no_augmentation(shape: tuple[int, int], seed: int) -> Augmentation:
-    return lambda x, generator: x
-
-
-def _colours(shape: tuple[int, int], seed: int) -> Augmentation:
-    return vary_colours
-
-
 RECIPES: dict[str, TrainingRecipe] = {
     recipe.name: recipe
     for recipe in (
-        TrainingRecipe("vanilla", "sim images as they are", ("sim",), 2e-3, _no_augmentation),
         TrainingRecipe(
-            "dataaug",
-            "sim images with random brightness, contrast, dynamic range and hue",
-            ("sim",),
-            2e-3,
-            _colours,
+            "vanilla", "sim images as they are", ("sim",), 2e-3,
+            lambda shape, seed: lambda x, generator: x,
+        ),
+        TrainingRecipe(
+            "dataaug", "sim images with random brightness, contrast, dynamic range and hue",
+            ("sim",), 2e-3, lambda shape, seed: vary_colours,
         ),
         TrainingRecipe(
             "finetune",
-            "a trained model, trained on with sim images and real ones of another part, in "
-            "random colours",
-            ("sim", "real"),
-            5e-4,
-            _colours,
-            needs_start=True,
+            "a trained model, trained further on sim images and on real images of another part, "
+            "in random colours",
+            ("sim", "real"), 5e-4, lambda shape, seed: vary_colours, needs_start=True,
         ),
         TrainingRecipe(
             "perlin", "sim images with Perlin noise and holes in depth", ("sim",), 2e-3, DepthNoise
         ),
     )
-}
+}  # fmt: skip
 
 
 def find_recipe(name: str) -> TrainingRecipe:

@@ -31,10 +31,6 @@ REAL_RULE = (
 Codes = NDArray[np.int8]
 
 
-def split_unseen(count: int) -> Codes:
-    return np.full(count, UNSEEN, dtype=np.int8)
-
-
 def split_by_blocks(trajectory: NDArray[np.int32]) -> Codes:
     """Split all trajectories into training, validation and test blocks."""
     codes = np.full(len(trajectory), TRAIN, dtype=np.int8)

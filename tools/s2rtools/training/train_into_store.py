@@ -5,13 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -19,11 +16,11 @@ from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
 from s2rtools.models import build_network
-from s2rtools.models.library import load_model, pack_weights, register_model
+from s2rtools.models.load_model import load_model
+from s2rtools.models.model_registration import check_name_free, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registration import check_name_free, find_domain, insert_run
-from s2rtools.training.evaluation import Splits
+from s2rtools.precompute.registration import find_domain, insert_run
 from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
 from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
@@ -60,7 +57,11 @@ def train_into_store(
             raise RequestError(f"--name {name}: already in {root}; choose another")
         if recipe.needs_start and request.start is None:
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
-        start, start_splits = _start_model(store, request)
+        start, start_splits = None, None
+        if request.start is not None:
+            start = load_model(store, store.run(request.start).model)
+            facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
+            start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         size = (start.network if start else build_network(request.architecture)).input_size
         frames = _frames(store, size)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
@@ -81,35 +82,20 @@ def train_into_store(
     return name
 
 
-def _start_model(
-    store: Store, request: TrainingRequest
-) -> tuple[LoadedModel | None, Splits | None]:
-    if request.start is None:
-        return None, None
-    model = load_model(store, store.run(request.start).model)
-    facts = store.provenance(f"model:{model.name}")
-    n = len(store.instances)
-    known = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
-    return model, known
-
-
 def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
     truth = store.instances
-    domains = {
-        name: DomainFrames.from_blocks(
-            domain.kind, _blocks(store, name), len(truth), size, domain.depth_scale
+    domains = {}
+    for name, domain in store.domains.items():
+        blocks = (
+            store.frames(name, start, min(start + _BLOCK, len(truth)))
+            for start in range(0, len(truth), _BLOCK)
         )
-        for name, domain in store.domains.items()
-    }
+        domains[name] = DomainFrames.from_blocks(
+            domain.kind, ((images["rgb"], images["depth"]) for images in blocks), len(truth), size,
+            domain.depth_scale,
+        )  # fmt: skip
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     return TrainingFrames(domains, poses, truth.trajectory)
-
-
-def _blocks(store: Store, domain: str) -> Iterator[tuple[NDArray[np.uint8], NDArray[Any]]]:
-    count = len(store.instances)
-    for start in range(0, count, _BLOCK):
-        images = store.frames(domain, start, min(start + _BLOCK, count))
-        yield images["rgb"], images["depth"]
 
 
 def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from s2rtools.models.preprocessing import preprocess, resize_frames
 class DomainFrames:
     """All N frames of one domain at one size: rgb (N, h, w, 3) uint8, raw depth (N, h, w).
 
-    The arrays may be memory-mapped. Metres = raw * `depth_scale`.
+    Metres = raw * `depth_scale`.
     """
 
     kind: Side
@@ -34,9 +33,8 @@ class DomainFrames:
         count: int,
         size: tuple[int, int],
         depth_scale: float,
-        folder: Path | None = None,
     ) -> DomainFrames:
-        """Resize blocks of (rgb, depth) in iid order; into files of `folder` if given.
+        """Resize blocks of (rgb, depth) in iid order.
 
         Raises ValueError if the blocks do not add up to `count` frames.
         """
@@ -46,8 +44,8 @@ class DomainFrames:
         for block in blocks:
             small_rgb, small_depth = resize_frames(*block, size)
             if rgb is None or depth is None:
-                rgb = _array(folder, "rgb", (count, *size, 3), small_rgb.dtype)
-                depth = _array(folder, "depth", (count, *size), small_depth.dtype)
+                rgb = np.empty((count, *size, 3), small_rgb.dtype)
+                depth = np.empty((count, *size), small_depth.dtype)
             stop = start + len(small_rgb)
             rgb[start:stop], depth[start:stop] = small_rgb, small_depth
             start = stop
@@ -59,15 +57,6 @@ class DomainFrames:
         """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
         size = (int(self.rgb.shape[1]), int(self.rgb.shape[2]))
         return preprocess(self.rgb[rows], self.depth[rows], self.depth_scale, size)
-
-
-def _array(
-    folder: Path | None, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    if folder is None:
-        return np.empty(shape, dtype=dtype)
-    folder.mkdir(parents=True, exist_ok=True)
-    return np.lib.format.open_memmap(folder / f"{name}.npy", "w+", dtype, shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +72,3 @@ class TrainingFrames:
 
     def __len__(self) -> int:
         return len(self.poses)
-
-    def names(self, kind: Side) -> list[str]:
-        return [name for name, domain in self.domains.items() if domain.kind == kind]

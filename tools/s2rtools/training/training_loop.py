@@ -82,8 +82,8 @@ def train(
     """Train by a recipe; the same seed and number of steps give the same weights.
 
     `start` is the model to train further, with its splits. With `checkpoint` the state is saved
-    there every few seconds and a later call continues from it. Raises
-    RequestError for unknown names, a missing start and too few images.
+    there every few seconds and a later call continues from it. Raises RequestError for unknown
+    names, a missing start and too few images.
     """
     chosen = find_recipe(recipe)
     if chosen.needs_start and start is None:
@@ -105,7 +105,8 @@ def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits
     for name, domain in frames.domains.items():
         before = (start_splits or {}).get(name)
         if domain.kind not in recipe.learns_from:
-            splits[name] = split_rules.split_unseen(len(frames)) if before is None else before
+            unseen = np.full(len(frames), split_rules.UNSEEN, dtype=np.int8)
+            splits[name] = unseen if before is None else before
         elif domain.kind == "real":
             splits[name] = split_rules.split_by_recording(rows)
         elif before is not None and (before == split_rules.TRAIN).any():
@@ -129,7 +130,10 @@ class _Trainer:
         start: LoadedModel | None,
     ) -> None:
         self.frames, self.recipe, self.budget, self.seed = frames, recipe, budget, seed
-        self.domains = [name for kind in recipe.learns_from for name in frames.names(kind)]
+        self.domains = [
+            name for kind in recipe.learns_from for name, domain in frames.domains.items()
+            if domain.kind == kind
+        ]  # fmt: skip
         self.rows = _rows(splits, self.domains, split_rules.TRAIN)
         self.held_out = _rows(splits, self.domains, split_rules.VALIDATION)
         if len(self.rows) < 2:
@@ -144,14 +148,12 @@ class _Trainer:
         self.progress = TrainingProgress()
 
     def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
-        if self.start is not None:
-            with torch.random.fork_rng():
-                network = build_network(self.start.architecture)
-            network.load_state_dict(self.start.network.state_dict())
-            return network, self.start.convention
         with torch.random.fork_rng():
             torch.manual_seed(self.seed)
-            network = build_network(architecture)
+            network = build_network(self.start.architecture if self.start else architecture)
+        if self.start is not None:
+            network.load_state_dict(self.start.network.state_dict())
+            return network, self.start.convention
         places = self.frames.poses[self.rows[:, 1], :2]
         x, y = places.mean(axis=0)
         network.centre_output((float(x), float(y)), float(max(places.std(axis=0).max(), 0.1)))
@@ -169,13 +171,13 @@ class _Trainer:
                 began = time.monotonic()
                 loss = self._step(done)
                 self.progress.seconds += time.monotonic() - began
-                report(self.budget.fraction(self.progress), loss, self._seconds_left())
-                if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
+                done = self.budget.fraction(self.progress)
+                report(done, loss, self.progress.seconds / max(done, 1e-9) * (1 - done))
+                if time.monotonic() - saved > CHECKPOINT_SECONDS:
                     self._save(checkpoint)
                     saved = time.monotonic()
         finally:
-            if checkpoint is not None:
-                self._save(checkpoint)
+            self._save(checkpoint)
 
     def _step(self, done: float) -> float:
         per_epoch = max(1, len(self.rows) // BATCH)
@@ -184,11 +186,13 @@ class _Trainer:
         batch = self.rows[order[position * BATCH : (position + 1) * BATCH]]
         generator = torch.Generator().manual_seed(self.seed * 1_000_003 + self.progress.step)
         x = self.augment(self._inputs(batch), generator)
-        truth = _components(self.frames.poses[batch[:, 1]])
+        pose = self.frames.poses[batch[:, 1]]
+        truth = np.column_stack([pose[:, :2], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         for group in self.optimizer.param_groups:
             group["lr"] = self.recipe.learning_rate * learning_rate_share(done)
         raw = self.network(x.contiguous(memory_format=torch.channels_last))
-        loss = training_loss(self.convention.components(raw), truth)
+        target = torch.from_numpy(truth.astype(np.float32))
+        loss = training_loss(self.convention.components(raw), target)
         self.optimizer.zero_grad()
         loss.backward()
         self.optimizer.step()
@@ -223,12 +227,9 @@ class _Trainer:
         self.progress.history.append({key: round(value, 5) for key, value in row.items()})
         self.progress.loss_sum = 0.0
 
-    def _seconds_left(self) -> float:
-        done = self.budget.fraction(self.progress)
-        return self.progress.seconds / max(done, 1e-9) * (1 - done)
-
-    def _save(self, path: Path) -> None:
-        write_checkpoint(path, self.network, self.optimizer, self.progress, self.facts())
+    def _save(self, path: Path | None) -> None:
+        if path is not None:
+            write_checkpoint(path, self.network, self.optimizer, self.progress, self.facts())
 
     def facts(self) -> dict[str, Any]:
         """Facts that identify this training."""
@@ -269,12 +270,6 @@ def _rows(splits: Splits, domains: list[str], code: int) -> NDArray[np.intp]:
         iids = np.flatnonzero(splits[name] == code)
         parts.append(np.stack([np.full(len(iids), number), iids], axis=1))
     return np.concatenate(parts)
-
-
-def _components(poses: NDArray[np.float64]) -> Tensor:
-    """(B, 3) x, y, heading -> (B, 4) float32 x, y, cosine, sine."""
-    values = [poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2])]
-    return torch.from_numpy(np.stack(values, axis=1).astype(np.float32))
 
 
 def training_loss(predicted: Tensor, truth: Tensor) -> Tensor:

@@ -5,8 +5,8 @@
 `rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
 headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one
 (trajectory, seq) must agree on the pose. The configuration (bounds, rooms, cameras: see
-`dataset_config`) is the TOML or JSON file with the manifest's name, or the one given by
-`--header`; its floor plan lies in the configuration's folder.
+`dataset_config`) is the TOML or JSON file with the manifest's name, or the file that `--header`
+names; its floor plan lies in the configuration's folder.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import math
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets.csv_rows import read_rows
+from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles
 from s2rtools.datasets.path_containment import PathContainment
@@ -37,25 +36,21 @@ Sizes = dict[str, tuple[Size, Size]]
 
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Read a manifest and its configuration. Raises RequestError if either is malformed."""
-    rows = _read_manifest(path)
-    config = DatasetConfig(
-        options.header or _config_path(path), name=path.stem, y_down=False
-    )  # fmt: skip
-    containment = PathContainment(path.parent, options.allow_outside)
-    result = Scan(
-        name=config.table.name,
-        root=path.parent,
-        frame=options.frame,
-        y_down=config.table.y_down,
-        bounds=config.bounds,
-        accuracy_scale=config.accuracy_scale,
-        domains={},
-        rooms=config.rooms,
-        floor_plan=None,
-        trajectories={},
-        recorded_at=config.recorded_at,
-        outside_folders=containment.outside_folders,
+    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
+    if not rows:
+        raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
+    missing = [name for name in REQUIRED if name not in rows[0][1]]
+    if missing:
+        raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
+    header = options.header or next(
+        (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
+    if header is None:
+        raise RequestError(f"{path.with_suffix('.toml')}: missing; name the file by --header FILE")
+    config = DatasetConfig(header, name=path.stem, y_down=False)
+    containment = PathContainment(path.parent, options.allow_outside)
+    result = config.empty_scan(path.parent, options.frame, containment)
+    result.recorded_at = {name: str(date) for name, date in config.table.recorded_at.items()}
     if plan := config.table.floor_plan:
         folder = containment.for_folder(config.path.parent)
         file = folder.resolve(plan, f"{config.path}: floor_plan")
@@ -70,18 +65,8 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
     sizes = {name: config.image_sizes(name) for name in names}
-    _collect(result, path, rows, sizes, options.trajectories, containment)
+    _collect(result, path, rows, sizes, options, containment)
     return result
-
-
-def _read_manifest(path: Path) -> list[NumberedRow]:
-    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
-    if not rows:
-        raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
-    missing = [name for name in REQUIRED if name not in rows[0][1]]
-    if missing:
-        raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
-    return rows
 
 
 def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[NumberedRow]:
@@ -97,19 +82,12 @@ def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[Nu
     return complete
 
 
-def _config_path(path: Path) -> Path:
-    for suffix in (".toml", ".json"):
-        if path.with_suffix(suffix).is_file():
-            return path.with_suffix(suffix)
-    raise RequestError(f"{path.with_suffix('.toml')}: missing; give the header with --header FILE")
-
-
 def _collect(
     result: Scan,
     path: Path,
     rows: list[NumberedRow],
     sizes: Sizes,
-    requested: tuple[str, ...],
+    options: ScanOptions,
     containment: PathContainment,
 ) -> None:
     """Group the rows by trajectory, seq and domain, and add the usable instances to the scan."""
@@ -127,20 +105,12 @@ def _collect(
             result.issues.append(InputIssue("duplicate row", where, detail))
             continue
         by_domain[row["domain"]] = (number, row)
-    for name in requested:
-        if name not in instances:
-            raise RequestError(f"--trajectory {name}: not in {path} (has: {', '.join(instances)})")
-    for trajectory in requested or sorted(instances):
-        checked_name(trajectory, "trajectory")
-        records = [
+    for trajectory in options.choose_trajectories(sorted(instances), path):
+        records = (
             _instance_record(result, path, by_domain, sizes, containment)
             for _, by_domain in sorted(instances[trajectory].items())
-        ]
-        usable = [record for record in records if record is not None]
-        if usable:
-            result.trajectories[trajectory] = usable
-        else:
-            result.issues.append(InputIssue("empty trajectory", trajectory, "no usable pair"))
+        )
+        result.add_trajectory(trajectory, records)
 
 
 def _instance_record(
@@ -176,31 +146,24 @@ def _instance_record(
                 return None
         sources[domain] = ImageFiles(rgb, depth, *sizes[domain])
     real = next(row for name, (_, row) in by_domain.items() if result.domains[name].kind == "real")
-    odometry = [_parse_float(real.get(f"odom_{name}")) for name in ("x", "y", "heading")]
-    has_odometry = all(math.isfinite(value) for value in odometry)
-    timestamp = _parse_float(real.get("timestamp"))
+    x, y, heading, timestamp = (
+        parse_float(real.get(name)) for name in ("odom_x", "odom_y", "odom_heading", "timestamp")
+    )
+    has_odometry = math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)
     return InstanceRecord(
         x=pose[0],
         y=pose[1],
         heading=_heading(pose[2]),
         sources=sources,
-        odometry=(odometry[0], odometry[1], _heading(odometry[2])) if has_odometry else None,
+        odometry=(x, y, _heading(heading)) if has_odometry else None,
         timestamp=timestamp if math.isfinite(timestamp) else None,
     )
 
 
-def _pose(row: Row) -> tuple[float, float, float]:
-    return _parse_float(row["x"]), _parse_float(row["y"]), _parse_float(row["heading"])
+def _pose(row: Row) -> list[float]:
+    return [parse_float(row[name]) for name in ("x", "y", "heading")]
 
 
 def _heading(degrees: float) -> float:
     """Radians in [-pi, pi)."""
     return math.radians(angles.wrap_degrees(degrees))
-
-
-def _parse_float(text: str | None) -> float:
-    """NaN for a missing value or one that is not a number."""
-    try:
-        return float(text) if text else math.nan
-    except ValueError:
-        return math.nan

@@ -1,8 +1,8 @@
 """Import the Sim2RealViz layout: traj1/{real,sim,sim_edit} with poses in the file names.
 
 `sim/match.csv` (REAL_RGB, SIM_RGB) pairs the images in recording order. The sim pose is the
-ground truth; the real pose is the robot's odometry, in its own frame. Every instance needs a frame
-in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
+ground truth; the real pose is the robot's odometry, in the odometry's frame. Every instance needs
+images in every domain, so `sim_edit` becomes a domain only if all chosen trajectories have it.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ from __future__ import annotations
 import math
 import os
 import re
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import checked_name
 from s2rstore.geometry import angles
-from s2rtools.datasets.csv_rows import read_rows
+from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles, declared_size, size_text
 from s2rtools.datasets.path_containment import PathContainment
@@ -46,22 +44,16 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     RequestError if it has no such layout.
     """
     root = _root(path)
-    config = _read_calibration(options.header)
+    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
+    with resources.as_file(packaged) as default:
+        config = DatasetConfig(
+            options.header or default, name="sim2realviz", y_down=True, accuracy_scale=26.0
+        )
     containment = PathContainment(path, options.allow_outside)
-    result = Scan(
-        name=config.table.name,
-        root=root,
-        frame=options.frame,
-        y_down=config.table.y_down,
-        bounds=config.bounds,
-        accuracy_scale=config.accuracy_scale,
-        domains={},
-        rooms=config.rooms,
-        floor_plan=_floor_plan(path, root, containment),
-        trajectories={},
-        outside_folders=containment.outside_folders,
-    )
-    folders = _trajectories(root, options.trajectories)
+    result = config.empty_scan(root, options.frame, containment)
+    result.floor_plan = _floor_plan(path, root, containment)
+    known = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
+    folders = [known[name] for name in options.choose_trajectories(known, root)]
     names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]
     result.domains = {name: config.domain(name, options.frame) for name in names}
     sizes = {name: config.image_sizes(name) for name in names}
@@ -86,26 +78,6 @@ def _is_trajectory(folder: Path) -> bool:
     return (folder / "sim").is_dir() and (folder / "real").is_dir()
 
 
-def _trajectories(root: Path, requested: tuple[str, ...]) -> list[Path]:
-    folders = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
-    for name in requested:
-        if name not in folders:
-            known = ", ".join(folders)
-            raise RequestError(f"--trajectory {name}: not in {root} (has: {known})")
-    for name in folders:
-        checked_name(name, "trajectory")
-    return [folders[name] for name in requested or folders]
-
-
-def _read_calibration(path: Path | None) -> DatasetConfig:
-    """The given calibration file, or the one that comes with the program."""
-    packaged = resources.files("s2rtools.datasets.importers") / "sim2realviz.toml"
-    with resources.as_file(packaged) as default:
-        return DatasetConfig(
-            path or default, name="sim2realviz", y_down=True, accuracy_scale=26.0
-        )  # fmt: skip
-
-
 def _floor_plan(path: Path, root: Path, containment: PathContainment) -> Path | None:
     for start in (path, root):
         for levels_up, name in _FLOOR_PLANS:
@@ -127,7 +99,7 @@ def _all_have_sim_edit(result: Scan, folders: list[Path]) -> bool:
             result.issues.append(InputIssue("empty folder", result.relative(edited)))
         if with_images:
             options = " ".join(f"--trajectory {other.name}" for other in with_images)
-            detail = f"{_EDITED} is left out; {options} keeps it"
+            detail = f"{_EDITED} is left out; {options} includes it"
             result.issues.append(InputIssue("domain not everywhere", folder.name, detail))
     return bool(recorded) and len(with_images) == len(recorded)
 
@@ -138,50 +110,43 @@ def _scan_trajectory(
     containment.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
     rows = _matched_names(result, folder)
     images = [_images(folder, real, sim, sizes) for real, sim in rows]
-    for image in (image for row in images for image in row.values()):
-        for file in (image.rgb, image.depth):
-            containment.check(file, str(file))
-    images = _with_stored_size(result, folder, images)
-    _report_unmatched(result, folder, rows, list(sizes))
-    records = [_instance_record(result, files) for files in images]
-    usable = [record for record in records if record is not None]
-    if not usable:
-        result.issues.append(InputIssue("empty trajectory", folder.name, "no usable pair"))
-        return
-    result.trajectories[folder.name] = usable
+    for file in (file for row in images for image in row.values() for file in image.paths):
+        containment.check(file, str(file))
+    sizes = _actual_sizes(result, folder, images[:_SAMPLED_IMAGES], sizes)
+    for domain in sizes:
+        used = {real if domain == "real" else sim for real, sim in rows}
+        used |= {_depth_name(name) for name in used}
+        for path in _image_files(folder / domain):
+            if path.name not in used:
+                result.issues.append(InputIssue("unmatched image", result.relative(path)))
+    records = (_instance_record(result, _images(folder, real, sim, sizes)) for real, sim in rows)
+    result.add_trajectory(folder.name, records)
 
 
 def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
     """(real, sim) RGB file names in match.csv, each real image once."""
     path = folder / "sim" / "match.csv"
     pairs: dict[str, str] = {}
-    for number, row in _read_match_rows(result, path):
-        where = f"{result.relative(path)}:{number}"
-        real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
-        if not real and not sim:
-            continue
-        if not all(
-            (match := _NAME.match(name)) and match["image"] == "rgb" for name in (real, sim)
-        ):
-            result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
-        elif real in pairs:
-            detail = (
-                real if pairs[real] == sim else f"{real} with another sim image; kept the first"
-            )
-            result.issues.append(InputIssue("duplicate row", where, detail))
-        else:
-            pairs[real] = sim
-    return list(pairs.items())
-
-
-def _read_match_rows(result: Scan, path: Path) -> list[tuple[int, dict[str, str]]]:
     if not path.exists():
         result.issues.append(InputIssue("no match.csv", result.relative(path)))
         return []
     rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
     if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
         raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
-    return rows
+    for number, row in rows:
+        where = f"{result.relative(path)}:{number}"
+        real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
+        if not real and not sim:
+            continue
+        matches = [_NAME.match(name) for name in (real, sim)]
+        if not all(match and match["image"] == "rgb" for match in matches):
+            result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
+        elif real in pairs:
+            more = "" if pairs[real] == sim else " with another sim image; the first is used"
+            result.issues.append(InputIssue("duplicate row", where, f"{real}{more}"))
+        else:
+            pairs[real] = sim
+    return list(pairs.items())
 
 
 def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, ImageFiles]:
@@ -196,40 +161,30 @@ def _depth_name(rgb: str) -> str:
     return re.sub(r"_rgb(\.\w+)\Z", r"_depth\1", rgb, flags=re.IGNORECASE)
 
 
-def _with_stored_size(
-    result: Scan, folder: Path, rows: list[dict[str, ImageFiles]]
-) -> list[dict[str, ImageFiles]]:
-    """Replace the calibrated image size by the images' own if they are a scaled version of it.
+def _actual_sizes(
+    result: Scan, folder: Path, sample: list[dict[str, ImageFiles]], sizes: Sizes
+) -> Sizes:
+    """Replace the calibrated image sizes by the actual ones if those are scaled versions of them.
 
     The intrinsics of the stored frame hold for every size of the same aspect ratio.
     """
-    scaled: dict[str, tuple[int, int]] = {}
-    for name in rows[0] if rows else ():
-        images = [row[name] for row in rows[:_SAMPLED_IMAGES]]
-        files = [file for image in images for file in (image.rgb, image.depth) if file.is_file()]
-        own_sizes = {declared_size(file) for file in files}
-        size = own_sizes.pop() if len(own_sizes) == 1 else None
-        declared = images[0].rgb_size, images[0].depth_size
+    actual_sizes = dict(sizes)
+    for name, declared in sizes.items():
+        files = [file for row in sample for file in row[name].paths if file.is_file()]
+        actual = {declared_size(file) for file in files}
+        size = actual.pop() if len(actual) == 1 else None
         if size is None or declared == (size, size):
             continue
         if all(size[0] * width == size[1] * height for height, width in declared):
-            scaled[name] = size
+            actual_sizes[name] = size, size
             detail = f"{size_text(size)}, the calibration is for {size_text(declared[0])}; scaled"
             where = result.relative(folder / name)
             result.issues.append(InputIssue("other size than calibrated", where, detail))
-    return [
-        {
-            name: replace(image, rgb_size=scaled[name], depth_size=scaled[name])
-            if name in scaled else image
-            for name, image in row.items()
-        }
-        for row in rows
-    ]  # fmt: skip
+    return actual_sizes
 
 
 def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRecord | None:
-    files = [file for image in sources.values() for file in (image.rgb, image.depth)]
-    missing = [file for file in files if not file.is_file()]
+    missing = [file for image in sources.values() for file in image.paths if not file.is_file()]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
         return None
@@ -247,27 +202,10 @@ def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRe
     )
 
 
-def _pose_in_name(name: str) -> tuple[float, float, float, float]:
-    """x, y, z and rotation in a file name; NaN for what does not parse."""
+def _pose_in_name(name: str) -> list[float]:
+    """x, y, z and rotation in a file name; NaN for values that do not parse."""
     match = _NAME.match(name)
-    values = []
-    for key in "xyzr":
-        try:
-            values.append(float(match[key]) if match else math.nan)
-        except ValueError:
-            values.append(math.nan)
-    return values[0], values[1], values[2], values[3]
-
-
-def _report_unmatched(
-    result: Scan, folder: Path, pairs: list[tuple[str, str]], domains: list[str]
-) -> None:
-    for domain in domains:
-        used = {real if domain == "real" else sim for real, sim in pairs}
-        used |= {_depth_name(name) for name in used}
-        for path in _image_files(folder / domain):
-            if path.name not in used:
-                result.issues.append(InputIssue("unmatched image", result.relative(path)))
+    return [parse_float(match[key] if match else None) for key in "xyzr"]
 
 
 def _image_files(folder: Path) -> list[Path]:

@@ -6,28 +6,17 @@ import hashlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
-from s2rtools.datasets.scan import (
-    CheckedFrame,
-    DecodedFrame,
-    InputIssue,
-    InstanceRecord,
-    Scan,
-    ScanOptions,
-)
+from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptions
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE
 from s2rtools.synthetic_world.routes import Poses
-from s2rtools.synthetic_world.world import (
-    DEPTH_MAX,
-    DEPTH_SCALE,
-    TRAJECTORIES,
-    standard_camera,
-)
+from s2rtools.synthetic_world.world import DEPTH_MAX, DEPTH_SCALE, TRAJECTORIES, standard_camera
 
 _FLOOR_PLAN_PIXELS = 1056
 _FRAME_INTERVAL = 0.5
@@ -42,6 +31,7 @@ class RenderedFrameSource:
     pose: Poses
     number: int
     side: Side
+    depth_type: ClassVar[str] = "uint16"
 
     @property
     def pixels(self) -> int:
@@ -50,10 +40,7 @@ class RenderedFrameSource:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
-    def check(self, scan: Scan, domain: Domain) -> CheckedFrame | InputIssue:
-        return CheckedFrame("uint16")
-
-    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         views = self.data.views(self.side, self.pose[None], np.array([self.number]))
         rgb, depth = views.rgb[0], self.data.raw_depth(views)[0]
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
@@ -64,12 +51,9 @@ class RenderedFrameSource:
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Scan the world of a recipe; `path` stays empty. Raises RequestError for invalid recipes."""
     if path != Path():
-        raise RequestError(f"{path}: `s2r ingest world` makes its data; it takes no PATH")
+        raise RequestError(f"{path}: `s2r ingest world` renders its data and takes no PATH")
     data = WorldData(WorldRecipe(**{**options.world, "frame": options.frame[0]}))
-    for name in options.trajectories:
-        if name not in data.poses:
-            raise RequestError(f"--trajectory {name}: has {', '.join(data.poses)}")
-    names = options.trajectories or tuple(data.poses)
+    names = options.choose_trajectories(data.poses, "the world")
     return Scan(
         name=f"world-{data.recipe.seed}",
         root=Path(),

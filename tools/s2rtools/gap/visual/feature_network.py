@@ -29,11 +29,11 @@ from torch import Tensor, nn
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.gap.visual.inception import FidInception
-from s2rtools.models.library import read_state
 from s2rtools.models.weights_file import (
     check_tensors,
     max_file_bytes,
     parameter_bytes,
+    read_state,
     read_weights_file,
 )
 

@@ -30,7 +30,7 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
             heat = stage.specs_of_kind(kind)
             for side in SIDES:
                 specs = [
-                    _map_spec(spec, side, mode, (grid.rows, grid.cols))
+                    _map_spec(spec, side, mode, grid)
                     for spec in heat
                     if spec.side in (side, None)
                     for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
@@ -42,15 +42,14 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
     return stages
 
 
-def _map_spec(spec: ArraySpec, side: str, mode: str | None, shape: tuple[int, int]) -> ArraySpec:
-    surface = (
-        {"surface": HEATMAP_KINDS[spec.kind].surface} if HEATMAP_KINDS[spec.kind].aligned else {}
-    )
-    key = content_key({"heat": spec.key, **MAP_SETTINGS, **surface})
-    names = ",".join(AGGREGATES)
+def _map_spec(spec: ArraySpec, side: str, mode: str | None, grid: MapGrid) -> ArraySpec:
+    kind = HEATMAP_KINDS[spec.kind]
+    surface = {"surface": kind.surface} if kind.aligned else {}
     return ArraySpec(
-        f"map:{spec.kind}", side, mode, shape, "float32", ("aggregate", "row", "column"),
-        spec.unit, key, len(AGGREGATES), (("aggregates", names),),
+        f"map:{spec.kind}", side, mode, (grid.rows, grid.cols), "float32",
+        ("aggregate", "row", "column"), spec.unit,
+        content_key({"heat": spec.key, **MAP_SETTINGS, **surface}),
+        len(AGGREGATES), (("aggregates", ",".join(AGGREGATES)),),
     )  # fmt: skip
 
 
@@ -63,6 +62,7 @@ def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDA
     stage = unit.stage
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
+    planes = HEATMAP_KINDS[kind].planes
     valid = stage.valid_instances(store.path)
     other: Side = "real" if side == "sim" else "sim"
     floor_heat = FloorHeat(
@@ -78,33 +78,16 @@ def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDA
         rows = np.flatnonzero(valid[start:stop])
         if not rows.size:
             continue
-        depth = _depth(frames, floor_heat, side, other, slice(start, stop), rows)
+        depths = {
+            name: frames.read(name, start, stop, ("depth",))["depth"][rows]
+            for name in ((side, other) if floor_heat.needs_other else (side,))
+        }
+        depth = floor_heat.depth(depths[side], depths.get(other))
         for spec, grid in grids.items():
-            heat = _heat(stage.source_array, store, kind, side, spec.mode, start, stop)[rows]
+            array = stage.source_array(store.path, kind, side, None if planes else spec.mode)
+            heat = np.asarray(array[start:stop][rows], dtype=np.float32)
+            if heat.ndim == 4:
+                heat = np.ascontiguousarray(heat[:, planes.index(spec.mode) if planes else 0])
             ray = HEATMAP_KINDS[kind].ray(spec.mode)
             floor_heat.add(grid, heat, depth, poses[start:stop][rows], ray)
     return {spec: grid.aggregates() for spec, grid in grids.items()}
-
-
-def _depth(
-    frames: RunFrames, floor_heat: FloorHeat, side: Side, other: Side, span: slice,
-    rows: NDArray[np.intp],
-) -> NDArray[Any]:  # fmt: skip
-    """Raw depth (k, H, W) of the surface that carries the heat, for some instances of `span`."""
-
-    def read(name: Side) -> NDArray[Any]:
-        return frames.read(name, span.start, span.stop, ("depth",))["depth"][rows]
-
-    return floor_heat.depth(read(side), read(other) if floor_heat.needs_other else None)
-
-
-def _heat(
-    source: Any, store: Store, kind: str, side: Side, mode: str | None, start: int, stop: int
-) -> NDArray[np.float32]:
-    """Maps of iids [start, stop), shape (n, h, w), only the requested plane."""
-    planes = HEATMAP_KINDS[kind].planes
-    array = source(store.path, kind, side, None if planes else mode)
-    block = np.asarray(array[start:stop], dtype=np.float32)
-    if block.ndim == 3:
-        return block
-    return np.ascontiguousarray(block[:, planes.index(mode) if planes else 0])

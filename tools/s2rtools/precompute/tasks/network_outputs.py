@@ -12,27 +12,28 @@ from numpy.typing import NDArray
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
-from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute.frame_reader import PairFrames, SideFrames
-from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, run_dependencies
+from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key, run_dependencies
 
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
 
 
-def forward_stage(
+def network_stages(
     store: Store,
     run: Run,
     model: LoadedModel,
     backend: dict[str, Any],
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
-) -> Stage:
-    """Predictions, embeddings and every heatmap kind that needs one forward pass only.
+) -> tuple[Stage, list[Stage]]:
+    """The forward stage, and one stage per heatmap kind that needs many passes.
 
-    `frames` are the arrays of rendered frames that the stage reads.
+    The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
+    only. `frames` are the arrays of rendered frames that the stages read.
     """
     facts = run_dependencies(store, run, backend)
     key = content_key({**facts, "kind": "prediction"})
@@ -45,28 +46,14 @@ def forward_stage(
         )
         for side in SIDES
     ]
+    stages = []
     for kind in kinds:
+        heatmaps = _kind_specs(store, run, facts, kind, model)
         if HEATMAP_KINDS[kind].cost == "forward":
-            specs += _kind_specs(store, run, facts, kind, model)
-    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames)
-
-
-def heatmap_stages(
-    store: Store,
-    run: Run,
-    model: LoadedModel,
-    backend: dict[str, Any],
-    kinds: Sequence[str],
-    frames: tuple[ArraySpec, ...] = (),
-) -> list[Stage]:
-    """One stage per heatmap kind that needs many passes through the network."""
-    facts = run_dependencies(store, run, backend)
-    return [
-        Stage(kind, run.run, tuple(_kind_specs(store, run, facts, kind, model)), HEATMAP_ROWS,
-              frames)
-        for kind in kinds
-        if HEATMAP_KINDS[kind].cost != "forward"
-    ]  # fmt: skip
+            specs += heatmaps
+        else:
+            stages.append(Stage(kind, run.run, tuple(heatmaps), HEATMAP_ROWS, frames))
+    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames), stages
 
 
 def _kind_specs(
@@ -84,19 +71,31 @@ def _kind_specs(
     ]  # fmt: skip
 
 
-def pair_batch(
-    store: Store,
-    backend: Backend,
-    iid: int,
-    frames: PairFrames,
-    aligned: ImageAlignment | None = None,
-) -> PairBatch:
-    """Both sides of a batch after the forward pass; its first instance is `iid`."""
-    rows = slice(iid, iid + len(frames["sim"].x))
-    truth = store.instances
-    poses = np.stack([truth.x[rows], truth.y[rows], truth.heading[rows]], axis=1)
-    sim, real = (side_batch(backend, frames[side], poses) for side in SIDES)
-    return PairBatch(backend.model, backend, sim, real, aligned)
+def compute_outputs(
+    store: Store, run: Run, backend: Backend, unit: WorkUnit
+) -> dict[ArraySpec, NDArray[Any]]:
+    """Predictions, embeddings and heatmaps of a unit's instances."""
+    alignment = rig_calibration.load_alignment(store, run)
+    truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
+    source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
+    rows, size = unit.rows, backend.model.network.input_size
+    batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
+    for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
+        poses = truth[iid : iid + len(frames["sim"].x)]
+        sim, real = (side_batch(backend, frames[side], poses) for side in SIDES)
+        pair = PairBatch(backend.model, backend, sim, real, alignment)
+        heatmaps: dict[str, Any] = {}
+        for spec in unit.missing:
+            if spec.kind == "prediction":
+                values: NDArray[Any] = pair.side(spec.side).prediction
+            elif spec.kind == "embedding":
+                values = np.asarray(pair.side(spec.side).embedding)
+            else:
+                if spec.kind not in heatmaps:
+                    heatmaps[spec.kind] = HEATMAP_KINDS[spec.kind].compute(pair)
+                values = heatmaps[spec.kind][spec.side, spec.mode]
+            batches[spec].append(as_stored(values, spec.dtype))
+    return {spec: np.concatenate(parts) for spec, parts in batches.items()}
 
 
 def side_batch(backend: Backend, frames: SideFrames, poses: NDArray[np.float64]) -> SideBatch:
@@ -113,22 +112,6 @@ def side_batch(backend: Backend, frames: SideFrames, poses: NDArray[np.float64])
         prediction=forward.pose,
         truth=poses,
     )
-
-
-def pair_values(pair: PairBatch, specs: tuple[ArraySpec, ...]) -> dict[ArraySpec, NDArray[Any]]:
-    """Values of a batch for each array: predictions, embeddings and heatmaps."""
-    values: dict[ArraySpec, NDArray[Any]] = {}
-    computed: dict[str, Any] = {}
-    for spec in specs:
-        if spec.kind == "prediction":
-            values[spec] = np.asarray(pair.side(spec.side).prediction, dtype=np.float64)
-        elif spec.kind == "embedding":
-            values[spec] = as_stored(np.asarray(pair.side(spec.side).embedding), spec.dtype)
-        else:
-            if spec.kind not in computed:
-                computed[spec.kind] = HEATMAP_KINDS[spec.kind].compute(pair)
-            values[spec] = as_stored(computed[spec.kind][spec.side, spec.mode], spec.dtype)
-    return values
 
 
 def as_stored(values: NDArray[Any], dtype: str) -> NDArray[Any]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
+from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
 KIND = "neighbour_distance"
@@ -31,21 +31,17 @@ class OutlierSettings:
     seed: int = 7
     version: int = 1
 
-    def facts(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 SETTINGS = OutlierSettings()
 OUTLIER_ROWS = 32_768
 _RESOLUTION = 1e-6
-_READ_ROWS = 16_384
 
 
 def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
     """Distances to the nearest principal components of the same side."""
     n = len(store.instances)
     components = projection.specs_of_kind("pca")
-    key = content_key({"pca": components[0].key, **SETTINGS.facts()})
+    key = content_key({"pca": components[0].key, **asdict(SETTINGS)})
     specs = [ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES]
     sources = forward.specs_of_kind("prediction") + components
     return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)
@@ -56,38 +52,15 @@ def compute_distances(
 ) -> dict[ArraySpec, NDArray[np.float32]]:
     """Neighbour distances of a unit's instances, for each missing side."""
     stage = unit.stage
-    sample = sample_rows(stage.valid_instances(root))
-    start, stop = stage.row_range(unit.shard)
+    sample = sample_rows(stage.valid_instances(root), SETTINGS.sample, SETTINGS.seed)
+    iids = np.array(unit.rows)
     distances = {}
     for spec in unit.missing:
-        side = next(side for side in SIDES if side == spec.side)
-        points = stage.source_array(root, "pca", side)
-        rows = np.asarray(points[start:stop])
-        neighbours = _read_rows(points, sample)
-        iids = np.arange(start, stop)
-        distances[spec] = neighbour_distance(rows, iids, neighbours, sample, threads)
+        points = stage.source_array(root, "pca", spec.side)
+        distances[spec] = neighbour_distance(
+            points.oindex[iids], iids, points.oindex[sample], sample, threads
+        )
     return distances
-
-
-def _read_rows(points: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Rows (ascending) of a Zarr array, read block by block to bound the memory."""
-    parts = [np.empty((0, points.shape[1]), dtype=np.float32)]
-    for start in range(0, points.shape[0], _READ_ROWS):
-        first, last = np.searchsorted(rows, [start, start + _READ_ROWS])
-        if first < last:
-            parts.append(np.asarray(points[start : start + _READ_ROWS])[rows[first:last] - start])
-    return np.concatenate(parts)
-
-
-def sample_rows(
-    valid: NDArray[np.bool_], settings: OutlierSettings = SETTINGS
-) -> NDArray[np.int64]:
-    """The instances to compare with, ascending: all valid ones, or a seeded sample of them."""
-    rows = np.flatnonzero(valid)
-    if rows.size > settings.sample:
-        rng = np.random.default_rng(settings.seed)
-        rows = np.sort(rng.choice(rows, settings.sample, replace=False))
-    return rows
 
 
 def neighbour_distance(

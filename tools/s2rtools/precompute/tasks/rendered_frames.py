@@ -48,7 +48,7 @@ def render_frames(frames: RunFrames, unit: WorkUnit) -> dict[ArraySpec, NDArray[
     values: dict[ArraySpec, NDArray[Any]] = {}
     for side in SIDES:
         specs = [spec for spec in unit.missing if spec.side == side]
-        images = frames.read(side, *unit.stage.row_range(unit.shard)) if specs else {}
+        images = frames.read(side, unit.rows.start, unit.rows.stop) if specs else {}
         by_kind = {FRAME_KINDS[image]: rows for image, rows in images.items()}
         values |= {spec: by_kind[spec.kind] for spec in specs}
     return values

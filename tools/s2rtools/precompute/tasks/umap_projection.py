@@ -33,9 +33,6 @@ class ProjectionSettings:
     version: int = 2
     fit_instances: int = 10_000
 
-    def facts(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 SETTINGS = ProjectionSettings()
 
@@ -44,7 +41,7 @@ def projection_stage(store: Store, forward: Stage) -> Stage:
     """PCA and joint UMAP of the forward stage's embeddings, in a single unit."""
     n = len(store.instances)
     embedding = forward.specs_of_kind("embedding")[0]
-    key = content_key({"embedding": embedding.key, **SETTINGS.facts()})
+    key = content_key({"embedding": embedding.key, **asdict(SETTINGS)})
     specs = [
         ArraySpec(kind, side, None, (width,), "float32", ("iid", axis), "", key, n)
         for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
@@ -60,10 +57,8 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
     valid = stage.valid_instances(root)
     embeddings = tuple(stage.source_array(root, "embedding", side) for side in SIDES)
     sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid)
-    plane = joint_umap((sim, real), valid)
-    computed = {("pca", "sim"): sim, ("pca", "real"): real}
-    computed |= {("umap", "sim"): plane[0], ("umap", "real"): plane[1]}
-    return {spec: computed[spec.kind, str(spec.side)] for spec in unit.missing}
+    computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid)}
+    return {spec: computed[spec.kind][spec.side == "real"] for spec in unit.missing}
 
 
 def principal_components(
@@ -76,19 +71,17 @@ def principal_components(
     """
     from sklearn.decomposition import IncrementalPCA
 
-    rows = _fit_rows(valid, settings)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
+    sim, real = (np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides)
     if rows.size == 0:
-        missing = [np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides]
-        return missing[0], missing[1], float("nan")
+        return sim, real, float("nan")
     cuts = np.array_split(rows, max(1, rows.size // _BATCH))
     count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
     model = IncrementalPCA(count)
     with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
         for cut in cuts:
             model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
-    projected = []
-    for side in sides:
-        out = np.full((side.shape[0], settings.components), np.nan, dtype=np.float32)
+    for side, out in zip(sides, (sim, real), strict=True):
         for start in range(0, side.shape[0], _BATCH):
             block = np.asarray(side[start : start + _BATCH], dtype=np.float32)
             keep = valid[start : start + _BATCH]
@@ -96,8 +89,7 @@ def principal_components(
                 part = np.zeros((int(keep.sum()), settings.components), dtype=np.float32)
                 part[:, :count] = model.transform(block[keep])
                 out[start : start + _BATCH][keep] = part
-        projected.append(out)
-    return projected[0], projected[1], float(model.explained_variance_ratio_.sum())
+    return sim, real, float(model.explained_variance_ratio_.sum())
 
 
 def joint_umap(
@@ -106,30 +98,27 @@ def joint_umap(
     settings: ProjectionSettings = SETTINGS,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid."""
-    coordinates = tuple(np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in range(2))
-    rows = _fit_rows(valid, settings)
+    sim, real = (np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in sides)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
-        return coordinates[0], coordinates[1]
+        return sim, real
     points = np.concatenate([side[rows] for side in sides])
     if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
         fitted, transform = points[:, :2], lambda others: others[:, :2]
     else:
         fitted, transform = _fit(points, settings)
-    for side, fit in zip(coordinates, np.split(fitted, 2), strict=True):
-        side[rows] = fit
+    sim[rows], real[rows] = np.split(fitted, 2)
     others = np.setdiff1d(np.flatnonzero(valid), rows)
     for start in range(0, others.size, 4096):
         part = others[start : start + 4096]
-        for side, source in zip(coordinates, sides, strict=True):
-            side[part] = transform(source[part])
-    return coordinates[0], coordinates[1]
+        sim[part], real[part] = (transform(side[part]) for side in sides)
+    return sim, real
 
 
 def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
     from s2rtools.common.numba_cache import cached
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         with cached():
             import umap
         reducer = umap.UMAP(
@@ -141,27 +130,21 @@ def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any
         fitted = reducer.fit_transform(points)
 
     def transform(others: NDArray[np.float32]) -> Any:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             return reducer.transform(others)
 
     return fitted, transform
 
 
-def _fit_rows(valid: NDArray[np.bool_], settings: ProjectionSettings) -> NDArray[np.int64]:
-    """The seeded sample of instances for fitting PCA and UMAP, ascending."""
+def sample_rows(valid: NDArray[np.bool_], limit: int, seed: int) -> NDArray[np.int64]:
+    """The valid instances, ascending; a seeded sample of them if there are more than `limit`."""
     rows = np.flatnonzero(valid)
-    limit = settings.fit_instances // 2
     if rows.size > limit:
-        rng = np.random.default_rng(settings.seed)
-        rows = np.sort(rng.choice(rows, limit, replace=False))
+        rows = np.sort(np.random.default_rng(seed).choice(rows, limit, replace=False))
     return rows
 
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Rows of a Zarr or numpy array; rows that lie close are read as one block."""
-    if rows.size and rows[-1] - rows[0] < 4 * rows.size:
-        block = np.asarray(side[int(rows[0]) : int(rows[-1]) + 1])
-        return block[rows - rows[0]].astype(np.float32)
+    """Rows of a Zarr or numpy array."""
     picked = side[rows] if isinstance(side, np.ndarray) else side.oindex[rows]
     return np.asarray(picked, dtype=np.float32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -41,12 +41,11 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
         if complete and not store.missing_columns("prediction"):
             return False
-        columns = [*_predictions(store, run, specs), *_projections(store, run, specs)]
+        columns = list(_instance_columns(store, run, specs))
         ranges = _heat_ranges(store, run, specs)
         previous = store.provenance(f"run:{run}") if same else {}
-    other_arrays = [
-        r for r in listed if (r.kind, r.side, r.mode) not in {_identity(s) for s in specs}
-    ]
+    computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
+    other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
     with edit(root) as draft:
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
@@ -61,49 +60,25 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
     return True
 
 
-def _identity(spec: ArraySpec) -> tuple[str, str | None, str | None]:
-    return spec.kind, spec.side, spec.mode
-
-
-def _array(store: Store, run: str, spec: ArraySpec) -> np.ndarray:
-    return np.asarray(spec.open_array(store.path, run)[:])
-
-
-def _predictions(
+def _instance_columns(
     store: Store, run: str, specs: Sequence[ArraySpec]
-) -> list[tuple[str, dict[str, Any]]]:
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Columns of the tables `prediction` and `projection`, each with its table."""
     splits = store.provenance(f"model:{store.run(run).model}")
     n = len(store.instances)
     scale = store.dataset.accuracy_scale
-    rows = []
     for side in SIDES:
-        poses, distances = (
-            _array(store, run, next(s for s in specs if (s.kind, s.side) == (kind, side)))
-            for kind in ("prediction", outliers.KIND)
-        )
+        poses, distances, plane = (
+            np.asarray(spec.open_array(store.path, run)[:])
+            for kind in ("prediction", outliers.KIND, "umap")
+            for spec in specs if (spec.kind, spec.side) == (kind, side)
+        )  # fmt: skip
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
         scores = outliers.outlier_scores(distances)
         columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
-        rows.append(("prediction", columns))
-    return rows
-
-
-def _projections(
-    store: Store, run: str, specs: Sequence[ArraySpec]
-) -> list[tuple[str, dict[str, Any]]]:
-    rows = []
-    n = len(store.instances)
-    for spec in (spec for spec in specs if spec.kind == "umap"):
-        plane = _array(store, run, spec).astype(np.float64)
-        columns = {
-            "run": np.full(n, run, dtype=object),
-            "iid": np.arange(n, dtype=np.int32),
-            "side": np.full(n, spec.side, dtype=object),
-            "u": plane[:, 0],
-            "v": plane[:, 1],
-        }
-        rows.append(("projection", columns))
-    return rows
+        yield "prediction", columns
+        u, v = plane.astype(np.float64).T
+        yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
 
 
 def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
@@ -154,18 +129,14 @@ def _provenance(
     facts: dict[str, Any] = {
         "backend": backend,
         "heat ranges": parse_object(previous.get("heat ranges", "{}"), "heat ranges") | ranges,
-        "projection": SETTINGS.facts(),
-        "outlier": outliers.SETTINGS.facts(),
+        "projection": asdict(SETTINGS),
+        "outlier": asdict(outliers.SETTINGS),
         "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
-    aligned = {
-        spec.kind
-        for spec in specs
-        if spec.kind in HEATMAP_KINDS and HEATMAP_KINDS[spec.kind].aligned
-    }
-    surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in sorted(aligned)}
+    kinds = sorted({spec.kind for spec in specs} & set(HEATMAP_KINDS))
+    surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in kinds if HEATMAP_KINDS[kind].aligned}
     facts["surfaces"] = parse_object(previous.get("surfaces", "{}"), "surfaces") | surfaces
     for spec in specs:
         for name, value in spec.attributes:

@@ -16,7 +16,8 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
-from s2rtools.models.library import load_model, pack_weights, read_weights, register_model
+from s2rtools.models.load_model import load_model
+from s2rtools.models.model_registration import pack_weights, read_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
 
 

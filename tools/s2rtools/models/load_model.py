@@ -1,0 +1,113 @@
+"""Load a model from a store; code in files is executed only if the user trusts them."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+from torch import Tensor, nn
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.reader import Store
+from s2rtools.models import ARCHITECTURES, build_network
+from s2rtools.models.conventions import parse_convention
+from s2rtools.models.pose_network import LoadedModel, PoseNetwork
+from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.weights_file import (
+    MAX_TORCHSCRIPT_BYTES,
+    check_archive,
+    check_tensors,
+    max_file_bytes,
+    parameter_bytes,
+    read_state,
+)
+
+
+def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
+    """A store's model in evaluation mode. Raises RequestError if it cannot be loaded."""
+    if name not in store.models:
+        raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
+    record = store.models[name]
+    if record.architecture == TORCHSCRIPT:
+        require_trust(trust, f"model {name!r} (TorchScript)")
+        path, content = _stored_weights(store, record.sha256, MAX_TORCHSCRIPT_BYTES)
+        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
+    else:
+        network = build_trusted_network(record.architecture, trust)
+        path, content = _stored_weights(store, record.sha256, max_weights_bytes(network))
+        check_archive(path, content)
+        load_state(network, read_state(path, content), str(path))
+    network.eval().requires_grad_(False)
+    convention = parse_convention(record.convention)
+    return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+def _stored_weights(store: Store, sha256: str, max_bytes: int) -> tuple[Path, bytes]:
+    """Path and content of a model's weights file, which must not be a link."""
+    start = f"{layout.MODELS}/{sha256}."
+    try:
+        entries = safe_files.names(store.path, layout.MODELS)
+        file = next((entry.path for entry in entries if entry.path.startswith(start)), None)
+        if file is None:
+            raise RequestError(f"{store.path / start}*: missing; add the model again")
+        return store.path / file, safe_files.read(store.path, file, max_bytes)
+    except OSError as error:
+        reason = safe_files.error_text(error)
+        where = error.filename or store.path / layout.MODELS
+        raise RequestError(f"{where}: cannot be read ({reason})") from error
+
+
+def build_trusted_network(architecture: str, trust: bool) -> PoseNetwork:
+    """An untrained network of a built-in architecture or of trusted `module:factory` code."""
+    if ":" not in architecture:
+        return build_network(architecture)
+    require_trust(trust, architecture)
+    module, _, factory = architecture.partition(":")
+    try:
+        network = getattr(importlib.import_module(module), factory)()
+    except (ImportError, AttributeError, ValueError, TypeError) as error:
+        known = ", ".join(ARCHITECTURES)
+        raise RequestError(f"architecture {architecture}: {error} (built in: {known})") from error
+    if isinstance(network, PoseNetwork):
+        return network
+    if isinstance(network, nn.Module):
+        return OpaqueNetwork(network)
+    raise RequestError(
+        f"architecture {architecture}: returned {type(network).__name__}, not a module"
+    )
+
+
+def require_trust(trust: bool, what: str) -> None:
+    """Raises RequestError if the user does not trust code that would be executed."""
+    if not trust:
+        raise RequestError(f"{what} executes code when it is loaded; add --trust if you trust it")
+
+
+def stored_module(network: PoseNetwork) -> nn.Module:
+    """The module whose state dict a weights file contains."""
+    return network.inner if isinstance(network, OpaqueNetwork) else network
+
+
+def max_weights_bytes(network: PoseNetwork) -> int:
+    """The maximum size in bytes of a weights file of the network."""
+    return max_file_bytes(parameter_bytes(stored_module(network).state_dict()))
+
+
+def load_state(into: PoseNetwork, state: dict[str, Tensor], where: str) -> None:
+    """Load a state dict from a file named `where`. Raises RequestError if it does not fit."""
+    network = stored_module(into)
+    expected = network.state_dict()
+    required = [key for key in expected if not key.endswith("num_batches_tracked")]
+    missing = [key for key in required if key not in state]
+    extra = [key for key in state if key not in expected]
+    shaped = [k for k, v in state.items() if k in expected and v.shape != expected[k].shape]
+    for defect, keys in (("no", missing), ("unknown", extra), ("wrong shape of", shaped)):
+        if keys:
+            more = f" and {len(keys) - 3} more" if len(keys) > 3 else ""
+            raise RequestError(f"{where}: {defect} {', '.join(keys[:3])}{more}; another --arch?")
+    check_tensors(state, expected, where)
+    not_finite = [k for k, v in state.items() if v.is_floating_point() and not v.isfinite().all()]
+    if not_finite:
+        raise RequestError(f"{where}: {not_finite[0]} contains values that are not finite")
+    network.load_state_dict(state, strict=False)

@@ -1,0 +1,139 @@
+"""Register a model: check a weights file, store its weights and list it in the index."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from safetensors.torch import save
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, layout
+from s2rstore.files.input_files import check_regular, read_bytes
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import IndexTransaction, edit
+from s2rtools.models import ARCHITECTURES
+from s2rtools.models.conventions import OutputConvention, parse_convention
+from s2rtools.models.load_model import (
+    build_trusted_network,
+    load_state,
+    max_weights_bytes,
+    require_trust,
+    stored_module,
+)
+from s2rtools.models.pose_network import PoseNetwork
+from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.weights_file import MAX_TORCHSCRIPT_BYTES, read_state, read_weights_file
+
+DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """A checked weights file, ready to be stored; `content` is stored.
+
+    `sha256` is that of the original file, `outputs` the width of the network's output.
+    """
+
+    architecture: str
+    sha256: str
+    content: bytes
+    suffix: str
+    input_size: tuple[int, int]
+    outputs: int
+
+
+def add_model(
+    root: Path, name: str, file: Path, architecture: str, convention: str | None, trust: bool
+) -> None:
+    """Check a weights file and publish it as a model. Raises RequestError."""
+    layout.checked_name(name, "model")
+    with s2rstore.open(root) as store:
+        if name in store.models:
+            raise RequestError(f"model {name!r}: already in {root}; choose another name")
+    weights = read_weights(file, architecture, trust)
+    if convention is None and architecture not in DEFAULT_CONVENTIONS:
+        raise RequestError(
+            f"--convention: {architecture} has no default; name heading unit and frame"
+        )
+    output = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
+    with edit(root) as draft:
+        check_name_free(draft, "model", name)
+        register_model(root, draft, name, weights, output)
+        draft.set_provenance(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
+
+
+def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
+    """Check a weights file against an architecture.
+
+    State dicts (.pt, .pth) are read with `weights_only=True`; architectures `torchscript` and
+    `module:factory` execute code and need `trust`. Raises RequestError naming the file if it does
+    not fit.
+    """
+    if architecture == TORCHSCRIPT:
+        require_trust(trust, "TorchScript")
+        content = read_bytes(path, MAX_TORCHSCRIPT_BYTES)
+        digest = hashlib.sha256(content).hexdigest()
+        opaque = OpaqueNetwork.from_torchscript(content, str(path))
+        outputs = opaque.embedding_size
+        return Weights(architecture, digest, content, ".torchscript", opaque.input_size, outputs)
+    check_regular(path)
+    network = build_trusted_network(architecture, trust)
+    content = read_weights_file(path, max_weights_bytes(network))
+    load_state(network, read_state(path, content), str(path))
+    digest = hashlib.sha256(content).hexdigest()
+    return replace(pack_weights(network), architecture=architecture, sha256=digest)
+
+
+def pack_weights(network: PoseNetwork) -> Weights:
+    """Weights of a network in memory."""
+    state = stored_module(network).state_dict()
+    content = save({k: v.detach().cpu().contiguous().clone() for k, v in state.items()})
+    digest = hashlib.sha256(content).hexdigest()
+    size, outputs = network.input_size, network.convention.width
+    return Weights(network.architecture, digest, content, ".safetensors", size, outputs)
+
+
+def register_model(
+    root: Path,
+    draft: IndexTransaction,
+    name: str,
+    weights: Weights,
+    convention: OutputConvention,
+    trained_by: str | None = None,
+) -> None:
+    """Store weights and list the model in the next generation.
+
+    Raises RequestError if the convention does not fit the network's output.
+    """
+    if convention.width != weights.outputs:
+        raise RequestError(
+            f"model {name}: convention {convention.heading} reads {convention.width} outputs, "
+            f"the network returns {weights.outputs}; another --convention?"
+        )
+    file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
+    atomic_writes.write(root, file, weights.content)
+    Ledger(root).add(f"model:{weights.sha256}", [(file, 1)])
+    draft.record_checksums({file: hashlib.sha256(weights.content).hexdigest()})
+    draft.insert_row(
+        "model",
+        {
+            "model": layout.checked_name(name, "model"),
+            "architecture": weights.architecture,
+            "sha256": weights.sha256,
+            "input_height": weights.input_size[0],
+            "input_width": weights.input_size[1],
+            "convention": convention.to_json(),
+            "trained_by": trained_by,
+        },
+    )
+
+
+def check_name_free(draft: IndexTransaction, table: str, name: str) -> None:
+    """Raises RequestError if another process has used the name in the meantime."""
+    if draft.rows(f'SELECT 1 FROM "{table}" WHERE "{table}" = ?', [name]):
+        raise RequestError(
+            f"{table} {name!r}: another process has just used the name; choose another"
+        )
