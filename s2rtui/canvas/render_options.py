@@ -110,6 +110,9 @@ class RenderOptions:
         return self.supports_images and self.mode is not ColourMode.ANSI
 
 
+DEFAULT_OPTIONS = RenderOptions()
+
+
 def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:
     """The arrow of a heading (radians) and its direction (columns, rows) on the screen."""
     turn = heading if y_down else -heading

@@ -190,7 +190,7 @@ def to_strips(
     canvas: Canvas, mode: ColourMode, ascii: bool = False, tolerance: int = 0
 ) -> list[Strip]:
     """One strip per row. With `ascii`, other characters become "?". See `merge_similar_colours`."""
-    drawn = Canvas(1, 1, canvas.theme)
+    drawn = Canvas(1, 1, canvas.options)
     drawn.char, drawn.bold = canvas.char.copy(), canvas.bold
     drawn.fg, drawn.bg = canvas.fg, canvas.bg
     if tolerance > 0:

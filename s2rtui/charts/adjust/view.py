@@ -50,7 +50,7 @@ class AdjustView(View):
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=options.theme)
+        canvas = Canvas(*size, options)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
             return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)

@@ -62,7 +62,7 @@ class CompareView(View):
         return state.generation, identity_key(self.input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=options.theme)
+        canvas = Canvas(*size, options)
         other = run_differences.other_run(scene.state)
         if other is None:
             canvas.text(0, 0, "nothing to compare with", options.theme.muted)

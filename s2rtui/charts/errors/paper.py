@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.errors.model import (
-    NAMES,
-    ErrorsInput,
-    ErrorsModel,
-    SideErrors,
-    errors_model,
-)
+from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.paper import (
     Page,
@@ -66,12 +60,7 @@ def _axis_name(data: ErrorsInput, model: ErrorsModel) -> str:
 
 
 def _side(
-    axes: Axes,
-    model: ErrorsModel,
-    errors: SideErrors,
-    name: str,
-    data: ErrorsInput,
-    page: Page,
+    axes: Axes, model: ErrorsModel, errors: SideErrors, name: str, data: ErrorsInput, page: Page
 ) -> None:
     from matplotlib.ticker import MaxNLocator
 

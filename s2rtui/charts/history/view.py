@@ -51,7 +51,7 @@ class HistoryView(View):
         view = self.input(scene)
         if view.nights:
             return terminal.draw_history(view, size, options)
-        canvas = Canvas(*size, theme=options.theme)
+        canvas = Canvas(*size, options)
         lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
         for row, line in enumerate(lines):
             canvas.text(0, row, line, options.theme.muted if row else options.theme.text)

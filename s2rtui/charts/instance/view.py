@@ -84,7 +84,7 @@ class InstanceView(View):
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
-            return Canvas(*size, theme=options.theme)
+            return Canvas(*size, options)
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))

@@ -9,7 +9,7 @@ from rich.cells import cell_len, set_cell_size
 
 from s2rtui.canvas.canvas import Canvas, Size
 from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 
@@ -47,10 +47,9 @@ def list_layout(data: ListInput, size: Size) -> ListLayout:
     return ListLayout(tuple(starts), first, min(space, data.rows.size - first), top)
 
 
-def draw_list(data: ListInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_list(data: ListInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     theme = options.theme
     layout = list_layout(data, (canvas.width, canvas.height))
     if not data.rows.size:
@@ -98,7 +97,7 @@ def _cell(
 
 
 def list_panels(
-    data: ListInput, size: Size, options: RenderOptions | None = None
+    data: ListInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """One panel; y is the index of a row of the list."""
     layout = list_layout(data, size)

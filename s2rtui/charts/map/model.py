@@ -99,11 +99,7 @@ def _errors(truth: ArrayKey, side: ArrayKey) -> tuple[Vectors, Vectors]:
 
 
 def _clusters(
-    arrays: _Arrays,
-    full: float,
-    ids: NDArray[np.intp],
-    frame: MapFrame,
-    footprint: tuple[int, int],
+    arrays: _Arrays, full: float, ids: NDArray[np.intp], frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """One glyph per instance, combined with earlier ones within a footprint."""
     truth, *sides = (np.asarray(part.array, dtype=np.float64)[ids] for part in arrays)

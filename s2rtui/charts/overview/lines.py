@@ -244,21 +244,17 @@ DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
 
 
 def draw_lines(
-    canvas: Canvas,
-    lines: OverviewLines,
-    axis: Interval,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """Draw all lines, then that of the cursor's instance."""
     density = line_density(lines, axis, layout)
-    chart = Canvas(layout.chart_width, layout.height, options.theme)
+    chart = Canvas(layout.chart_width, layout.height, canvas.options)
     chart.bg[:] = canvas.bg[_place(layout)]
-    colour = options.theme.sim if lines.side == "sim" else options.theme.real
-    _layer(chart, density.others, options.theme.unselected, OTHER_RAMP, options, faint=True)
-    _layer(chart, density.highlighted, colour, LIT_RAMP, options, faint=False)
+    colour = canvas.theme.sim if lines.side == "sim" else canvas.theme.real
+    _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
+    _layer(chart, density.highlighted, colour, LIT_RAMP, faint=False)
     if layout.step > 1 and lines.cursor is not None:
-        _draw_cursor_line(chart, lines, axis, layout, options)
+        _draw_cursor_line(chart, lines, axis, layout)
     canvas.paste(chart, layout.chart, layout.top)
 
 
@@ -267,9 +263,7 @@ def _place(layout: OverviewLayout) -> tuple[slice, slice]:
     return rows, slice(layout.chart, layout.chart + layout.chart_width)
 
 
-def _layer(
-    canvas: Canvas, density: Density, colour: Rgb, ramp: str, options: RenderOptions, faint: bool
-) -> None:
+def _layer(canvas: Canvas, density: Density, colour: Rgb, ramp: str, faint: bool) -> None:
     """Draw dots where lines are, the denser the brighter."""
     peak = float(density.max(initial=0.0))
     if peak <= 0:
@@ -277,7 +271,7 @@ def _layer(
     shares = levels(density, peak)
     cells = shares.reshape(canvas.height, 4, canvas.width, 2)
     per_cell = cells.max(axis=(1, 3))
-    if options.ascii:
+    if canvas.options.ascii:
         steps = np.minimum(np.ceil(per_cell * len(ramp)), len(ramp)).astype(np.intp)
         rows, columns = np.nonzero(steps)
         canvas.char[rows, columns] = np.array(list(ramp))[steps[rows, columns] - 1]
@@ -286,9 +280,9 @@ def _layer(
     strength = np.clip(np.log10(peak) - 1.5, 0, 1)
     dither = np.tile(DITHER, (canvas.height, canvas.width))
     dots = (density > 0) & (shares > 0.7 * strength * dither)
-    if faint and options.mode is ColourMode.NONE:
+    if faint and canvas.options.mode is ColourMode.NONE:
         dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
-    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, options))
+    draw_braille(canvas, dots, _shades(per_cell, colour, faint, canvas.options))
 
 
 def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
@@ -299,11 +293,7 @@ def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -
 
 
 def _draw_cursor_line(
-    canvas: Canvas,
-    lines: OverviewLines,
-    axis: Interval,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """The line of the cursor's instance, interrupted where it has no accuracy."""
     grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
@@ -315,12 +305,12 @@ def _draw_cursor_line(
         if start is not None and stop is not None:
             columns, rows = segment_dots(*start, *stop)
             grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-    if not options.ascii:
-        draw_braille(canvas, 0, 0, grid, np.array(options.theme.cursor, dtype=np.uint8))
+    if not canvas.options.ascii:
+        draw_braille(canvas, grid, canvas.theme.cursor)
         return
     held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
     for row, column in np.argwhere(held).tolist():
-        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
+        canvas.put(column, row, canvas.glyphs.cursor, canvas.theme.cursor, bold=True)
 
 
 def _cell_of_accuracy(

@@ -43,9 +43,7 @@ class OverviewModel:
 
 
 def overview_model(
-    rows: Sequence[OverviewRow],
-    baseline: float | None = None,
-    lines: OverviewLines | None = None,
+    rows: Sequence[OverviewRow], baseline: float | None = None, lines: OverviewLines | None = None
 ) -> OverviewModel:
     """Clean the rows and find the axis, rounded outwards within 0 .. 1.
 

@@ -52,12 +52,7 @@ def rooms_figure(
 
 
 def _column(
-    axes: Axes,
-    model: RoomsModel,
-    index: int,
-    page: Page,
-    ink: tuple[int, int, int],
-    height: float,
+    axes: Axes, model: RoomsModel, index: int, page: Page, ink: tuple[int, int, int], height: float
 ) -> None:
     from matplotlib.ticker import MaxNLocator
 

@@ -21,15 +21,8 @@ from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, Theme, legible, luma, mix, turbo
-from s2rtui.canvas.raster import (
-    dot_grid,
-    draw_braille,
-    draw_half_blocks,
-    draw_shades,
-    segment_dots,
-)
+from s2rtui.canvas.raster import dot_grid, draw_braille, draw_half_blocks, draw_shades, segment_dots
 from s2rtui.canvas.raster import flatten_half_blocks as prepare
-from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
@@ -56,38 +49,36 @@ class MapBackground:
     rooms: tuple[Room, ...] = ()
 
 
-def draw_background(
-    canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_background(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
     """Draw floor plan and heat in half blocks, or in light and dense glyphs without them.
 
     Unseen floor is dimmed or left blank. Rooms get dotted outlines.
     """
     if ground.floor_plan is not None or ground.heat is not None:
-        if options.supports_shading:
-            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, options.theme))
+        if canvas.options.supports_shading:
+            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, canvas.theme))
         else:
-            _glyphs(canvas, ground, frame, options)
-    _outlines(canvas, ground.rooms, frame, options)
+            _glyphs(canvas, ground, frame)
+    _outlines(canvas, ground.rooms, frame)
 
 
-def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions) -> None:
+def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
     seen = seen_layer(ground, frame)
     hidden = None if seen is None else _paired(seen) < 0.5
     floor = floor_layer(ground, frame)
     if floor is not None:
         floor = _paired(floor)
-        bright = luma(floor) if options.theme.dark else 1 - luma(floor)
-        colours = mix(np.array(options.theme.background), np.nan_to_num(floor), 0.6)
+        bright = luma(floor) if canvas.theme.dark else 1 - luma(floor)
+        colours = mix(np.array(canvas.theme.background), np.nan_to_num(floor), 0.6)
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[options.ascii], colours)
+        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(ground, frame)
     if heat is not None:
         levels = _paired(heat)
         shown = levels > FAINT if hidden is None else (levels > FAINT) & ~hidden
-        colours = legible(turbo(levels), options.theme)
+        colours = legible(turbo(levels), canvas.theme)
         draw_shades(
-            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[options.ascii], colours
+            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[canvas.options.ascii], colours
         )
 
 
@@ -100,9 +91,7 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _outlines(
-    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
-) -> None:
+def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
     """Dotted outlines of rooms; in ASCII only their corners."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
@@ -113,25 +102,23 @@ def _outlines(
             ((x0, y0), (x0, y1)),
             ((x1, y0), (x1, y1)),
         ):
-            if options.ascii:
-                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", options.theme.muted)
-                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", options.theme.muted)
+            if canvas.options.ascii:
+                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", canvas.theme.muted)
+                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", canvas.theme.muted)
                 continue
             columns, rows = segment_dots(u0, v0, u1, v1)
             dots |= dot_grid(columns[::3], rows[::3], canvas.width, canvas.height)
-    draw_braille(canvas, 0, 0, dots, np.array(options.theme.muted, dtype=np.uint8))
+    draw_braille(canvas, dots, canvas.theme.muted)
 
 
-def draw_room_names(
-    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_room_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
     """Write each room's name once in its middle, where it fits."""
     named: set[str] = set()
     for room in rooms:
         if room.room in named:
             continue
         named.add(room.room)
-        name = room.room.encode("ascii", "replace").decode() if options.ascii else room.room
+        name = room.room.encode("ascii", "replace").decode() if canvas.options.ascii else room.room
         corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
         (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
         if cell_len(name) > x1 - x0 or y1 - y0 < 1:
@@ -140,7 +127,7 @@ def draw_room_names(
         if 0 <= row < canvas.height and 0 <= column <= canvas.width - cell_len(name):
             columns = np.arange(column, column + cell_len(name))
             prepare(canvas, columns, np.full_like(columns, row))
-            canvas.text(column, row, name, options.theme.muted)
+            canvas.text(column, row, name, canvas.theme.muted)
 
 
 @lru_cache(maxsize=4)

@@ -74,13 +74,7 @@ class MapInput:
     def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
         return MapBackground(
-            self.bounds,
-            self.y_down,
-            self.floor_plan,
-            self.heat,
-            self.heat_range,
-            self.clip,
-            rooms,
+            self.bounds, self.y_down, self.floor_plan, self.heat, self.heat_range, self.clip, rooms
         )
 
 

@@ -20,12 +20,7 @@ from s2rtui.charts.shared.axis_scale import (
     tick_step,
     tick_values,
 )
-from s2rtui.charts.shared.base_map_background import (
-    DIMMED,
-    MapBackground,
-    heat_scale,
-    seen_cells,
-)
+from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
 from s2rtui.charts.shared.paper import (
     Box,

@@ -13,7 +13,7 @@ from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
 from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
 from s2rtui.canvas.raster import draw_picture, draw_shades, resample
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,
@@ -53,10 +53,9 @@ class InstanceLayout:
 
 
 def instance_layout(
-    data: InstanceInput, size: Size, options: RenderOptions | None = None
+    data: InstanceInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> InstanceLayout:
     """Lay out images as large as possible, with colour bars and table below."""
-    options = options or RenderOptions()
     width, height = max(1, size[0]), max(1, size[1])
     model = instance_model(data)
     kinds = _kinds(data, model, options)
@@ -121,36 +120,31 @@ def _arrange(
     return tuple(panels), top + rows * high
 
 
-def draw_instance(data: InstanceInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_instance(
+    data: InstanceInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     model = instance_model(data)
     layout = instance_layout(data, (canvas.width, canvas.height), options)
     for panel in layout.panels:
-        _panel(canvas, panel, data, model, options)
-    _titles(canvas, layout, data, options)
+        _panel(canvas, panel, data, model)
+    _titles(canvas, layout, data)
     draw_rows(canvas, 0, layout.bars_y, layout.bars)
     if layout.table_y is not None:
-        _table(canvas, layout.table_y, data, model, options)
+        _table(canvas, layout.table_y, data, model)
     return canvas
 
 
-def _panel(
-    canvas: Canvas,
-    panel: ImagePanel,
-    data: InstanceInput,
-    model: InstanceModel,
-    options: RenderOptions,
-) -> None:
+def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: InstanceModel) -> None:
     side = data.sim if panel.side == "sim" else data.real
     if panel.what == "heat":
         _heat_glyphs(canvas, panel, side, data, model)
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
-        plain = data if options.supports_images else _without_heat(data)
+        plain = data if canvas.options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
-        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), options)
-        if options.supports_shading:
+        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
+        if canvas.options.supports_shading:
             sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
             key = identity_key((panel.what, *sources, data.over, data.signed))
             true_pixels = partial(pixels, shades=DEPTH_SHADES)
@@ -160,7 +154,7 @@ def _panel(
             panel.x,
             panel.y + panel.height // 2,
             "no image" if panel.what == "rgb" else "no depth",
-            options.theme.muted,
+            canvas.theme.muted,
         )
 
 
@@ -193,10 +187,8 @@ def _heat_glyphs(
     )
 
 
-def _titles(
-    canvas: Canvas, layout: InstanceLayout, data: InstanceInput, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     for panel in layout.panels:
         if panel.y != 1:
             continue
@@ -205,7 +197,7 @@ def _titles(
             (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
         )
         title = side.title or panel.side
-        title = title.encode("ascii", "replace").decode() if options.ascii else title
+        title = title.encode("ascii", "replace").decode() if canvas.options.ascii else title
         text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
         canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
 
@@ -234,10 +226,8 @@ def _bars(
     return parts
 
 
-def _table(
-    canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     roles = {
         "truth": (glyphs.truth, theme.truth),
         "sim": (glyphs.sim, theme.sim),
@@ -258,5 +248,5 @@ def _table(
             canvas.text(at, row, text, ink, bold=strong, align="right")
     for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
         text = f"{name} {value}"
-        text = text.encode("ascii", "replace").decode() if options.ascii else text
+        text = text.encode("ascii", "replace").decode() if canvas.options.ascii else text
         canvas.text(0, row, text, theme.muted)

@@ -172,11 +172,7 @@ def draw_colour_bar(
     axes = figure.add_axes(box)
     ramp = np.linspace(0, 1, 256)[:, None]
     axes.imshow(
-        colours(ramp),
-        aspect="auto",
-        origin="lower",
-        extent=(0, 1, *scale),
-        interpolation="none",
+        colours(ramp), aspect="auto", origin="lower", extent=(0, 1, *scale), interpolation="none"
     )
     axes.set_xticks([])
     axes.yaxis.tick_right()
