@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.gap_history.reader import History
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
 from s2rtui.session import State

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas.colour import ColourMode
+from s2rtui.canvas import ColourMode
 
 if TYPE_CHECKING:
     from s2rtui.terminal.graphics.probe import Graphics

@@ -21,8 +21,8 @@ from rich.style import Style
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, to_16, to_256
+from s2rtui.canvas import Canvas, ColourMode, Pixels, Rgb
+from s2rtui.canvas.colour import to_16, to_256
 from s2rtui.terminal.textual_compat import LazyStrip
 
 _DEFAULT = 1 << 24

@@ -7,10 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import turbo
+from s2rtui.canvas import DEFAULT_OPTIONS, DIGITS, Canvas, RenderOptions, Size, turbo
 from s2rtui.canvas.raster import draw_braille, draw_half_blocks
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, DIGITS, RenderOptions
 
 Rows = list[tuple[str, str]]
 LABEL = 22

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
-from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions
 from s2rtui.canvas.colour import mix
 from s2rtui.canvas.marks import Mark, panel_at
 from s2rtui.charts.compare.terminal import compare_panels

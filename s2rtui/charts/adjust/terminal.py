@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.shared.axis_scale import short_number
 
 _INDENT = 4

@@ -20,8 +20,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.colour import Pixels, diverging
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark, Pixels, diverging
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_background import MapBackground
 from s2rtui.charts.shared.base_map_model import selection_sizes, valid_cursor

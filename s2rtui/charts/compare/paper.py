@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
+from s2rtui.canvas import LIGHT, Rgb, Theme, turbo
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,

@@ -6,10 +6,7 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, legible
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, legible
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,

@@ -10,8 +10,7 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.compare.model import CompareInput, compare_model
 from s2rtui.charts.compare.terminal import compare_panels, draw_compare
 from s2rtui.charts.mark_expressions import area_expression

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats
 
 NAMES = ("sim", "real")

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.errors.model import ErrorsInput, errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
 from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rstore.gap_history.gate_status import AxisStatus
-from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryInput, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
 from s2rtui.charts.shared.paper import (

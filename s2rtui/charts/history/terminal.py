@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.gap_history.gate_status import AxisStatus
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, Theme
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Rgb, Size, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryInput, HistoryModel, Track, history_model
 from s2rtui.charts.shared.axis_scale import short_number
 

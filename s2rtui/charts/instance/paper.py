@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import LIGHT, NO_DEPTH, Pixels, Theme, depth_tint, diverging, turbo
+from s2rtui.canvas import LIGHT, Pixels, Theme, diverging, turbo
+from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     InstanceModel,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.canvas import LIGHT, Rgb, Theme
 from s2rtui.charts.list.model import ListColumn, ListInput
 from s2rtui.charts.shared.paper import (
     Page,

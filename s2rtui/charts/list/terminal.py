@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui.analysis.identity_cache import ArrayKey
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
 from s2rtui.charts.list.terminal import draw_list, list_panels
 from s2rtui.charts.scene import Scene

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
+from s2rtui.canvas import LIGHT, Rgb, Theme, turbo
 from s2rtui.charts.map.model import (
     LARGEST,
     ErrorGlyphs,

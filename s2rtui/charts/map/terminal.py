@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, mix
-from s2rtui.canvas.marks import Panel
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, mix
 from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.map.model import (
     LARGEST,
     LINES_UP_TO,

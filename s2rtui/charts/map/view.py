@@ -9,8 +9,7 @@ import numpy as np
 
 from s2rstore.records import Side
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.map import terminal
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene

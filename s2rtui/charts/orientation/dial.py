@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.geometry import angles
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, Panel, Point, mark_arc
+from s2rtui.canvas import Canvas, Mark, Panel, Point, Rgb, heading_arrow
+from s2rtui.canvas.marks import mark_arc
 from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import heading_arrow
 from s2rtui.charts.shared.bars import Bars
 
 Dots = NDArray[np.bool_]

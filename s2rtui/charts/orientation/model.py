@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark, wrap_degrees
+from s2rtui.canvas import Mark
+from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.shared.axis_scale import Floats
 
 BINS = 72

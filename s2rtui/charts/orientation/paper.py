@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.orientation.dial import RING
 from s2rtui.charts.orientation.model import (
     BINS,

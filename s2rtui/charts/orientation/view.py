@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.orientation.model import OrientationInput, orientation_model
 from s2rtui.charts.orientation.terminal import draw_orientation, orientation_panels

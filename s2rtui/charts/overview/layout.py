@@ -8,8 +8,7 @@ from functools import partial
 
 from rich.cells import cell_len
 
-from s2rtui.canvas.canvas import Size
-from s2rtui.canvas.marks import Panel, Point
+from s2rtui.canvas import Panel, Point, Size
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval

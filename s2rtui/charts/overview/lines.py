@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, mix
+from s2rtui.canvas import Canvas, ColourMode, Pixels, RenderOptions, Rgb, mix
 from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
 from s2rtui.charts.shared.axis_scale import Interval

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.canvas import LIGHT, Rgb, Theme
 from s2rtui.charts.overview.lines import MANY, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,

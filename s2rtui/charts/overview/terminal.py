@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, mark_on_panel, mark_range
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, RenderOptions, Rgb, Size
+from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
 from s2rtui.charts.overview.lines import draw_lines
 from s2rtui.charts.overview.model import (

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal
 from s2rtui.charts.overview.model import OverviewLines

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rtui.canvas.colour import LIGHT, Theme
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.paper import (
     Page,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.rooms.model import RoomsInput, rooms_model
 from s2rtui.charts.rooms.terminal import draw_rooms, rooms_panels

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Rgb, mix
+from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
 
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))
 RIGHT = np.array(list(" ▏▎▍▌▋▊▉█"))

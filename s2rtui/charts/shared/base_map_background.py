@@ -19,8 +19,7 @@ from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, Theme, legible, luma, mix, turbo
+from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
 from s2rtui.canvas.raster import dot_grid, draw_braille, draw_half_blocks, draw_shades, segment_dots
 from s2rtui.canvas.raster import flatten_half_blocks as prepare
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction

@@ -12,8 +12,7 @@ from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.colour import Pixels
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
 from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
+from s2rtui.canvas import Rgb, Theme, luma, mix, turbo
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import (
     Floats,

@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, legible, turbo
-from s2rtui.canvas.marks import Mark, Panel, Point, draw_mark
+from s2rtui.canvas import (
+    Canvas,
+    Mark,
+    Panel,
+    Point,
+    RenderOptions,
+    Rgb,
+    Size,
+    heading_arrow,
+    legible,
+    turbo,
+)
+from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
-from s2rtui.canvas.render_options import RenderOptions, heading_arrow
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,

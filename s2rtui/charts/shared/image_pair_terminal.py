@@ -10,10 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    Canvas,
+    InlineImage,
+    Pixels,
+    RenderOptions,
+    Size,
+    diverging,
+    legible,
+    turbo,
+)
+from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
 from s2rtui.canvas.raster import draw_picture, draw_shades, resample
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,

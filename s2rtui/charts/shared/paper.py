@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.canvas import LIGHT, Rgb, Theme
 from s2rtui.charts.shared.axis_scale import tick_values
 
 if TYPE_CHECKING:

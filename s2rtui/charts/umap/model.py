@@ -20,7 +20,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points
 from s2rtui.session.state import State

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.canvas.colour import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme, turbo
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, tick_values
 from s2rtui.charts.shared.paper import (
     Page,

@@ -8,11 +8,9 @@ from functools import partial
 import numpy as np
 
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import legible, turbo
-from s2rtui.canvas.marks import Panel, Point, draw_mark
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size, legible, turbo
+from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import draw_braille
-from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (

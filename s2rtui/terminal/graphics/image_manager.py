@@ -12,8 +12,7 @@ from traceback import print_exception
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import Pixels
+from s2rtui.canvas import Canvas, InlineImage, Pixels, Size
 from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
