@@ -80,7 +80,8 @@ class InstanceView(View):
         if not (shown.sim.rgb.size and shown.real.rgb.size):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        return paper.instance_figure(shown, size, theme, scene.state.run)
+        title = f"{scene.state.run}: instance {shown.iid}"
+        return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:

@@ -108,7 +108,7 @@ class MapView(View):
         view, state = self.input(scene), scene.state
         title = f"{state.run}: {_TITLES[state.map_mode]}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.map_figure(view, size, theme, state.run, scene.caption, title, state.viewport)
+        return paper.map_figure(view, size, theme, title, scene.caption, state.viewport)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)

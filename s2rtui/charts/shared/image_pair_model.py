@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -61,7 +62,7 @@ class InstanceInput:
     heat_range: Interval | None = None
     over: Literal["rgb", "depth", "both"] = "rgb"
     depth_range: Interval | None = None
-    notes: tuple[tuple[str, str], ...] = field(default=())
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +86,8 @@ class InstanceModel:
     poses: tuple[PoseLine, ...]
 
 
+_ZERO = (236, 236, 236)
+"""The colour of signed heat at 0."""
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
 
 
@@ -153,12 +156,17 @@ def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, F
     values = np.asarray(heat, dtype=np.float64)
     if signed:
         share = np.clip(values / high, -1, 1)
-        colours = diverging(share, middle=(236, 236, 236))
+        colours = diverging(share, _ZERO)
     else:
         share = np.clip((values - low) / (high - low), 0, 1)
         colours = turbo(share)
     strength = np.nan_to_num(np.abs(share))
     return colours, np.where(np.isfinite(values), 0.78 * strength**0.8, 0.0) * (strength > 0.02)
+
+
+def heat_ramp(signed: bool) -> Callable[[NDArray[np.float64]], Pixels]:
+    """The colours of a heat's scale, from fractions 0 .. 1 of it."""
+    return (lambda shares: diverging(2 * shares - 1, _ZERO)) if signed else turbo
 
 
 def panel_pixels(
