@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.raster import dot_grid, draw_braille, flatten_half_blocks, segment_dots
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, flatten_half_blocks, line_dots
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
@@ -86,10 +86,8 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
 
 def _outline(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
     """A closed polygon in braille dots, in ASCII in full stops."""
-    dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
-    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        columns, rows = segment_dots(x0, y0, x1, y1)
-        dots |= dot_grid(columns, rows, canvas.width, canvas.height)
+    lines = zip(corners, [*corners[1:], corners[0]], strict=True)
+    dots = line_dots(lines, canvas.width, canvas.height)
     inside = np.zeros_like(dots)
     rows_held = slice(4 * panel.y, 4 * (panel.y + panel.height))
     columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))
@@ -97,8 +95,7 @@ def _outline(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
     if not canvas.options.ascii:
         draw_braille(canvas, inside, canvas.theme.truth)
         return
-    held = inside.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
-    for row, column in np.argwhere(held):
+    for row, column in np.argwhere(cells_with_dots(inside)):
         canvas.put(int(column), int(row), ".", canvas.theme.truth, bold=True)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,8 @@ from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, luma
 
 Floats = NDArray[np.float32]
+Place = tuple[float, float]
+"""Column and row in cells, with fractions."""
 
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int32)
 
@@ -107,6 +111,12 @@ def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.asarray(bits, dtype=np.int32)
 
 
+def cells_with_dots(dots: NDArray[np.bool_], fine: int = 4) -> NDArray[np.bool_]:
+    """The cells (h, w) that contain any of the dots (fine h, 2w)."""
+    rows, columns = dots.shape
+    return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
+
+
 def dot_grid(
     columns: NDArray[np.float64], rows: NDArray[np.float64], width: int, height: int
 ) -> NDArray[np.bool_]:
@@ -140,10 +150,16 @@ def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray
     canvas.bg[rows, columns] = mean.astype(np.uint8)
 
 
-def segment_dots(
-    x0: float, y0: float, x1: float, y1: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points along a line between two cell coordinates, dense enough for braille dots."""
-    count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
-    along = np.linspace(0.0, 1.0, count + 1)
-    return x0 + (x1 - x0) * along, y0 + (y1 - y0) * along
+def line_dots(
+    lines: Iterable[tuple[Place, Place]], width: int, height: int, every: int = 1
+) -> NDArray[np.bool_]:
+    """Rasterise lines between cell coordinates to braille dots (4 height, 2 width).
+
+    Only each `every`-th point is drawn.
+    """
+    dots = np.zeros((4 * height, 2 * width), dtype=np.bool_)
+    for (x0, y0), (x1, y1) in lines:
+        count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
+        along = np.linspace(0.0, 1.0, count + 1)[::every]
+        dots |= dot_grid(x0 + (x1 - x0) * along, y0 + (y1 - y0) * along, width, height)
+    return dots

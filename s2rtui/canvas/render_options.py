@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.colour import DARK, ColourMode, Theme
+from s2rtui.canvas.colour import DARK, ColourMode, Rgb, Theme
 
 DIGITS = "0123456789"
 """Glyphs of ten steps of a scale, where colours are missing."""
@@ -98,6 +98,14 @@ class RenderOptions:
     @property
     def glyphs(self) -> Glyphs:
         return ASCII if self.ascii else UNICODE
+
+    def role(self, name: str) -> tuple[str, Rgb]:
+        """The glyph and the colour of "sim", "real", "truth", "both" or "cursor"."""
+        return getattr(self.glyphs, name), getattr(self.theme, name)
+
+    def printable(self, text: str) -> str:
+        """The text, with `?` for other characters where only ASCII can be drawn."""
+        return text.encode("ascii", "replace").decode() if self.ascii else text
 
     @property
     def supports_images(self) -> bool:

@@ -34,7 +34,7 @@ def draw_card(rows: Rows, size: Size, options: RenderOptions = DEFAULT_OPTIONS) 
         canvas.text(0, y, name, theme.muted)
         y += narrow
         for line in _wrapped(state, width) or [""]:
-            canvas.text(x, y, line if not options.ascii else _plain(line), theme.text)
+            canvas.text(x, y, options.printable(line), theme.text)
             y += 1
     canvas.text(0, y + 1, "what you should see", theme.text, bold=True)
     y += 2
@@ -52,10 +52,6 @@ def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
     """A state wrapped to the room beside its name, or below it."""
     label = (2 if width < _NARROW else LABEL) if label is None else label
     return textwrap.wrap(text, max(8, width - label))
-
-
-def _plain(text: str) -> str:
-    return text.encode("ascii", "replace").decode()
 
 
 def _roles(canvas: Canvas, x: int, y: int) -> None:

@@ -72,8 +72,7 @@ def draw_sliders(
 
 def _line(canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout) -> None:
     theme, glyphs = canvas.theme, canvas.glyphs
-    side = theme.sim if line.side == "sim" else theme.real
-    mark = glyphs.sim if line.side == "sim" else glyphs.real
+    mark, side = canvas.options.role(line.side)
     if line.active:
         canvas.fill(0, y, canvas.width, 1, theme.highlight)
         canvas.put(0, y, glyphs.pointer, theme.text, bold=True)

@@ -30,7 +30,15 @@ from s2rtui.charts.shared.base_map_paper import (
     map_panel,
     marker_legend,
 )
-from s2rtui.charts.shared.paper import Box, Page, Pixels, draw_colour_bar, new_page, set_panel_title
+from s2rtui.charts.shared.paper import (
+    Box,
+    Page,
+    Pixels,
+    draw_colour_bar,
+    draw_ring,
+    new_page,
+    set_panel_title,
+)
 
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
@@ -148,14 +156,13 @@ def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) ->
     edge = [sheet.page.inks.background]
     for order, verdict in enumerate((0, -1, 1)):
         part = which == verdict
+        x, y = truth[part].T
         sheet.axes.scatter(
-            *truth[part].T, s=size, marker=MARKERS[verdict], c=colours[part], edgecolors=edge,
+            x, y, s=size, marker=MARKERS[verdict], c=colours[part], edgecolors=edge,
             linewidths=width, zorder=5 + order / 10,
         )  # fmt: skip
     if model.cursor is not None:
-        x, y = (float(part) for part in np.asarray(data.truth)[model.cursor])
-        ring = {"facecolors": "none", "edgecolors": [sheet.page.inks.cursor]}
-        sheet.axes.scatter([x], [y], s=80, linewidths=1.6, zorder=7, **ring)
+        draw_ring(sheet.axes, *data.truth[model.cursor], sheet.page.inks.cursor, 80, 7)
 
 
 def _legend(

@@ -70,12 +70,11 @@ def draw_compare(
     """Draw the mean difference of the selected per cell in `size` (columns, rows)."""
     model = compare_model(data)
     layout = compare_layout(data, size, viewport, options, model)
-    frame, glyph, colour = layout.frame, options.glyphs.cursor, options.theme.cursor
 
     def draw_selected(chart: Canvas) -> None:
-        _cells(chart, data, model, frame)
+        _cells(chart, data, model, layout.frame)
         if model.cursor is not None:
-            draw_pose(chart, data.truth, None, model.cursor, frame, glyph, colour)
+            draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
@@ -138,6 +137,5 @@ def _counts(
 
 def _name(name: str, options: RenderOptions) -> str:
     """A run's name, cut to fit into a legend."""
-    if options.ascii:
-        name = name.encode("ascii", "replace").decode()
+    name = options.printable(name)
     return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis

@@ -78,5 +78,4 @@ def _draw_marks(axes: Axes, model: ErrorsModel, errors: SideErrors, page: Page, 
         axes.set_title(text, loc="right", fontsize=9, pad=6, color=inks.text)
     if errors.cursor is not None:
         at = min(errors.cursor, model.upper)
-        style = {"marker": "^", "markersize": 8, "clip_on": False}
-        axes.plot([at], [0], color=inks.cursor, zorder=5, **style)
+        axes.plot([at], [0], marker="^", markersize=8, color=inks.cursor, zorder=5, clip_on=False)

@@ -50,8 +50,10 @@ def _draw_track(axes: Axes, model: HistoryModel, track: Track, page: Page) -> No
     axes.set_xlim(days[0] - 0.6, days[-1] + 0.6)
     ends = np.concatenate([[days[0] - 0.6], days, [days[-1] + 0.6]])
     limits = np.concatenate([model.thresholds[:1], model.thresholds, model.thresholds[-1:]])
-    dashed = {"linewidth": 1.1, "linestyle": (0, (4, 3)), "drawstyle": "steps-mid"}
-    axes.plot(ends, limits, color=inks.truth, **dashed)
+    dashed = (0, (4, 3))
+    axes.plot(
+        ends, limits, color=inks.truth, linewidth=1.1, linestyle=dashed, drawstyle="steps-mid"
+    )
     for at, day in enumerate(days):
         ink = rgb_fractions(status_colour(track.statuses[at], page.theme))
         value, *bounds = np.clip([track.value[at], track.low[at], track.high[at]], low, high)

@@ -65,9 +65,7 @@ def draw_list(data: ListInput, size: Size, options: RenderOptions = DEFAULT_OPTI
             canvas.fill(0, y, canvas.width, 1, theme.highlight)
             canvas.put(0, y, options.glyphs.pointer, theme.text, bold=True)
         for start, column in zip(layout.starts, data.columns, strict=False):
-            text = column.text(iid)
-            if options.ascii:
-                text = text.encode("ascii", "replace").decode()
+            text = options.printable(column.text(iid))
             _cell(canvas, start, y, column, text, theme.text, here)
     return canvas
 

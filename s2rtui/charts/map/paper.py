@@ -131,9 +131,10 @@ def draw_predictions(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
         (data.real, "D", 20, 1.1, edge, inks.real, 5),
         (data.truth, "o", 22, 0.6, inks.truth, edge, 6),
     ):
+        x, y = sheet.thinned(points, ids).T
         sheet.axes.scatter(
-            *sheet.thinned(points, ids).T, s=size * shrink, marker=marker, facecolors=[face],
-            linewidths=width * shrink, edgecolors=[line], zorder=order,
+            x, y, s=size * shrink, marker=marker, facecolors=[face], edgecolors=[line],
+            linewidths=width * shrink, zorder=order,
         )  # fmt: skip
 
 
@@ -145,8 +146,8 @@ def _draw_error_lines(sheet: MapSheet, data: MapInput, ids: NDArray[np.intp]) ->
     for side, ink in ((data.sim, sheet.page.inks.sim), (data.real, sheet.page.inks.real)):
         lines = np.stack([truth, np.asarray(side, dtype=np.float64)[ids]], axis=1)
         known = list(lines[np.isfinite(lines).all(axis=(1, 2))])
-        style = {"linewidths": 0.7, "alpha": alpha, "zorder": 4}
-        sheet.axes.add_collection(LineCollection(known, colors=[ink], **style))
+        collection = LineCollection(known, colors=[ink], linewidths=0.7, alpha=alpha, zorder=4)
+        sheet.axes.add_collection(collection)
 
 
 def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
@@ -154,11 +155,11 @@ def draw_wedges(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
     from matplotlib.patches import Wedge
 
     inks, axes = sheet.page.inks, sheet.axes
-    truth = sheet.thinned(data.truth, model.selection.members)
+    x, y = sheet.thinned(data.truth, model.selection.members).T
     frame = sheet.grid(CELL)
     glyph_set = error_glyphs(data, model, frame, FOOTPRINT)
     size, alpha = (1, 0.25) if glyph_set.crowded else (4, 1.0)
-    axes.scatter(*truth.T, s=size, color=inks.truth, alpha=alpha, linewidths=0, zorder=4)
+    axes.scatter(x, y, s=size, color=inks.truth, alpha=alpha, linewidths=0, zorder=4)
     metres = sheet.area.width / sheet.inches[0] / 72
     centres = glyph_set.centres * (frame.pitch, 2 * frame.pitch * (1 if data.y_down else -1))
     centres += (frame.x0, frame.y0)

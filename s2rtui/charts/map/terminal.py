@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, mix
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, mix
+from s2rtui.canvas.raster import dot_grid, draw_braille, line_dots
 from s2rtui.charts.map.model import (
     LARGEST,
     LINES_UP_TO,
@@ -22,7 +20,7 @@ from s2rtui.charts.map.model import (
     iids_with_error_lines,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.base_map_model import LivePose, MapInput, MapModel, map_model
+from s2rtui.charts.shared.base_map_model import MapInput, MapModel, map_model
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     Places,
@@ -36,7 +34,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     put_glyphs,
     value_legend,
 )
-from s2rtui.charts.shared.legend import LegendPart, text_part
+from s2rtui.charts.shared.legend import LegendPart, role_legend, text_part
 from s2rtui.charts.shared.points import selected_cells
 
 ARC_FOOTPRINT = (7, 3)
@@ -86,7 +84,9 @@ def draw_map(
 
     def draw_selected(chart: Canvas) -> None:
         DRAWINGS[data.mode](chart, data, model, layout.frame)
-        draw_live(chart, data.live, layout.frame)
+        for pose in data.live:
+            points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
+            draw_pose(chart, points, headings, 0, layout.frame, pose.side)
         if data.mode == "full" and model.cursor is not None:
             draw_cursor_predictions(chart, data, model.cursor, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
@@ -98,58 +98,31 @@ def full_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The legend of predictions and truth."""
-    theme, glyphs = options.theme, options.glyphs
-    marks = (
-        (f"{glyphs.sim} ", theme.sim),
-        ("sim  ", theme.muted),
-        (f"{glyphs.real} ", theme.real),
-        ("real  ", theme.muted),
-        (f"{glyphs.truth} ", theme.truth),
-        ("truth", theme.muted),
-    )
-    return [text_part(marks)]
+    return [role_legend(options, sim="sim", real="real", truth="truth")]
 
 
 def draw_predictions(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw predictions and truth of the selected, joined by lines where they are few."""
-    theme, glyphs = canvas.theme, canvas.glyphs
     _lines(canvas, data, iids_with_error_lines(data, model, frame), frame)
-    for points, glyph, colour in (
-        (data.sim, glyphs.sim, theme.sim),
-        (data.real, glyphs.real, theme.real),
-        (data.truth, glyphs.truth, theme.truth),
-    ):
-        rows, columns = np.nonzero(selected_cells(points, model.selection, frame))
-        put_glyphs(canvas, columns, rows, glyph, colour)
+    for role in ("sim", "real", "truth"):
+        cells = selected_cells(getattr(data, role), model.selection, frame)
+        rows, columns = np.nonzero(cells)
+        put_glyphs(canvas, columns, rows, *canvas.options.role(role))
 
 
 def _lines(canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame) -> None:
     """Error lines from the truth to both predictions, in braille or in full stops."""
     starts = frame.to_cells(np.asarray(data.truth)[ids])
     for side, colour in ((data.sim, canvas.theme.sim), (data.real, canvas.theme.real)):
-        grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
-        ends = frame.to_cells(np.asarray(side)[ids])
-        for start, end in zip(starts, ends, strict=True):
-            if np.isfinite(start).all() and np.isfinite(end).all():
-                columns, rows = segment_dots(start[0], start[1], end[0], end[1])
-                grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-        draw_dots(canvas, grid, colour, ".")
+        lines = np.stack([starts, frame.to_cells(np.asarray(side)[ids])], axis=1)
+        known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
+        draw_dots(canvas, line_dots(known, canvas.width, canvas.height), colour, ".")
 
 
 def draw_cursor_predictions(canvas: Canvas, data: MapInput, cursor: int, frame: MapFrame) -> None:
     """Both predicted poses of the cursor's instance."""
-    theme, glyphs = canvas.theme, canvas.glyphs
-    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, glyphs.sim, theme.sim)
-    draw_pose(canvas, data.real, data.real_headings, cursor, frame, glyphs.real, theme.real)
-
-
-def draw_live(canvas: Canvas, live: Sequence[LivePose], frame: MapFrame) -> None:
-    """Draw predicted poses that are not in the store."""
-    theme, glyphs = canvas.theme, canvas.glyphs
-    for pose in live:
-        glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
-        points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
-        draw_pose(canvas, points, headings, 0, frame, glyph, colour)
+    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, "sim")
+    draw_pose(canvas, data.real, data.real_headings, cursor, frame, "real")
 
 
 def draw_error_glyphs(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
@@ -157,19 +130,12 @@ def draw_error_glyphs(canvas: Canvas, data: MapInput, model: MapModel, frame: Ma
     footprint = ARC_FOOTPRINT if canvas.options.supports_images else ARROW_FOOTPRINT
     glyph_set = error_glyphs(data, model, frame, footprint)
     rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
-    gold = canvas.theme.truth
+    glyph, colour = canvas.options.role("truth")
     if glyph_set.crowded:
-        red, green, blue = mix(np.array(canvas.theme.background), np.array(gold), 0.55).tolist()
-        put_glyphs(
-            canvas,
-            columns,
-            rows,
-            "." if canvas.options.ascii else "·",
-            (red, green, blue),
-            bold=False,
-        )
-    else:
-        put_glyphs(canvas, columns, rows, canvas.glyphs.truth, gold, bold=False)
+        glyph = "." if canvas.options.ascii else "·"
+        red, green, blue = mix(canvas.theme.background, colour, 0.55).tolist()
+        colour = red, green, blue
+    put_glyphs(canvas, columns, rows, glyph, colour, bold=False)
     draw = _arcs if canvas.options.supports_images else _arrows
     draw(canvas, glyph_set, data.y_down)
     _middles(canvas, glyph_set)
@@ -215,14 +181,11 @@ def _ring(
 
 def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     """The side's glyph in the middle of each arc, one for both where they coincide."""
-    theme, glyphs = canvas.theme, canvas.glyphs
     places = [_tip_cells(glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real)]
     for sim, real in zip(*(part.tolist() for part in places), strict=True):
-        if sim == real:
-            canvas.put(sim[0], sim[1], glyphs.both, theme.both, bold=True)
-            continue
-        canvas.put(sim[0], sim[1], glyphs.sim, theme.sim, bold=True)
-        canvas.put(real[0], real[1], glyphs.real, theme.real, bold=True)
+        tips = [(sim, "both")] if sim == real else [(sim, "sim"), (real, "real")]
+        for place, role in tips:
+            canvas.put(*place, *canvas.options.role(role), bold=True)
 
 
 def _tip_cells(
@@ -236,26 +199,26 @@ def _tip_cells(
 
 def _arrows(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     """An arrow in the error's direction, with the side's letter and the size of the error."""
-    theme, glyphs = canvas.theme, canvas.glyphs
     sim, real = (_octants(part, y_down) for part in (glyph_set.sim, glyph_set.real))
     sizes = [_digits(part, glyph_set.full) for part in (glyph_set.sim, glyph_set.real)]
     middles = np.floor(glyph_set.centres).astype(int).tolist()
     for index, (column, row) in enumerate(middles):
         texts = [side[index] for side in sizes]
         if sim[index] == real[index]:
-            label = glyphs.both + "".join(texts)
-            _arrow(canvas, column, row, sim[index], None, label, theme.both)
+            _arrow(canvas, column, row, sim[index], None, "".join(texts), "both")
             continue
-        _arrow(canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim)
-        _arrow(canvas, column, row, real[index], sim[index], glyphs.real + texts[1], theme.real)
+        _arrow(canvas, column, row, sim[index], real[index], texts[0], "sim")
+        _arrow(canvas, column, row, real[index], sim[index], texts[1], "real")
 
 
 def _arrow(
-    canvas: Canvas, column: int, row: int, octant: int, other: int | None, label: str, colour: Rgb
+    canvas: Canvas, column: int, row: int, octant: int, other: int | None, size: str, role: str
 ) -> None:
     """One arrow; a label above or below the point avoids the other arrow."""
     if octant < 0:
         return
+    glyph, colour = canvas.options.role(role)
+    label = glyph + size
     across, down = OCTANTS[octant]
     leftwards = across < 0
     if across == 0 and other is not None and other >= 0:
@@ -283,19 +246,11 @@ def glyph_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The legend of arcs or arrows."""
-    theme, glyphs = options.theme, options.glyphs
     full = f"{short_number(full_scale(data), 2)} m"
-    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if options.supports_images else f"9 = {full}"
-    marks = (
-        (f"{glyphs.sim} ", theme.sim),
-        ("sim  ", theme.muted),
-        (f"{glyphs.real} ", theme.real),
-        ("real  ", theme.muted),
-        (f"{glyphs.both} ", theme.both),
-        (f"both  {scale}", theme.muted),
-    )
-    parts = [text_part(marks)]
+    largest = f"{LARGEST:g}{options.glyphs.degree}" if options.supports_images else "9"
+    parts = [role_legend(options, sim="sim", real="real", both=f"both  {largest} = {full}")]
     if model.highlighted > 1:
+        theme = options.theme
         parts.append(text_part((("2..9 + ", theme.truth), ("mean of n instances", theme.muted))))
     return parts
 

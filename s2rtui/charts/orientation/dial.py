@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from s2rstore.geometry import angles
 from s2rtui.canvas import Canvas, Mark, Panel, Point, Rgb, heading_arrow
 from s2rtui.canvas.marks import mark_arc
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.shared.bars import Bars
 
 Dots = NDArray[np.bool_]
@@ -103,8 +103,6 @@ def _bars(
 
 
 QUADRANTS = np.array(list(" ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
-
-
 QUARTER = np.array([[1, 2], [4, 8]])
 
 
@@ -126,18 +124,12 @@ def draw_dial(
     blocks = bar_dots(dial, *size, highlighted, fine=2)
     dots = bar_dots(dial, *size, grey)
     if canvas.options.ascii:
-        _characters(chart, dial, _cells(blocks, 2), _cells(dots, 4), colour)
+        _characters(chart, dial, cells_with_dots(blocks, 2), cells_with_dots(dots), colour)
     else:
         _dots_and_blocks(chart, dial, blocks, dots, colour)
     _needle(chart, dial, cursor)
     canvas.paste(chart, panel.x, panel.y)
     _rim(canvas, panel, cursor, mark)
-
-
-def _cells(dots: Dots, fine: int) -> Dots:
-    """Convert dots (fine h, 2w) to cells (h, w) that contain any."""
-    rows, columns = dots.shape
-    return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
 
 
 def _dots_and_blocks(chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb) -> None:
@@ -154,7 +146,7 @@ def _dots_and_blocks(chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, c
 
 def _characters(chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb) -> None:
     """Ring, grey bars and selected bars in ASCII characters."""
-    ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
+    ring = cells_with_dots(ring_dots(dial, chart.width, chart.height))
     for cells, glyph, ink in (
         (ring, "o", chart.theme.muted),
         (grey, ".", chart.theme.unselected),
@@ -173,8 +165,9 @@ def _needle(chart: Canvas, dial: Dial, cursor: float | None) -> None:
         chart.put(int(dial.x), int(dial.y), arrow, chart.theme.cursor, bold=True)
         return
     end = dial.to_cells(cursor, 0.0)
-    dots = dot_grid(*segment_dots(dial.x, dial.y, *end), chart.width, chart.height)
-    draw_braille(chart, dots, chart.theme.cursor)
+    draw_braille(
+        chart, line_dots([((dial.x, dial.y), end)], chart.width, chart.height), chart.theme.cursor
+    )
 
 
 def _ground(chart: Canvas, dial: Dial, mark: Mark) -> None:

@@ -78,8 +78,9 @@ def _draw_dial(
     if panel.cursor is not None:
         at = np.radians(panel.cursor)
         axes.plot([at, at], [0, peak], color=inks.cursor, linewidth=1.1, zorder=5)
-        rim = {"marker": "o", "markersize": 5, "clip_on": False}
-        axes.plot([at], [peak], color=inks.cursor, zorder=5, **rim)
+        axes.plot(
+            [at], [peak], marker="o", markersize=5, color=inks.cursor, zorder=5, clip_on=False
+        )
 
 
 def _mean(panel: Headings) -> str:

@@ -185,13 +185,7 @@ def _beside(
 
 def _name(panel: str, options: RenderOptions) -> tuple[str, Rgb]:
     """Glyph and name with their colour."""
-    glyphs, theme = options.glyphs, options.theme
-    kinds: dict[str, tuple[str, Rgb]] = {
-        "sim": (glyphs.sim, theme.sim),
-        "truth": (glyphs.truth, theme.truth),
-        "real": (glyphs.real, theme.real),
-    }
-    glyph, colour = kinds[panel]
+    glyph, colour = options.role(panel)
     return f"{glyph} {panel}", colour
 
 

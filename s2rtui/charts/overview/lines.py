@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas import Canvas, ColourMode, Pixels, RenderOptions, Rgb, mix
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
+from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
 from s2rtui.charts.shared.axis_scale import Interval
@@ -247,18 +247,14 @@ def draw_lines(
     """Draw all lines, then that of the cursor's instance."""
     density = line_density(lines, axis, layout)
     chart = Canvas(layout.chart_width, layout.height, canvas.options)
-    chart.bg[:] = canvas.bg[_place(layout)]
-    colour = canvas.theme.sim if lines.side == "sim" else canvas.theme.real
+    rows = slice(layout.top, layout.top + layout.height)
+    chart.bg[:] = canvas.bg[rows, layout.chart : layout.chart + layout.chart_width]
+    colour = getattr(canvas.theme, lines.side)
     _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
     _layer(chart, density.highlighted, colour, LIT_RAMP, faint=False)
     if layout.step > 1 and lines.cursor is not None:
         _draw_cursor_line(chart, lines, axis, layout)
     canvas.paste(chart, layout.chart, layout.top)
-
-
-def _place(layout: OverviewLayout) -> tuple[slice, slice]:
-    rows = slice(layout.top, layout.top + layout.height)
-    return rows, slice(layout.chart, layout.chart + layout.chart_width)
 
 
 def _layer(canvas: Canvas, density: Density, colour: Rgb, ramp: str, faint: bool) -> None:
@@ -280,35 +276,25 @@ def _layer(canvas: Canvas, density: Density, colour: Rgb, ramp: str, faint: bool
     dots = (density > 0) & (shares > 0.7 * strength * dither)
     if faint and canvas.options.mode is ColourMode.NONE:
         dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
-    draw_braille(canvas, dots, _shades(per_cell, colour, faint, canvas.options))
-
-
-def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
-    """A colour per cell, between the background and `colour`."""
     low, high = (0.35, 0.75) if faint else (0.6, 1.0)
-    share = low + (high - low) * shares
-    return mix(np.array(options.theme.background), np.array(colour), share)
+    draw_braille(canvas, dots, mix(canvas.theme.background, colour, low + (high - low) * per_cell))
 
 
 def _draw_cursor_line(
     canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """The line of the cursor's instance, interrupted where it has no accuracy."""
-    grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     places = [
         _cell_of_accuracy(value, axis, layout, index)
         for index, value in enumerate(cursor_accuracies(lines)[layout.first :][: layout.shown])
     ]
-    for start, stop in pairwise(places):
-        if start is not None and stop is not None:
-            columns, rows = segment_dots(*start, *stop)
-            grid |= dot_grid(columns, rows, canvas.width, canvas.height)
+    known = ((a, b) for a, b in pairwise(places) if a is not None and b is not None)
+    grid = line_dots(known, canvas.width, canvas.height)
     if not canvas.options.ascii:
         draw_braille(canvas, grid, canvas.theme.cursor)
         return
-    held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
-    for row, column in np.argwhere(held).tolist():
-        canvas.put(column, row, canvas.glyphs.cursor, canvas.theme.cursor, bold=True)
+    for row, column in np.argwhere(cells_with_dots(grid)).tolist():
+        canvas.put(column, row, *canvas.options.role("cursor"), bold=True)
 
 
 def _cell_of_accuracy(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,12 +77,12 @@ def _draw_row(axes: Axes, y: int, row: OverviewRow, page: Page, selected: bool) 
 
         low, high = axes.get_xlim()
         corner, width = (low - 9 * (high - low), y - 0.5), 19 * (high - low)
-        style = {"linewidth": 0, "zorder": 0, "clip_on": False}
-        axes.add_patch(Rectangle(corner, width, 1, color=inks.highlight, **style))
+        ground = Rectangle(corner, width, 1, color=inks.highlight, linewidth=0, zorder=0)
+        axes.add_patch(ground).set_clip_on(False)
     _write_name(axes, y, row, page, selected)
     if row.sim_accuracy is not None and row.real_accuracy is not None:
-        ends, flat = [100 * row.sim_accuracy, 100 * row.real_accuracy], {"solid_capstyle": "butt"}
-        axes.plot(ends, [y, y], color=inks.faint, linewidth=5, zorder=2, **flat)
+        ends, ink = [100 * row.sim_accuracy, 100 * row.real_accuracy], inks.faint
+        axes.plot(ends, [y, y], color=ink, linewidth=5, solid_capstyle="butt", zorder=2)
     for accuracy, interval, ink, face in (
         (row.sim_accuracy, row.sim_interval, inks.sim, inks.sim),
         (row.real_accuracy, row.real_interval, inks.real, inks.background),
@@ -169,7 +169,12 @@ def _draw_legend(
     from matplotlib.lines import Line2D
 
     inks, (wide, high) = page.inks, page.inches
-    diamond = {"linestyle": "none", "marker": "D", "markersize": 7, "markeredgewidth": 1.6}
+    diamond: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": "D",
+        "markersize": 7,
+        "markeredgewidth": 1.6,
+    }
     handles = [
         Line2D([], [], color=inks.sim, **diamond),
         Line2D([], [], color=inks.real, markerfacecolor=inks.background, **diamond),
@@ -177,8 +182,10 @@ def _draw_legend(
     ]
     names = ["sim", "real", f"{LEVEL_TEXT} interval"]
     if model.baseline is not None:
-        dotted = {"linewidth": 1.4, "linestyle": (0, (2, 2)), "zorder": 1.5}
-        handles.append(axes.axvline(100 * model.baseline, color=inks.truth, **dotted))
+        at, dots = 100 * model.baseline, (0, (2, 2))
+        handles.append(
+            axes.axvline(at, color=inks.truth, linewidth=1.4, linestyle=dots, zorder=1.5)
+        )
         names.append(f"constant mean position ({_percent(model.baseline)} %)")
     for ink, name in line_keys(lines, page):
         handles.append(Line2D([], [], color=ink, linewidth=1.2))
@@ -239,8 +246,8 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, page: Pa
     known = np.array([np.nan if value is None else value for value in accuracies])
     places, rows, ink = 100 * np.clip(known, *axis), np.arange(len(known)), page.inks.cursor
     axes.plot(places, rows, color=ink, linewidth=1.4, zorder=3.5)
-    ring = {"facecolors": [page.inks.background], "edgecolors": [ink]}
-    axes.scatter(places, rows, s=34, zorder=3.6, **ring)
+    face = [page.inks.background]
+    axes.scatter(places, rows, s=34, facecolors=face, edgecolors=[ink], zorder=3.6)
     for place, row, value in zip(places.tolist(), rows.tolist(), accuracies, strict=True):
         if value is not None:
             axes.annotate(

@@ -83,8 +83,7 @@ def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines |
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
         pieces = [("acc. %", theme.muted)]
     if lines is not None:
-        colour = theme.sim if lines.side == "sim" else theme.real
-        pieces.append((f"lines: {lines.side}", colour))
+        pieces.append((f"lines: {lines.side}", getattr(theme, lines.side)))
     if layout.chart_width >= 24:
         pieces.append((f"{glyphs.baseline} baseline", theme.muted))
     for text, colour in pieces:
@@ -99,9 +98,8 @@ def _line(
     name = row.run
     if cell_len(name) > layout.name:
         name = set_cell_size(name, max(0, layout.name - 1)) + canvas.glyphs.ellipsis
-    if canvas.options.ascii:
-        name = name.encode("ascii", "replace").decode()
-    canvas.text(2, y, name if layout.name else "", theme.text, bold=bold)
+    shown_name = canvas.options.printable(name) if layout.name else ""
+    canvas.text(2, y, shown_name, theme.text, bold=bold)
     if layout.chart_width:
         _marks(canvas, y, model, row, layout)
     if layout.numbers < canvas.width:
@@ -130,12 +128,10 @@ def _marks(
     sim, real = places
     if sim is not None and real is not None and abs(sim - real) > 1:
         low, high = sorted((sim, real))
-        worse = row.real_accuracy is not None and row.sim_accuracy is not None
-        worse = worse and (row.real_accuracy or 0.0) < (row.sim_accuracy or 0.0)
+        worse = (row.real_accuracy or 0.0) < (row.sim_accuracy or 0.0)
         canvas.hline(low + 1, high - 1, y, glyphs.bar, theme.muted if worse else theme.truth)
     if model.baseline is not None:
-        at = layout.column(model.baseline, model.axis)
-        canvas.put(at, y, glyphs.baseline, theme.truth)
+        canvas.put(layout.column(model.baseline, model.axis), y, glyphs.baseline, theme.truth)
     if sim is not None and sim == real:
         canvas.put(sim, y, glyphs.both, theme.text, bold=True)
         return
@@ -159,7 +155,7 @@ def _draw_cursor_accuracy(
     if layout.chart_width and not is_noted:
         at = layout.column(value, model.axis)
         if canvas.char[y, at] not in (canvas.glyphs.sim, canvas.glyphs.real, canvas.glyphs.both):
-            canvas.put(at, y, canvas.glyphs.cursor, theme.cursor, bold=True)
+            canvas.put(at, y, *canvas.options.role("cursor"), bold=True)
     if layout.cursor_numbers:
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 

@@ -61,5 +61,7 @@ def _draw_column(
         text_ink = inks.text if highlighted[row] else inks.muted
         axes.text(x, row, text, va="center", fontsize=points, zorder=4, color=text_ink)
     if (cursor_row := model.cursor[index]) is not None:
-        style = {"marker": ">", "markersize": 6, "clip_on": False}
-        axes.plot([-0.025 * model.peak], [cursor_row], color=inks.cursor, zorder=5, **style)
+        axes.plot(
+            [-0.025 * model.peak], [cursor_row], marker=">", markersize=6, color=inks.cursor,
+            zorder=5, clip_on=False,
+        )  # fmt: skip

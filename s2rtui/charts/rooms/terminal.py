@@ -140,9 +140,8 @@ def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions = DEFAULT_OP
     layout = rooms_layout(data, (canvas.width, canvas.height), model)
     _names(canvas, model, layout)
     panels = rooms_panels(data, (canvas.width, canvas.height), options)
-    colours = (options.theme.sim, options.theme.truth, options.theme.real)
-    for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
-        mark = mark_on_panel(data.mark, panel.name)
+    for index, panel in enumerate(panels):
+        mark, colour = mark_on_panel(data.mark, panel.name), getattr(options.theme, panel.name)
         _column(canvas, panel, index, model, layout, mark, colour)
     return canvas
 
@@ -150,14 +149,11 @@ def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions = DEFAULT_OP
 def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout) -> None:
     theme, glyphs = canvas.theme, canvas.glyphs
     if layout.top:
-        heads = (
-            (f"{glyphs.sim} sim", theme.sim),
-            (f"{glyphs.truth} truth", theme.truth),
-            (f"{glyphs.real} real", theme.real),
-        )
-        for (x, width), (text, colour) in zip(layout.columns, heads, strict=False):
+        for (x, width), name in zip(layout.columns, NAMES, strict=False):
+            glyph, colour = canvas.options.role(name)
+            text = f"{glyph} {name}"
             fits = len(text) <= width - layout.gutter
-            canvas.text(x + layout.gutter, 0, text if fits else text[0], colour)
+            canvas.text(x + layout.gutter, 0, text if fits else glyph, colour)
         if layout.shown < len(model.names):
             last = layout.first + layout.shown
             window, count = f"{layout.first + 1}-{last}", len(model.names)
@@ -171,11 +167,10 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout) -> None:
         name = model.names[index]
         if cell_len(name) > layout.name:
             name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
-        if canvas.options.ascii:
-            name = name.encode("ascii", "replace").decode()
         is_cursor = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
-        canvas.text(0, row, name, theme.text if is_cursor else theme.muted, bold=is_cursor)
+        ink = theme.text if is_cursor else theme.muted
+        canvas.text(0, row, canvas.options.printable(name), ink, bold=is_cursor)
 
 
 def _column(

@@ -20,7 +20,7 @@ from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
-from s2rtui.canvas.raster import dot_grid, draw_braille, draw_half_blocks, draw_shades, segment_dots
+from s2rtui.canvas.raster import draw_braille, draw_half_blocks, draw_shades, line_dots
 from s2rtui.canvas.raster import flatten_half_blocks as prepare
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 
@@ -95,18 +95,13 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
         (x0, y0), (x1, y1) = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]]).tolist()
-        for (u0, v0), (u1, v1) in (
-            ((x0, y0), (x1, y0)),
-            ((x0, y1), (x1, y1)),
-            ((x0, y0), (x0, y1)),
-            ((x1, y0), (x1, y1)),
-        ):
-            if canvas.options.ascii:
-                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", canvas.theme.muted)
-                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", canvas.theme.muted)
-                continue
-            columns, rows = segment_dots(u0, v0, u1, v1)
-            dots |= dot_grid(columns[::3], rows[::3], canvas.width, canvas.height)
+        corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+        if canvas.options.ascii:
+            for column, row in corners:
+                canvas.put(int(np.floor(column)), int(np.floor(row)), "'", canvas.theme.muted)
+            continue
+        lines = [(corners[start], corners[end]) for start, end in ((0, 1), (2, 3), (0, 2), (1, 3))]
+        dots |= line_dots(lines, canvas.width, canvas.height, every=3)
     draw_braille(canvas, dots, canvas.theme.muted)
 
 
@@ -117,7 +112,7 @@ def draw_room_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> N
         if room.room in named:
             continue
         named.add(room.room)
-        name = room.room.encode("ascii", "replace").decode() if canvas.options.ascii else room.room
+        name = canvas.options.printable(room.room)
         corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
         (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
         if cell_len(name) > x1 - x0 or y1 - y0 < 1:

@@ -16,7 +16,7 @@ from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
-from s2rtui.charts.shared.paper import Box, Ink, Page, style_plane, wrapped_label
+from s2rtui.charts.shared.paper import Box, Ink, Page, draw_ring, style_plane, wrapped_label
 from s2rtui.charts.shared.points import point_dots
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def draw_pose(sheet: MapSheet, points: Floats, headings: Floats | None, iid: int
     if not np.isfinite([x, y]).all():
         return
     axes, length = sheet.axes, 0.035 * max(sheet.area.width, sheet.area.height)
-    axes.scatter([x], [y], s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
+    draw_ring(axes, x, y, ink, 70, 7)
     if headings is not None and np.isfinite(headings[iid]):
         angle = float(headings[iid])
         tip = (x + length * np.cos(angle), y + length * np.sin(angle))

@@ -161,15 +161,10 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
 
 
 def draw_pose(
-    canvas: Canvas,
-    points: Floats,
-    headings: Floats | None,
-    iid: int,
-    frame: MapFrame,
-    glyph: str,
-    colour: Rgb,
+    canvas: Canvas, points: Floats, headings: Floats | None, iid: int, frame: MapFrame, role: str
 ) -> None:
-    """Draw a glyph at one of `points` (N, 2), and an arrow where its heading is known."""
+    """Draw the glyph of a role at one of `points` (N, 2), and an arrow if its heading is known."""
+    glyph, colour = canvas.options.role(role)
     place = frame.to_cells(np.asarray(points)[iid])[0]
     if not (np.isfinite(place).all() and (place >= 0).all()):
         return
@@ -285,5 +280,4 @@ def draw_value_map(
 def draw_cursor(canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame) -> None:
     """The true pose of the cursor's instance."""
     if cursor is not None:
-        glyph, colour = canvas.glyphs.cursor, canvas.theme.cursor
-        draw_pose(canvas, data.truth, data.headings, cursor, frame, glyph, colour)
+        draw_pose(canvas, data.truth, data.headings, cursor, frame, "cursor")

@@ -7,20 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    InlineImage,
-    Pixels,
-    RenderOptions,
-    Size,
-    diverging,
-    legible,
-    turbo,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOptions, Size, legible
 from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
 from s2rtui.canvas.raster import draw_picture, draw_shades, resample
 from s2rtui.charts.shared.image_pair_model import (
@@ -29,6 +18,7 @@ from s2rtui.charts.shared.image_pair_model import (
     InstanceModel,
     SideView,
     heat_colours,
+    heat_ramp,
     instance_model,
     panel_pixels,
 )
@@ -159,12 +149,8 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
             true_pixels = partial(pixels, shades=DEPTH_SHADES)
             canvas.images.append(_inline_image(panel, side, true_pixels, key))
     else:
-        canvas.text(
-            panel.x,
-            panel.y + panel.height // 2,
-            "no image" if panel.what == "rgb" else "no depth",
-            canvas.theme.muted,
-        )
+        text = "no image" if panel.what == "rgb" else "no depth"
+        canvas.text(panel.x, panel.y + panel.height // 2, text, canvas.theme.muted)
 
 
 def _inline_image(
@@ -197,17 +183,13 @@ def _heat_glyphs(
 
 
 def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None:
-    theme, glyphs = canvas.theme, canvas.glyphs
     for panel in layout.panels:
         if panel.y != 1:
             continue
         side = data.sim if panel.side == "sim" else data.real
-        glyph, colour = (
-            (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
-        )
-        title = side.title or panel.side
-        title = title.encode("ascii", "replace").decode() if canvas.options.ascii else title
-        text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
+        glyph, colour = canvas.options.role(panel.side)
+        title = side.title or panel.side if panel.what == "rgb" else panel.what
+        text = canvas.options.printable(f"{glyph} {title}")
         canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
 
 
@@ -217,38 +199,27 @@ def _bars(
     parts = []
     length = 12 if width >= 44 else 8
     if model.heat_range is not None:
-
-        def spread(shares: NDArray[np.float64]) -> Pixels:
-            return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
-
         ramp = None if options.supports_images else (SIGNED_RAMP if data.signed else HEAT_RAMP)
         name = model.heat_name or "heat"
-        parts.append(
-            colour_bar(name, data.unit, model.heat_range, options, length + 4, spread, ramp, width)
-        )
+        heat = name, data.unit, model.heat_range, options, length + 4, heat_ramp(data.signed)
+        parts.append(colour_bar(*heat, ramp, width))
     if model.depth_range is not None:
         shades = options.glyphs.shades[::-1]
         ramp = None if options.supports_images else (shades if options.theme.dark else shades[::-1])
-        parts.append(
-            colour_bar("depth", "m", model.depth_range, options, length, depth_tint, ramp, width)
-        )
+        depth = "depth", "m", model.depth_range, options, length, depth_tint
+        parts.append(colour_bar(*depth, ramp, width))
     return parts
 
 
 def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) -> None:
-    theme, glyphs = canvas.theme, canvas.glyphs
-    roles = {
-        "truth": (glyphs.truth, theme.truth),
-        "sim": (glyphs.sim, theme.sim),
-        "real": (glyphs.real, theme.real),
-    }
+    theme = canvas.theme
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
     for index, heading in enumerate(HEADINGS):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
-        glyph, colour = roles[line.role]
+        glyph, colour = canvas.options.role(line.role)
         canvas.text(0, row, f"{glyph} {line.role}"[: label - 1], colour)
         for index, text in enumerate(line.cells):
             strong = index >= 3
@@ -256,6 +227,4 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
             at = label + (index + 1) * column
             canvas.text(at, row, text, ink, bold=strong, align="right")
     for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
-        text = f"{name} {value}"
-        text = text.encode("ascii", "replace").decode() if canvas.options.ascii else text
-        canvas.text(0, row, text, theme.muted)
+        canvas.text(0, row, canvas.options.printable(f"{name} {value}"), theme.muted)

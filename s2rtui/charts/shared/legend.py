@@ -34,6 +34,16 @@ def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
     return LegendPart(sum(cell_len(text) for text, _ in pieces), draw)
 
 
+def role_legend(options: RenderOptions, **texts: str) -> LegendPart:
+    """A part that explains the glyphs of roles such as "sim", each by a text."""
+    pieces: list[tuple[str, Rgb]] = []
+    for role, text in texts.items():
+        glyph, colour = options.role(role)
+        end = "" if role == list(texts)[-1] else "  "
+        pieces += [(f"{glyph} ", colour), (text + end, options.theme.muted)]
+    return text_part(pieces)
+
+
 @lru_cache(64)
 def colour_bar(
     label: str,

@@ -90,11 +90,13 @@ class Page:
     def inches(self) -> tuple[float, float]:
         return self.width / self.figure.dpi, self.height / self.figure.dpi
 
-    def axes(self, left: float, bottom: float, width: float, height: float, **options: str) -> Axes:
+    def axes(
+        self, left: float, bottom: float, width: float, height: float, projection: str | None = None
+    ) -> Axes:
         """New axes in a rectangle, never empty."""
         wide, high = self.inches
         size = max(width / wide, 1e-3), max(height / high, 1e-3)
-        return self.figure.add_axes((left / wide, bottom / high, *size), **options)
+        return self.figure.add_axes((left / wide, bottom / high, *size), projection=projection)
 
     def text(self, x: float, y: float, text: str, ink: Ink, size: float, **style: Any) -> None:
         """Write text at (x, y), by default to the right of it and above it."""
@@ -176,7 +178,7 @@ def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]
     axes.set_xlim(x0, x1)
     axes.set_ylim(y0, y1)
     axes.set_xticks(tick_values(x0, x1, max(2, int(inches[0] / 0.7))))
-    axes.set_yticks(tick_values(*sorted((y0, y1)), max(2, int(inches[1] / 0.7))))
+    axes.set_yticks(tick_values(min(y0, y1), max(y0, y1), max(2, int(inches[1] / 0.7))))
     for spine in axes.spines.values():
         spine.set_visible(True)
 
@@ -184,6 +186,14 @@ def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]
 def set_panel_title(axes: Axes, text: str, ink: Ink) -> None:
     """Write the bold title of one of several panels at the left."""
     axes.set_title(text, loc="left", fontsize=10, pad=6, color=ink, fontweight="bold")
+
+
+def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
+    """Draw a ring of `size` square points around a point."""
+    edge, width = [ink], 1.6
+    axes.scatter(
+        [x], [y], s=size, facecolors="none", edgecolors=edge, linewidths=width, zorder=order
+    )
 
 
 def wrapped_label(label: str) -> str:

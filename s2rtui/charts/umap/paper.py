@@ -10,10 +10,12 @@ from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import LIGHT, Theme, turbo
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction
 from s2rtui.charts.shared.paper import (
+    Ink,
     Inks,
     Page,
     Pixels,
     draw_colour_bar,
+    draw_ring,
     label_with_unit,
     new_page,
     set_panel_title,
@@ -72,7 +74,7 @@ def _draw_side(page: Page, data: UmapInput, model: UmapModel, corner: tuple[floa
     label = label_with_unit(data.value_label, data.value_unit)
     draw_colour_bar(page, left, top - bar - 0.15, bar, model.value_range, label, turbo)
     y = top - bar - 0.5
-    dots = []
+    dots: list[tuple[str, Ink, float, Ink | str, float]] = []
     if model.sim.selected < model.sim.total:
         dots.append(("not selected", inks.unselected, 4.0, inks.unselected, 0.0))
     if model.cursor is not None:
@@ -109,8 +111,7 @@ def _draw_panel(
         _draw_points(axes, data, points, model, page.inks)
     if model.cursor is not None and np.isfinite(points[model.cursor]).all():
         x, y = points[model.cursor]
-        ring = {"facecolors": "none", "edgecolors": [page.inks.cursor]}
-        axes.scatter([x], [y], s=80, linewidths=1.6, zorder=6, **ring)
+        draw_ring(axes, x, y, page.inks.cursor, 80, 6)
 
 
 def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, inks: Inks) -> None:
@@ -118,14 +119,15 @@ def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, 
     highlighted = selection_indices(data.selected, data.valid).members
     others = np.asarray(data.valid, dtype=np.bool_).copy()
     others[highlighted] = False
-    axes.scatter(*points[others].T, s=6, color=inks.unselected, linewidths=0, zorder=2)
+    x, y = points[others].T
+    axes.scatter(x, y, s=6, color=inks.unselected, linewidths=0, zorder=2)
     shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     shares = shares[order]
     colours = turbo(shares) / 255.0
     colours[~np.isfinite(shares)] = inks.muted
-    style = {"c": colours, "edgecolors": [inks.background], "linewidths": 0.5}
-    axes.scatter(*points[highlighted[order]].T, s=24, zorder=4, **style)
+    (x, y), edge = points[highlighted[order]].T, [inks.background]
+    axes.scatter(x, y, s=24, c=colours, edgecolors=edge, linewidths=0.5, zorder=4)
 
 
 def _draw_cells(axes: Axes, model: UmapModel, layer: UmapLayer, inks: Inks) -> None:

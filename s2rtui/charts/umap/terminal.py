@@ -10,7 +10,7 @@ import numpy as np
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size, legible, turbo
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import draw_braille
+from s2rtui.canvas.raster import cells_with_dots, draw_braille
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
@@ -116,7 +116,7 @@ def _points(chart: Canvas, layer: UmapLayer) -> None:
     """
     theme = chart.theme
     if chart.options.ascii:
-        held = layer.grey.reshape(chart.height, 4, chart.width, 2).any(axis=(1, 3))
+        held = cells_with_dots(layer.grey)
         chart.char[held] = chart.glyphs.unselected
         chart.fg[held] = theme.unselected
     else:
@@ -150,17 +150,13 @@ def _header(
     canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel, layout: UmapLayout
 ) -> None:
     """Name and counts at the left; the colour bar at the right of the second panel."""
-    theme, glyphs = canvas.theme, canvas.glyphs
     sim = panel.name == "sim"
     layer = model.sim if sim else model.real
     left, row = panel.x + layout.width - layout.room, panel.y - 1
-    glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
+    glyph, colour = canvas.options.role(panel.name)
     parts = [text_part(((f"{glyph} {panel.name}", colour),))]
-    if layer.total:
-        counts = f"{layer.selected} of {layer.total}"
-        parts.append(text_part(((counts, theme.muted),)))
-    else:
-        parts.append(text_part((("no coordinates", theme.muted),)))
+    counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
+    parts.append(text_part(((counts, canvas.theme.muted),)))
     free = layout.room
     bar = None if sim else _bar(data, model, free - parts[0].width - 2, canvas.options)
     if bar is not None:
