@@ -162,7 +162,8 @@ def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) ->
             linewidths=width, zorder=5 + order / 10,
         )  # fmt: skip
     if model.cursor is not None:
-        draw_ring(sheet.axes, *data.truth[model.cursor], sheet.page.inks.cursor, 80, 7)
+        x, y = data.truth[model.cursor]
+        draw_ring(sheet.axes, x, y, sheet.page.inks.cursor, 80, 7)
 
 
 def _legend(

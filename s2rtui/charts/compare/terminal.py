@@ -81,7 +81,7 @@ def draw_compare(
 
 def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
     """A glyph per cell in the colour of its mean; bold above half of the scale."""
-    columns, rows, means = cell_means(data, model.selection, frame)
+    columns, rows, means = cell_means(data.truth, data.first, data.second, model.selection, frame)
     put_glyphs(canvas, columns, rows, " ", canvas.theme.text)
     canvas.char[rows, columns] = np.array(list(difference_glyphs(canvas.options)))[
         better_run(means, data.equal) + 1

@@ -185,7 +185,8 @@ def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     for sim, real in zip(*(part.tolist() for part in places), strict=True):
         tips = [(sim, "both")] if sim == real else [(sim, "sim"), (real, "real")]
         for place, role in tips:
-            canvas.put(*place, *canvas.options.role(role), bold=True)
+            glyph, colour = canvas.options.role(role)
+            canvas.put(place[0], place[1], glyph, colour, bold=True)
 
 
 def _tip_cells(

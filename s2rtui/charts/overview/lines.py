@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
-from s2rtui.charts.shared.axis_scale import Interval
+from s2rtui.charts.shared.axis_scale import Floats, Interval
 
 PIECE = 1 << 15
 MANY = 20_000
@@ -43,18 +43,13 @@ def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -
     """Segments between neighbouring visible runs, or bars where their rows are adjacent."""
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
-    columns = tuple(ArrayKey(column) for column in shown)
     draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
-    return draw(columns, axis, layout.chart_width, layout.step, selection)
+    return draw(shown, axis, layout.chart_width, layout.step, selection)
 
 
 @cached_by_identity(4)
 def _segments(
-    columns: tuple[ArrayKey, ...],
-    axis: Interval,
-    width: int,
-    step: int,
-    selection: SelectionIndices,
+    columns: tuple[Floats, ...], axis: Interval, width: int, step: int, selection: SelectionIndices
 ) -> LineDensity:
     """The density of segments from the middle of each run's row to the next one's."""
     size = bin_count(width, len(selection.base))
@@ -70,11 +65,7 @@ def _segments(
 
 @cached_by_identity(4)
 def _bars(
-    columns: tuple[ArrayKey, ...],
-    axis: Interval,
-    width: int,
-    step: int,
-    selection: SelectionIndices,
+    columns: tuple[Floats, ...], axis: Interval, width: int, step: int, selection: SelectionIndices
 ) -> LineDensity:
     """The density as bars on each run's row, up to four dots high."""
     size = bin_count(width, len(selection.base))
@@ -113,13 +104,13 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     pairs = []
     for first, second in pairwise(lines.values):
-        highlighted, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, selection)
+        highlighted, others = _tables(first, second, axis, size, selection)
         pairs.append((highlighted[:size, :size], others[:size, :size]))
     return pairs
 
 
 def _tables(
-    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, selection: SelectionIndices
+    first: Floats, second: Floats, axis: Interval, size: int, selection: SelectionIndices
 ) -> tuple[Counts, Counts]:
     """Counts per pair of bins, (size + 1, size + 1): selected, and others; the last is no bin."""
     highlighted, total = count_selected(_pairs(first, second, axis, size), selection)
@@ -160,9 +151,9 @@ def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
 
 
 @cached_by_identity(64)
-def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
+def _binned(values: Floats, axis: Interval, size: int) -> NDArray[np.uint8]:
     """Bins of the axis, clipped to its ends; NaN gets bin `size`."""
-    column = np.asarray(values.array)
+    column = values
     codes = np.empty(len(column), dtype=np.uint8)
     scale = size / (axis[1] - axis[0])
     for start in range(0, len(column), PIECE):
@@ -173,12 +164,12 @@ def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
 
 
 @cached_by_identity(4)
-def _bar_bins(columns: tuple[ArrayKey, ...], axis: Interval, size: int) -> list[Bins]:
+def _bar_bins(columns: tuple[Floats, ...], axis: Interval, size: int) -> list[Bins]:
     return [Bins(_binned(column, axis, size), size) for column in columns]
 
 
 @cached_by_identity(32)
-def _pairs(first: ArrayKey, second: ArrayKey, axis: Interval, size: int) -> Bins:
+def _pairs(first: Floats, second: Floats, axis: Interval, size: int) -> Bins:
     """Bins of two runs joined: code = first * (size + 1) + second; the last bin is none."""
     one, two = (_binned(part, axis, size) for part in (first, second))
     return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)

@@ -17,7 +17,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
 from s2rtui.canvas.raster import draw_braille, draw_half_blocks, draw_shades, line_dots
@@ -146,16 +146,15 @@ DIMMED = 0.78
 
 def heat_scale(ground: MapBackground) -> Interval | None:
     """The heat's range: the fixed one, else 1st (or 0 if none is negative) to 99th percentile."""
-    scale = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
+    scale = _heat_scale(ground.heat) if ground.heat is not None else None
     return ground.heat_range or scale if scale else None
 
 
 @cached_by_identity(8)
-def _heat_scale(heat: ArrayKey) -> Interval | None:
-    values = np.asarray(heat.array)
-    if not np.isfinite(values).any():
+def _heat_scale(heat: Floats) -> Interval | None:
+    if not np.isfinite(heat).any():
         return None
-    low, high = percentile_range(values)
+    low, high = percentile_range(heat)
     return (0.0, high) if low >= 0 and high > 0 else (low, high)
 
 
@@ -164,25 +163,14 @@ def background_layer(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pi
 
     Cached for the last few frames; arrays must not be changed in place.
     """
-    arrays = ArrayKey(ground.floor_plan), ArrayKey(ground.heat), ArrayKey(ground.clip)
-    return _ground(*arrays, ground.bounds, ground.y_down, heat_scale(ground), frame, theme)
+    bounds, y_down, scale = ground.bounds, ground.y_down, heat_scale(ground)
+    arrays = ground.floor_plan, ground.heat, scale, ground.clip
+    return _background_layer((bounds, y_down, *arrays), frame, theme)
 
 
 @cached_by_identity(8)
-def _ground(
-    plan: ArrayKey,
-    heat: ArrayKey,
-    clip: ArrayKey,
-    bounds: Bounds,
-    y_down: bool,
-    scale: Interval | None,
-    frame: MapFrame,
-    theme: Theme,
-) -> Pixels:
-    picture: Any = plan.array
-    values: Any = heat.array
-    seen_at: Any = clip.array
-    ground = MapBackground(bounds, y_down, picture, values, scale, seen_at)
+def _background_layer(background: tuple[Any, ...], frame: MapFrame, theme: Theme) -> Pixels:
+    ground = MapBackground(*background)
     layer = _floor(ground, frame, theme)
     shares = heat_layer(ground, frame)
     if shares is not None:
@@ -213,27 +201,27 @@ def floor_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The floor plan's colours (height, width, 3), NaN outside its bounds."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
-    return _sampled(ArrayKey(ground.floor_plan), ground.bounds, frame, ground.y_down)
+    return _sampled(ground.floor_plan, ground.bounds, frame, ground.y_down)
 
 
 def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The heat as fractions of its range (height, width), NaN where there is none."""
     scale = heat_scale(ground)
-    if scale is None or _empty(ground.bounds):
+    if scale is None or ground.heat is None or _empty(ground.bounds):
         return None
-    return scale_fraction(_sampled(ArrayKey(ground.heat), ground.bounds, frame, True), scale)
+    return scale_fraction(_sampled(ground.heat, ground.bounds, frame, True), scale)
 
 
 def seen_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The share of each pixel (height, width) that was seen, 0 .. 1; None without clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None
-    return _seen(ArrayKey(ground.clip), ground.bounds, frame)
+    return _seen(ground.clip, ground.bounds, frame)
 
 
 @cached_by_identity(8)
-def _seen(clip: ArrayKey, bounds: Bounds, frame: MapFrame) -> Layer:
-    return np.nan_to_num(sample(seen_cells(np.asarray(clip.array)), bounds, frame, True))
+def _seen(clip: Floats | Bools, bounds: Bounds, frame: MapFrame) -> Layer:
+    return np.nan_to_num(sample(seen_cells(clip), bounds, frame, True))
 
 
 def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
@@ -241,9 +229,7 @@ def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
     return (np.nan_to_num(np.asarray(clip, dtype=np.float32)) != 0).astype(np.float32)
 
 
-@cached_by_identity(8)
-def _sampled(image: ArrayKey, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Layer:
-    return sample(np.asarray(image.array), bounds, frame, top_is_y0)
+_sampled = cached_by_identity(8)(sample)
 
 
 def _empty(bounds: Bounds) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
@@ -116,14 +116,10 @@ def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
     return cursor
 
 
+@cached_by_identity(16)
 def value_range(values: Floats, valid: Bools) -> Interval:
     """The scale of values (N,): 1st to 99th percentile of the valid ones."""
-    return _value_range(ArrayKey(values), ArrayKey(valid))
-
-
-@cached_by_identity(16)
-def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
-    return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
+    return percentile_range(values[valid])
 
 
 def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:
