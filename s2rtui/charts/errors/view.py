@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.errors.model import ErrorsInput, errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
@@ -55,9 +54,6 @@ class ErrorsView(View):
 
         title = f"{scene.state.run}: position errors in simulation and in reality"
         return paper.errors_figure(self.input(scene), size, theme, title, scene.caption)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_errors(self.input(scene), size, options)

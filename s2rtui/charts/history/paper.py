@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rstore.gap_history.gate_status import AxisStatus
+from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.history.model import HEADLINE, HistoryInput, HistoryModel, Track, history_model
+from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
 from s2rtui.charts.shared.paper import Page, Pixels, new_page, rgb_fractions, style_axes
 
@@ -24,11 +26,11 @@ _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 
 def history_figure(
-    data: HistoryInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
+    nights: Sequence[Night], size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
-    """Draw the figure in `size` pixels; `data` must contain a night."""
+    """Draw at least one night in `size` pixels."""
     page = new_page(size, theme, title, subtitle)
-    model = history_model(data, MOST_DAYS)
+    model = history_model(nights, MOST_DAYS)
     count = len(model.tracks)
     height = max(0.2, (page.top - 0.25 - _BOTTOM - (count - 1) * _BETWEEN) / count)
     for index, track in enumerate(model.tracks):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from s2rstore.gap_history.gate_status import AxisStatus
+from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Rgb, Size, Theme
-from s2rtui.charts.history.model import HEADLINE, HistoryInput, HistoryModel, Track, history_model
+from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.shared.axis_scale import short_number
 
 LABELS = 5
@@ -106,14 +108,14 @@ class ChartRows:
 
 
 def draw_history(
-    data: HistoryInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+    nights: Sequence[Night], size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> Canvas:
     """The view in `size` (columns, rows)."""
     canvas = Canvas(*size, options)
-    if not data.nights:
+    if not nights:
         canvas.text(0, 0, "no nights", options.theme.muted)
         return canvas
-    model = history_model(data, chart_columns(canvas.width))
+    model = history_model(nights, chart_columns(canvas.width))
     layout = history_layout(model, (canvas.width, canvas.height))
     for index, title, top, rows in layout.charts:
         track = model.tracks[index]
