@@ -1,4 +1,4 @@
-"""Brushing: panels convert between cells and data, marks are what the user has drawn on them."""
+"""Brushing: panels convert between cells and data, marks are shapes that the user draws."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def draw_shades(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
+def draw_image(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     """Draw an image (2h, w, 3) as half blocks, or as shades where half blocks are missing.
 
     On a light theme the shades are inverted, so that dense glyphs are dark.

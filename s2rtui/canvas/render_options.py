@@ -1,4 +1,4 @@
-"""Render options: theme, colour mode, and glyphs that repeat what colours say."""
+"""Render options: theme, colour mode, and glyphs that make colours redundant."""
 
 from __future__ import annotations
 

@@ -150,13 +150,13 @@ def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
     half = canvas.char == "▀"
     if tolerance <= 0 or not half.any():
         return
-    picture = half | (canvas.char == " ")
+    image = half | (canvas.char == " ")
     both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
     both[..., :3][~half] = 0
     start = both[:, 0].copy()
     empty = np.array(canvas.theme.background, dtype=np.uint8)
     ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
-    joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
+    joins = image[:, 1:] & image[:, :-1] & (half[:, 1:] == half[:, :-1])
     joins &= ground[:, 1:] == ground[:, :-1]  # an image keeps its edges
     for column in range(1, canvas.width):
         here = both[:, column]
@@ -164,7 +164,7 @@ def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
         start = np.where(near[:, None], start, here)
         both[:, column] = start
     canvas.fg[half] = both[..., :3][half].astype(np.uint8)
-    canvas.bg[picture] = both[..., 3:][picture].astype(np.uint8)
+    canvas.bg[image] = both[..., 3:][image].astype(np.uint8)
 
 
 def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -11,7 +11,7 @@ from s2rtui.canvas.raster import (
     dot_grid,
     draw_braille,
     draw_half_blocks,
-    draw_picture,
+    draw_image,
     resample,
 )
 
@@ -71,6 +71,6 @@ def test_without_half_blocks_brightness_becomes_density(options: RenderOptions) 
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1, options)
-    draw_picture(canvas, 0, 0, pixels)
+    draw_image(canvas, 0, 0, pixels)
     shades = options.glyphs.shades
     assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

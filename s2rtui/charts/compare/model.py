@@ -81,7 +81,7 @@ class CompareSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompareModel:
-    """What the comparison draws; fields as in `MapModel`. scale: difference of full colour."""
+    """The numbers that are drawn, as in `MapModel`. scale: the difference of full colour."""
 
     selection: SelectionIndices
     highlighted: int

@@ -41,7 +41,7 @@ def compare_layout(
     options: RenderOptions = DEFAULT_OPTIONS,
     model: CompareModel | None = None,
 ) -> MapLayout:
-    """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
+    """Lay out the map in `size`; `viewport` is a world rectangle (default: the bounds)."""
     model = model or compare_model(data)
     area = viewport or default_view(data.bounds, data.truth, data.valid)
 
@@ -113,7 +113,7 @@ def _legend(
 def _counts(
     data: CompareInput, model: CompareModel, names: tuple[str, str] | None, options: RenderOptions
 ) -> LegendPart:
-    """How often each run is better, and the mean difference; with `names` if given."""
+    """How often each run is better, and the mean difference; with `names` unless None."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)

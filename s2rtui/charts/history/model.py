@@ -94,7 +94,7 @@ def axis_of(nights: Sequence[Night], name: str) -> Track:
 
 def _track(name: str, gaps: list[tuple[Interval, AxisStatus]]) -> Track:
     columns = np.array([(gap.value, gap.low, gap.high) for gap, _ in gaps]).reshape(-1, 3)
-    statuses = tuple(word for _, word in gaps)
+    statuses = tuple(status for _, status in gaps)
     return Track(name, columns[:, 0], columns[:, 1], columns[:, 2], statuses)
 
 

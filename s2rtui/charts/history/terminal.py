@@ -44,15 +44,15 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def status_glyph(word: AxisStatus, options: RenderOptions) -> str:
+def status_glyph(status: AxisStatus, options: RenderOptions) -> str:
     """The glyph of a status, readable without colours."""
-    return _SIGNS[word][options.ascii]
+    return _SIGNS[status][options.ascii]
 
 
-def status_colour(word: AxisStatus, theme: Theme) -> Rgb:
+def status_colour(status: AxisStatus, theme: Theme) -> Rgb:
     """The colour of a status."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
-            "SKIPPED": theme.muted}[word]  # fmt: skip
+            "SKIPPED": theme.muted}[status]  # fmt: skip
 
 
 def chart_columns(width: int) -> int:
@@ -131,14 +131,14 @@ def draw_history(
 
 
 def _title(canvas: Canvas, row: int, track: Track) -> None:
-    theme, word, gap = canvas.theme, track.statuses[-1], track.last
+    theme, status, gap = canvas.theme, track.statuses[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
     free = (
         canvas.text(
             free,
             row,
-            f"{status_glyph(word, canvas.options)} {word.lower()}",
-            status_colour(word, theme),
+            f"{status_glyph(status, canvas.options)} {status.lower()}",
+            status_colour(status, theme),
         )
         + 2
     )
@@ -206,13 +206,13 @@ def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
 def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
     theme, row, free = canvas.theme, canvas.height - 1, 0
     statuses: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
-    for word in statuses:
+    for status in statuses:
         free = (
             canvas.text(
                 free,
                 row,
-                f"{status_glyph(word, canvas.options)} {word.lower()}",
-                status_colour(word, theme),
+                f"{status_glyph(status, canvas.options)} {status.lower()}",
+                status_colour(status, theme),
             )
             + 2
         )

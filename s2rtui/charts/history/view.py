@@ -117,15 +117,15 @@ def _rows(night: Night) -> Iterator[tuple[object, ...]]:
     """The headline, then every axis of a night."""
     yield _row(night, "headline", night.gap, stored_status(night.headline), None, None, None)
     for axis in night.axes:
-        word = axis_status(axis.gap, night.threshold)
+        status = axis_status(axis.gap, night.threshold)
         value = None if math.isnan(axis.value.value) else axis.value.value
-        shown = axis.state if axis.state != "measured" else word
+        shown = axis.state if axis.state != "measured" else status
         yield _row(night, axis.axis, axis.gap, shown, value, axis.unit, axis.n)
 
 
 def _row(
-    night: Night, axis: str, gap: Interval, word: str, value: float | None, unit: str | None,
+    night: Night, axis: str, gap: Interval, status: str, value: float | None, unit: str | None,
     n: int | None,
 ) -> tuple[object, ...]:  # fmt: skip
-    figures = (gap.value, gap.low, gap.high, word, night.threshold, value, unit, n)
+    figures = (gap.value, gap.low, gap.high, status, night.threshold, value, unit, n)
     return (str(night.night), night.outcome, axis, *figures, night.evidence_age)

@@ -22,7 +22,7 @@ class InstanceView(View):
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
-        """Name what the images show, then what is being loaded; long titles are cut."""
+        """The source of the images, then that of the images being loaded; long titles are cut."""
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"

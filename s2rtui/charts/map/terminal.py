@@ -258,4 +258,4 @@ def glyph_legend(
 
 DRAWINGS = {"colour": draw_values, "glyph": draw_error_glyphs, "full": draw_predictions}
 LEGENDS = {"colour": value_legend, "glyph": glyph_legend, "full": full_legend}
-"""Per map mode: how the selected are drawn, and what the legend says about them."""
+"""How the selected are drawn and explained in the legend, per map mode."""

@@ -61,7 +61,7 @@ class OrientationModel:
     """The panels in the order of NAMES, and the counts of a bar of full length.
 
     peak: of the selected. whole: of all valid instances. Grey bars show all instances, scaled by
-    the share that is selected: what a selection independent of the heading would give.
+    the selected share: the bars of a selection that is independent of the heading.
     """
 
     panels: tuple[Headings, ...]

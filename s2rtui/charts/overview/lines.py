@@ -229,7 +229,7 @@ OTHER_RAMP = "."
 
 
 DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
-"""Thresholds of the dots of a cell: the share of dots that stay tells how dense it is."""
+"""Thresholds of the dots of a cell: the denser a cell, the more of its dots are drawn."""
 
 
 def draw_lines(

@@ -32,7 +32,7 @@ FAINT = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapBackground:
-    """What lies below the points of a map.
+    """The layers below the points of a map.
 
     floor_plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and clip:
     (rows, cols) over `bounds`, row 0 at bounds.y0. heat is NaN where there is none. The floor is

@@ -1,4 +1,4 @@
-"""The inputs and numbers of maps: positions, values, scales, what is selected."""
+"""The inputs and numbers of maps: positions, values, scales, selections."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class LivePose:
 class MapInput:
     """The map of one run.
 
-    truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
+    truth, sim, real: (N, 2) metres. values: (N,) of mode "colour", NaN for none;
     `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
     radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
-    place: results computed from them are cached while the same arrays are given. `live`
+    place: results computed from them are cached for the same arrays. `live`
     are predictions for the cursor that no column has.
     """
 
@@ -79,7 +79,7 @@ class MapInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapModel:
-    """What a map draws, and its scales.
+    """The numbers that a map draws, and its scales.
 
     highlighted: number of selected valid instances; others: of unselected valid ones; cursor: a
     valid iid or None.

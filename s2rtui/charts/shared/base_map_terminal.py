@@ -66,7 +66,7 @@ class MapLayout:
 
 
 class PointMap(Protocol):
-    """What the inputs of all maps hold: true positions (N, 2), the floor under them, a mark."""
+    """The common fields of all inputs of maps; truth: (N, 2) metres."""
 
     @property
     def truth(self) -> Floats: ...

@@ -47,7 +47,7 @@ class InstanceInput:
     """One instance, sim beside real.
 
     `kind` (and `mode`) name the heat, `signed` makes its scale diverge about 0, `heat_range`
-    fixes it (default: from both sides together), `over` is the row of pictures that the heat
+    fixes it (default: from both sides together), `over` is the row of images that the heat
     lies on. `truth`: x, y in metres, heading in radians. `notes`: further lines, label and value.
     """
 

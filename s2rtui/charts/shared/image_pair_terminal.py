@@ -11,7 +11,7 @@ import numpy as np
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOptions, Size, legible
 from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
-from s2rtui.canvas.raster import draw_picture, draw_shades, resample
+from s2rtui.canvas.raster import draw_image, draw_shades, resample
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,
@@ -31,7 +31,7 @@ HEAT_RAMP = ".123456789"
 
 @dataclass(frozen=True, slots=True)
 class ImagePanel:
-    """The place of an image in cells; `what` is "rgb", "depth" or "heat"."""
+    """The place of an image in cells; `what`: "rgb", "depth" or "heat"."""
 
     what: str
     side: str
@@ -87,7 +87,7 @@ def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) ->
 
 
 def _shape(data: InstanceInput) -> tuple[int, int]:
-    """Rows and columns of the pictures."""
+    """Rows and columns of the images."""
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
     return max(1, rows), max(1, columns)
 
@@ -142,7 +142,7 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
         plain = data if canvas.options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
-        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
+        draw_image(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
         if canvas.options.supports_shading:
             sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
             key = identity_key((panel.what, *sources, data.over, data.signed))

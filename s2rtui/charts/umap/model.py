@@ -37,7 +37,7 @@ _WEIGHTS[0] = 0
 class UmapInput:
     """Embeddings in the plane, sim and real in the same coordinates.
 
-    sim, real: (N, 2), NaN for none. values: (N,) what colours the points, NaN for none (default:
+    sim, real: (N, 2), NaN for none. values: (N,) that colour the points, NaN for none (default:
     the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
     .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
     """
