@@ -23,8 +23,8 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels, diverging
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_background import MapBackground
-from s2rtui.charts.shared.base_map_model import selection_sizes, valid_cursor
-from s2rtui.charts.shared.points import point_cells
+from s2rtui.charts.shared.base_map_model import selection_sizes
+from s2rtui.charts.shared.points import point_cells, valid_cursor
 
 Means = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, se
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import valid_cursor
 
 NAMES = ("sim", "real")
 FINE = 250
@@ -105,8 +106,8 @@ def _counts(
 
 
 def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
-    cursor = data.cursor
-    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
+    cursor = valid_cursor(data.cursor, data.valid)
+    if cursor is None:
         return None
     error = float(errors[cursor])
     return error if math.isfinite(error) else None

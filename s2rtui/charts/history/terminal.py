@@ -133,18 +133,16 @@ def draw_history(
 def _title(canvas: Canvas, row: int, track: Track) -> None:
     theme, status, gap = canvas.theme, track.statuses[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
-    free = (
-        canvas.text(
-            free,
-            row,
-            f"{status_glyph(status, canvas.options)} {status.lower()}",
-            status_colour(status, theme),
-        )
-        + 2
-    )
+    free = _put_status(canvas, free, row, status)
     if not math.isnan(gap.value):
         bounds = f"{_short(gap.low)} .. {_short(gap.high)}"
         canvas.text(free, row, f"G {_short(gap.value)} ({bounds})", theme.text)
+
+
+def _put_status(canvas: Canvas, x: int, row: int, status: AxisStatus) -> int:
+    """Write glyph and name of a status; returns the column of the next text."""
+    text = f"{status_glyph(status, canvas.options)} {status.lower()}"
+    return canvas.text(x, row, text, status_colour(status, canvas.theme)) + 2
 
 
 def _short(value: float) -> str:
@@ -207,15 +205,7 @@ def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
     theme, row, free = canvas.theme, canvas.height - 1, 0
     statuses: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
     for status in statuses:
-        free = (
-            canvas.text(
-                free,
-                row,
-                f"{status_glyph(status, canvas.options)} {status.lower()}",
-                status_colour(status, theme),
-            )
-            + 2
-        )
+        free = _put_status(canvas, free, row, status)
     free = canvas.text(free, row, f"{canvas.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []

@@ -14,6 +14,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import valid_cursor
 
 BINS = 72
 WIDTH = 360 / BINS
@@ -128,8 +129,8 @@ def _counts(
 
 def _cursor(column: Floats, data: OrientationInput) -> float | None:
     """The heading of the cursor's instance in degrees, None where unknown."""
-    cursor = data.cursor
-    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
+    cursor = valid_cursor(data.cursor, data.valid)
+    if cursor is None:
         return None
     heading = float(column[cursor])
     return wrap_degrees(math.degrees(heading)) if math.isfinite(heading) else None

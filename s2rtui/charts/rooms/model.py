@@ -11,6 +11,7 @@ from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
+from s2rtui.charts.shared.points import valid_cursor
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
@@ -59,9 +60,9 @@ def rooms_model(data: RoomsInput) -> RoomsModel:
     names = (*data.room_names, NO_ROOM)
     if not total[:, -1].any():
         names, highlighted, total = names[:-1], highlighted[:, :-1], total[:, :-1]
-    cursor = data.cursor
+    cursor = valid_cursor(data.cursor, data.valid)
     at: list[int | None] = [None, None, None]
-    if cursor is not None and 0 <= cursor < len(data.valid) and data.valid[cursor]:
+    if cursor is not None:
         rooms = [int(side[cursor]) for side in sides]
         at = [room if 0 <= room < number else number for room in rooms]
     peak = max(1, int(total.max(initial=0)))

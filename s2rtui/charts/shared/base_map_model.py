@@ -15,7 +15,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
-from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions
+from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions, valid_cursor
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
@@ -107,13 +107,6 @@ def selection_sizes(selection: SelectionIndices) -> tuple[int, int]:
     """Numbers of selected and of unselected instances of the base population."""
     few, base = len(selection.indices), int(np.count_nonzero(selection.base))
     return (base - few, few) if selection.inverted else (few, base - few)
-
-
-def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
-    """The cursor if it is a valid iid, else None."""
-    if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
-        return None
-    return cursor
 
 
 @cached_by_identity(16)

@@ -91,17 +91,20 @@ def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> Ma
 
 def map_panel(layout: MapLayout) -> Panel:
     """The panel of a map: a plane in metres."""
-    frame = layout.frame
+    return plane_panel("map", layout.x, layout.y, layout.width, layout.height, layout.frame)
+
+
+def plane_panel(name: str, left: int, top: int, width: int, height: int, frame: MapFrame) -> Panel:
+    """The panel of a plane whose corner is the corner of a frame."""
 
     def to_data(column: float, row: float) -> Point:
-        return frame.to_world(column - layout.x - 0.5, row - layout.y - 0.5)
+        return frame.to_world(column - left - 0.5, row - top - 0.5)
 
     def to_cells(x: float, y: float) -> Point:
         column, row = frame.to_cells([[x, y]])[0].tolist()
-        return column + layout.x, row + layout.y
+        return column + left, row + top
 
-    place = layout.x, layout.y, layout.width, layout.height
-    return Panel("map", "plane", *place, to_data, to_cells)
+    return Panel(name, "plane", left, top, width, height, to_data, to_cells)
 
 
 def draw_axes(canvas: Canvas, layout: MapLayout) -> None:

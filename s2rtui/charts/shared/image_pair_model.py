@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.reader import Store
 from s2rtui.canvas import Pixels, diverging, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, Interval, non_empty, percentile_range
+from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
+from s2rtui.session.state import HeatChoice
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,17 @@ class InstanceModel:
 _ZERO = (236, 236, 236)
 """The colour of signed heat at 0."""
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
+
+
+def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, Any]:
+    """The fields of `InstanceInput` that describe a heat; none without heat."""
+    if heat is None:
+        return {}
+    row = "both" if heat.mode == "rgbd" else "depth" if ray_of(heat) == "depth" else "rgb"
+    return {
+        "kind": heat.kind.replace("_", " "), "mode": heat.mode, "unit": unit(store, run, heat),
+        "signed": heat.kind in SIGNED, "heat_range": run_range(store, run, heat), "over": row,
+    }  # fmt: skip
 
 
 def instance_model(data: InstanceInput) -> InstanceModel:

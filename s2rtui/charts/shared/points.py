@@ -138,6 +138,12 @@ def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np
     return np.stack([x, y], axis=1)
 
 
+def valid_cursor(cursor: int | None, valid: NDArray[np.bool_]) -> int | None:
+    """The cursor if it is a valid iid, else None."""
+    is_valid = cursor is not None and 0 <= cursor < len(valid) and valid[cursor]
+    return cursor if is_valid else None
+
+
 def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:
     """One of the points (N, 2), or None where it is unknown."""
     if iid is None or not np.isfinite(points[iid]).all():

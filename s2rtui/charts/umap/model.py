@@ -23,7 +23,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
-from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points
+from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points, valid_cursor
 from s2rtui.session.state import State
 
 LEVELS = 20
@@ -88,10 +88,7 @@ def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
     sim, real = (
         _layer(points, values, scale, frame, selection) for points in (data.sim, data.real)
     )
-    cursor = data.cursor
-    if cursor is not None and not (0 <= cursor < len(data.valid) and data.valid[cursor]):
-        cursor = None
-    return UmapModel(frame, scale, sim, real, cursor)
+    return UmapModel(frame, scale, sim, real, valid_cursor(data.cursor, data.valid))
 
 
 def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:

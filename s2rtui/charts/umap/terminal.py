@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size, legible, turbo
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, legible, turbo
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import cells_with_dots, draw_braille
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.base_map_terminal import plane_panel
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
@@ -66,27 +66,9 @@ def umap_panels(
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
     layout = umap_layout(data, size)
     return tuple(
-        Panel(
-            name,
-            "plane",
-            x,
-            y,
-            layout.width,
-            layout.height,
-            partial(_to_data, layout.frame, (x, y)),
-            partial(_to_cells, layout.frame, (x, y)),
-        )
-        for name, (x, y) in zip(("sim", "real"), layout.corners, strict=False)
+        plane_panel(name, *corner, layout.width, layout.height, layout.frame)
+        for name, corner in zip(("sim", "real"), layout.corners, strict=False)
     )
-
-
-def _to_data(frame: MapFrame, corner: tuple[int, int], column: float, row: float) -> Point:
-    return frame.to_world(column - corner[0] - 0.5, row - corner[1] - 0.5)
-
-
-def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> Point:
-    column, row = frame.to_cells([[x, y]])[0]
-    return float(column) + corner[0], float(row) + corner[1]
 
 
 def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
@@ -143,7 +125,7 @@ def _cursor(canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel) -> 
     x, y = (float(part) for part in points[model.cursor])
     if np.isfinite([x, y]).all():
         column, row = (int(np.floor(part)) for part in panel.to_cells(x, y))
-        canvas.put(column, row, canvas.glyphs.cursor, canvas.theme.cursor, bold=True)
+        canvas.put(column, row, *canvas.options.role("cursor"), bold=True)
 
 
 def _header(
