@@ -9,17 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.geometry import angles
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    Glyphs,
-    Mark,
-    Panel,
-    Point,
-    RenderOptions,
-    Rgb,
-    Size,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
 from s2rtui.canvas.marks import mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.charts.orientation.dial import Dial, dial_of, draw_dial
 from s2rtui.charts.orientation.model import (
@@ -145,14 +135,20 @@ def draw_orientation(
     model = orientation_model(data, layout.count)
     panels = orientation_panels(data, size, options)
     for panel, headings in zip(panels, model.panels, strict=False):
-        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, options)
+        bars, cursor = model.lengths(headings), headings.cursor
         mark = mark_on_panel(data.mark, panel.name)
-        if layout.dial is None:
-            draw_strip(canvas, panel, bars, cursor, mark, name[1])
-            _beside(canvas, panel, layout, headings, name)
-        else:
-            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1])
-            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name)
+        glyph, colour = options.role(panel.name)
+        name = f"{glyph} {panel.name}", colour
+        if layout.dial is not None:
+            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, colour)
+            _label_dial(canvas, panel, layout, headings, _scale(model, layout.room - 8), name)
+            continue
+        draw_strip(canvas, panel, bars, cursor, mark, colour)
+        if layout.room:
+            canvas.text(0, panel.y, *name)
+        if layout.room and panel.height > 1:
+            mean = _mean(headings, layout.room - 1, options)
+            canvas.text(0, panel.y + 1, mean, options.theme.muted)
     if layout.dial is None and layout.footer:
         draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1))
     return canvas
@@ -167,29 +163,7 @@ def _scale(model: OrientationModel, room: int) -> str:
     return next((text for text in texts if len(text) <= room), "")
 
 
-def _beside(
-    canvas: Canvas,
-    panel: Panel,
-    layout: OrientationLayout,
-    headings: Headings,
-    name: tuple[str, Rgb],
-) -> None:
-    """Write name and mean at the left of a strip."""
-    if layout.room:
-        canvas.text(0, panel.y, *name)
-        if panel.height > 1:
-            canvas.text(
-                0, panel.y + 1, _mean(headings, layout.room - 1, canvas.options), canvas.theme.muted
-            )
-
-
-def _name(panel: str, options: RenderOptions) -> tuple[str, Rgb]:
-    """Glyph and name with their colour."""
-    glyph, colour = options.role(panel)
-    return f"{glyph} {panel}", colour
-
-
-def _around(
+def _label_dial(
     canvas: Canvas,
     panel: Panel,
     layout: OrientationLayout,
@@ -211,12 +185,10 @@ def _around(
             text, flat = str(degrees), degrees in (0, 180)
             column, row = panel.to_cells(degrees, 1.0)
             start = int(column) - len(text) // 2
-            if flat:
-                start = (
-                    int(np.ceil(column)) + 1
-                    if degrees == 0
-                    else max(panel.x, int(column) - 1 - len(text))
-                )
+            if degrees == 0:
+                start = int(np.ceil(column)) + 1
+            elif degrees == 180:
+                start = max(panel.x, int(column) - 1 - len(text))
             below = row > panel.y + panel.height / 2
             at = int(row) if flat else int(np.ceil(row)) if below else int(np.ceil(row)) - 1
             canvas.text(start, at, text, theme.muted)
@@ -226,14 +198,10 @@ def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
     """Mean direction and resultant length R in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]
-    degree = _degrees(headings.mean, options.glyphs)
+    degree = f"{int(wrap_degrees(round(headings.mean)))}{options.glyphs.degree}"
     length = f"R {headings.resultant:.2f}"
     texts = (f"mean {degree} {length}", f"{degree} {length}", degree)
     return next((text for text in texts if len(text) <= room), "")
-
-
-def _degrees(mean: float, glyphs: Glyphs) -> str:
-    return f"{int(wrap_degrees(round(mean)))}{glyphs.degree}"
 
 
 def draw_strip(

@@ -128,9 +128,6 @@ def _percent(share: float | None, interval: tuple[float, float] | None) -> str:
     """`98.0 % (97.6 to 98.3)`."""
     if share is None or math.isnan(share):
         return "n/a"
-    ends = (
-        ""
-        if interval is None or math.isnan(interval[0])
-        else (f" ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})")
-    )
-    return f"{100 * share:.1f} %{ends}"
+    if interval is None or math.isnan(interval[0]):
+        return f"{100 * share:.1f} %"
+    return f"{100 * share:.1f} % ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})"

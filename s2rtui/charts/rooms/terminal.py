@@ -199,10 +199,8 @@ def _column(
         canvas, panel.x + layout.gutter, panel.y, layout.bar, (highlighted, grey), colour
     )
     for room in range(shown.start, shown.stop):
-        middle, held = (
-            panel.y + (room - layout.first) * each + (thick - 1) // 2,
-            low <= room <= high,
-        )
+        middle = panel.y + (room - layout.first) * each + (thick - 1) // 2
+        held = low <= room <= high
         if layout.numbers:
             selected, whole = int(model.highlighted[index, room]), int(model.total[index, room])
             text = _number(selected, whole, layout.whole)

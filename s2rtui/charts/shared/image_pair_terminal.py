@@ -162,8 +162,7 @@ def _inline_image(
 
 
 def _without_heat(data: InstanceInput) -> InstanceInput:
-    strip = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
-    sim, real = strip
+    sim, real = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
     return InstanceInput(data.iid, sim, real)
 
 
