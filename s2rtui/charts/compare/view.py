@@ -40,7 +40,8 @@ class CompareView(PointsView):
             return "there is only one run"
         return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
 
-    def _input(self, scene: Scene, other: str) -> CompareInput:
+    def pair_input(self, scene: Scene, other: str) -> CompareInput:
+        """The errors of the current and of another run."""
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
         return CompareInput(
@@ -57,7 +58,7 @@ class CompareView(PointsView):
             return ()
         if not pending_target.run_is_loaded(scene.store, other):
             return other, "loading"
-        return state.generation, identity_key(self._input(scene, other)), state.viewport
+        return state.generation, identity_key(self.pair_input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         canvas = Canvas(*size, options)
@@ -80,7 +81,7 @@ class CompareView(PointsView):
                 canvas.paste(
                     draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
                 )
-        view = self._input(scene, other)
+        view = self.pair_input(scene, other)
         shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
         return canvas
@@ -111,7 +112,7 @@ class CompareView(PointsView):
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        summary = compare_model(self._input(scene, other)).summary
+        summary = compare_model(self.pair_input(scene, other)).summary
         mean = "n/a" if math.isnan(summary.mean) else f"{summary.mean:+.2f} m"
         return (
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
@@ -127,7 +128,7 @@ class CompareView(PointsView):
             raise RequestError("--view compare: there is only one run")
         notes = tuple(run_differences.differences(scene.store, scene.state.run, other))
         return paper.compare_figure(
-            self.maps(scene, other), self._input(scene, other), size, theme,
+            self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
@@ -139,7 +140,7 @@ class CompareView(PointsView):
         top = min(len(notes), max(0, size[1] - 3))
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = compare_panels(self._input(scene, other), inner, options, scene.state.viewport)
+        panels = compare_panels(self.pair_input(scene, other), inner, options, scene.state.viewport)
         return [run_differences.lowered(panel, top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
@@ -148,7 +149,7 @@ class CompareView(PointsView):
         other = run_differences.other_run(scene.state)
         if other is None:
             return names, []
-        view, truth = self._input(scene, other), scene.store.instances
+        view, truth = self.pair_input(scene, other), scene.store.instances
         known = view.selected & view.valid & np.isfinite(view.first) & np.isfinite(view.second)
         rows = []
         for code, name in [*enumerate(truth.room_names), (-1, "no room"), (None, "all")]:
