@@ -95,7 +95,7 @@ def numbers(scene: Scene) -> None:
     unselected_dots(shown.truth, model.selection, frame)
     highest_levels(shown.truth, shown.values, value_range, model.selection, frame)
     other = run_differences.other_run(scene.state)
-    compare_model(BY_NAME["compare"].input(scene, other))
+    compare_model(BY_NAME["compare"].pair_input(scene, other))
 
 
 def _overview(scene: Scene) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 
 Bools = NDArray[np.bool_]
 Codes = NDArray[np.unsignedinteger]
@@ -52,23 +52,15 @@ class Bins:
     count: int
 
 
+@cached_by_identity(8)
 def selection_indices(selected: Bools, base: Bools) -> SelectionIndices:
     """Convert masks (N,) to indices; the same arrays give the same object."""
-    return _selection_indices(ArrayKey(selected), ArrayKey(base))
-
-
-@cached_by_identity(8)
-def _selection_indices(selected: ArrayKey, base: ArrayKey) -> SelectionIndices:
-    inside, population = _bools(selected), _bools(base)
+    inside, population = np.asarray(selected, dtype=np.bool_), np.asarray(base, dtype=np.bool_)
     highlighted = inside & population
     total = int(np.count_nonzero(population))
     if 2 * int(np.count_nonzero(highlighted)) <= total:
         return SelectionIndices(population, np.flatnonzero(highlighted), False)
     return SelectionIndices(population, np.flatnonzero(population & ~highlighted), True)
-
-
-def _bools(key: ArrayKey) -> Bools:
-    return np.asarray(key.array, dtype=np.bool_)
 
 
 def bin_values(places: NDArray[np.floating], count: int) -> Bins:
@@ -91,7 +83,7 @@ def joint_bins(first: Bins, second: Bins) -> Bins:
 
 def count_selected(column: Bins, selection: SelectionIndices) -> tuple[Counts, Counts]:
     """Count per bin, (count,) each: the selected, and the whole base population."""
-    total = _totals(ArrayKey(column.codes), column.count, ArrayKey(selection.base))
+    total = _totals(column.codes, column.count, selection.base)
     part = _count(take(column.codes, selection.indices), column.count)
     return (total - part if selection.inverted else part), total
 
@@ -102,8 +94,8 @@ def take(column: NDArray[Any], iids: NDArray[np.intp]) -> NDArray[Any]:
 
 
 @cached_by_identity(64)
-def _totals(codes: ArrayKey, size: int, base: ArrayKey) -> Counts:
-    total = _count(np.asarray(codes.array)[_bools(base)], size)
+def _totals(codes: Codes, size: int, base: Bools) -> Counts:
+    total = _count(codes[np.asarray(base, dtype=np.bool_)], size)
     total.setflags(write=False)
     return total
 
@@ -117,15 +109,14 @@ def sum_selected(column: Bins, weights: NDArray[np.floating], selection: Selecti
     part = _weighted_counts(column, weights, selection.indices)
     if not selection.inverted:
         return part
-    base = ArrayKey(selection.base)
-    return _base_sums(ArrayKey(column.codes), column.count, ArrayKey(weights), base) - part
+    return _base_sums(column.codes, column.count, weights, selection.base) - part
 
 
 @cached_by_identity(16)
-def _base_sums(codes: ArrayKey, size: int, weights: ArrayKey, base: ArrayKey) -> Sums:
-    members = np.flatnonzero(np.asarray(base.array))
-    column = Bins(np.asarray(codes.array), size)
-    return _weighted_counts(column, np.asarray(weights.array, dtype=np.float64), members)
+def _base_sums(codes: Codes, size: int, weights: Floats, base: Bools) -> Sums:
+    members = np.flatnonzero(base)
+    column = Bins(codes, size)
+    return _weighted_counts(column, np.asarray(weights, dtype=np.float64), members)
 
 
 def _weighted_counts(
@@ -139,23 +130,19 @@ def _weighted_counts(
 
 def total_selected(weights: NDArray[np.floating], selection: SelectionIndices) -> float:
     """The sum of the finite `weights` (N,) of the selected."""
-    part = float(take(_finite(ArrayKey(weights)), selection.indices).sum())
-    return (
-        _base_total(ArrayKey(weights), ArrayKey(selection.base)) - part
-        if selection.inverted
-        else part
-    )
+    part = float(take(_finite(weights), selection.indices).sum())
+    return _base_total(weights, selection.base) - part if selection.inverted else part
 
 
 @cached_by_identity(16)
-def _base_total(weights: ArrayKey, base: ArrayKey) -> float:
-    return float(_finite(weights)[np.asarray(base.array)].sum())
+def _base_total(weights: Floats, base: Bools) -> float:
+    return float(_finite(weights)[base].sum())
 
 
 @cached_by_identity(4)
-def _finite(weights: ArrayKey) -> Sums:
+def _finite(weights: Floats) -> Sums:
     """The weights with 0 in place of NaN and infinities."""
-    column = np.asarray(weights.array, dtype=np.float64)
+    column = np.asarray(weights, dtype=np.float64)
     return np.where(np.isfinite(column), column, 0.0)
 
 
@@ -179,7 +166,7 @@ def median_selected(
     number = int(highlighted.sum())
     if not number:
         return math.nan
-    order, starts = _sorted(ArrayKey(values), ArrayKey(column.codes), column.count)
+    order, starts = _sorted(values, column.codes, column.count)
     ends = np.cumsum(highlighted)
     places = np.array([(number - 1) // 2, number // 2])
     first, last = np.searchsorted(ends, places, side="right").tolist()
@@ -190,12 +177,12 @@ def median_selected(
 
 
 @cached_by_identity(16)
-def _sorted(values: ArrayKey, codes: ArrayKey, count: int) -> tuple[NDArray[np.int32], Counts]:
+def _sorted(values: Floats, codes: Codes, count: int) -> tuple[NDArray[np.int32], Counts]:
     """All iids sorted by value, those without a bin last; and the start of each bin."""
-    sizes = np.bincount(np.asarray(codes.array), minlength=count + 1)
+    sizes = np.bincount(codes, minlength=count + 1)
     return _by_value(values), np.concatenate([[0], np.cumsum(sizes)])
 
 
 @cached_by_identity(16)
-def _by_value(values: ArrayKey) -> NDArray[np.int32]:
-    return np.argsort(np.asarray(values.array)).astype(np.int32)
+def _by_value(values: Floats) -> NDArray[np.int32]:
+    return np.argsort(values).astype(np.int32)

@@ -87,8 +87,8 @@ def identity_key(value: object) -> object:
 def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Cache the last `limit` results of a function while all arrays in its arguments live.
 
-    Arguments are positional and hashable, arrays as `ArrayKey`. A result that refers to an array
-    of its arguments stays until newer results push it out.
+    Arguments are positional: arrays, hashable values, and tuples of both. A result that refers to
+    an array of its arguments stays until newer results push it out.
     """
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
@@ -96,16 +96,25 @@ def cached_by_identity(limit: int) -> Callable[[Callable[P, T]], Callable[P, T]]
 
         @wraps(function)
         def wrapper(*args: P.args, **none: P.kwargs) -> T:
-            entry = results.get(args)
+            key = tuple([_argument_key(argument) for argument in args])
+            entry = results.get(key)
             if entry is not None:
                 return entry[0]
             result = function(*args, **none)
-            results.put(args, result)
+            results.put(key, result)
             return result
 
         return wrapper
 
     return decorate
+
+
+def _argument_key(argument: object) -> object:
+    if isinstance(argument, np.ndarray):
+        return ArrayKey(argument)
+    if isinstance(argument, tuple):
+        return tuple([_argument_key(part) for part in argument])
+    return argument
 
 
 class _Results(Generic[T]):

@@ -21,7 +21,7 @@ from s2rtui.analysis.binning import (
     occupied_bins,
     take,
 )
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 
 LARGEST = 1 << 14
 """Combinations that occur up to which one pass is faster than one per column."""
@@ -59,8 +59,8 @@ def joint_counts(
     columns: Sequence[Bins], selection: SelectionIndices
 ) -> list[tuple[Counts, Counts]]:
     """Count each column as `binning.count_selected` does."""
-    keys = tuple((ArrayKey(column.codes), column.count) for column in columns)
-    table, totals = _table(keys), _totals(keys, ArrayKey(selection.base))
+    keys = tuple((column.codes, column.count) for column in columns)
+    table, totals = _table(keys), _totals(keys, selection.base)
     parts = _margins(_count(table, selection.indices), table)
     if selection.inverted:
         parts = [total - part for part, total in zip(parts, totals, strict=True)]
@@ -68,10 +68,10 @@ def joint_counts(
 
 
 @cached_by_identity(16)
-def _table(columns: tuple[tuple[ArrayKey, int], ...]) -> _Table:
+def _table(columns: tuple[tuple[Codes, int], ...]) -> _Table:
     groups: list[_Group] = []
     for key, count in columns:
-        alone = _Group(np.asarray(key.array), (np.arange(count + 1),))
+        alone = _Group(key, (np.arange(count + 1),))
         groups += _joined(groups.pop(), alone) if groups else [alone]
     ends = np.cumsum([0, *(group.bins[0].size for group in groups)]).tolist()
     kind = np.uint16 if ends[-1] <= 1 << 16 else np.uint32
@@ -101,9 +101,9 @@ def _joined(first: _Group, second: _Group) -> list[_Group]:
 
 
 @cached_by_identity(16)
-def _totals(columns: tuple[tuple[ArrayKey, int], ...], base: ArrayKey) -> list[Counts]:
+def _totals(columns: tuple[tuple[Codes, int], ...], base: NDArray[np.bool_]) -> list[Counts]:
     table = _table(columns)
-    return _margins(_count(table, np.flatnonzero(np.asarray(base.array))), table)
+    return _margins(_count(table, np.flatnonzero(base)), table)
 
 
 def _count(table: _Table, iids: Places) -> Counts:

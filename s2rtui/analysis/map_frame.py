@@ -37,13 +37,13 @@ class MapFrame:
         )
 
     def to_pixels(self, points: ArrayLike) -> Points:
-        """(N, 2) metres to (N, 2) pixel coordinates (column, row), fractions kept."""
+        """Convert (N, 2) metres to (N, 2) pixel coordinates (column, row) with fractions."""
         world = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         down = (world[:, 1] - self.y0) * (1 if self.y_down else -1)
         return np.stack([(world[:, 0] - self.x0) / self.pitch, down / self.pitch], axis=1)
 
     def to_cells(self, points: ArrayLike) -> Points:
-        """(N, 2) metres to (N, 2) cell coordinates (column, row), fractions kept."""
+        """Convert (N, 2) metres to (N, 2) cell coordinates (column, row) with fractions."""
         return self.to_pixels(points) / (1.0, 2.0)
 
     def to_world(self, column: float, row: float) -> tuple[float, float]:

@@ -15,8 +15,8 @@ from s2rtui.terminal.graphics.probe import Graphics
 
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     """Show images in true pixels once the application runs, or say why that is impossible."""
-    if not graphics.pictures:
-        app.session.show_message(f"--graphics: {graphics.told}; images are drawn as half blocks")
+    if not graphics.supported:
+        app.session.show_message(f"--graphics: {graphics.reason}; images are drawn as half blocks")
         return
 
     def attach_all() -> None:

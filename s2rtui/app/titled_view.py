@@ -34,7 +34,7 @@ class TitledView:
         (width, height), theme, view = size, options.theme, self.view
         is_active = self.scene.state.view == view.name
         label = f"{view.key} {view.name}"
-        canvas = Canvas(width, height, theme=theme)
+        canvas = Canvas(width, height, options)
         if is_active:
             canvas.fill(0, 0, width, 1, theme.highlight)
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)

@@ -1,22 +1,33 @@
 """Drawing in character cells: the canvas, colours, glyphs, rasters and brush panels."""
 
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import DARK, LIGHT, THEMES, ColourMode, Rgb, Theme
-from s2rtui.canvas.render_options import ASCII, UNICODE, Glyphs, RenderOptions, heading_arrow
+from s2rtui.canvas.colour import (
+    DARK,
+    LIGHT,
+    THEMES,
+    ColourMode,
+    Pixels,
+    Rgb,
+    Theme,
+    diverging,
+    legible,
+    luma,
+    mix,
+    turbo,
+)  # fmt: skip
+from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas.render_options import (
+    ASCII,
+    DEFAULT_OPTIONS,
+    DIGITS,
+    UNICODE,
+    Glyphs,
+    RenderOptions,
+    heading_arrow,
+)  # fmt: skip
 
 __all__ = [
-    "ASCII",
-    "DARK",
-    "LIGHT",
-    "THEMES",
-    "UNICODE",
-    "Canvas",
-    "ColourMode",
-    "Glyphs",
-    "InlineImage",
-    "RenderOptions",
-    "Rgb",
-    "Size",
-    "Theme",
-    "heading_arrow",
-]
+    "ASCII", "DARK", "DEFAULT_OPTIONS", "DIGITS", "LIGHT", "THEMES", "UNICODE", "Canvas",
+    "ColourMode", "Glyphs", "InlineImage", "Mark", "Panel", "Pixels", "Point", "RenderOptions",
+    "Rgb", "Size", "Theme", "diverging", "heading_arrow", "legible", "luma", "mix", "turbo",
+]  # fmt: skip

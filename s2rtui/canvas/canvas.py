@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len, get_character_cell_size
 
-from s2rtui.canvas.colour import DARK, Pixels, Rgb, Theme
+from s2rtui.canvas.colour import Pixels, Rgb
+from s2rtui.canvas.render_options import DEFAULT_OPTIONS, RenderOptions
 
 Size = tuple[int, int]
 BoolGrid = NDArray[np.bool_]
@@ -39,18 +40,18 @@ class Canvas:
     clipped. Sizes below 1 become 1. `images` lists what a terminal may draw in true pixels.
     """
 
-    __slots__ = ("bg", "bold", "char", "fg", "images", "theme")
+    __slots__ = ("bg", "bold", "char", "fg", "glyphs", "images", "options", "theme")
 
-    def __init__(self, width: int, height: int, theme: Theme = DARK) -> None:
+    def __init__(self, width: int, height: int, options: RenderOptions = DEFAULT_OPTIONS) -> None:
         shape = (max(1, int(height)), max(1, int(width)))
-        self.theme = theme
+        self.options, self.theme, self.glyphs = options, options.theme, options.glyphs
         self.images: list[InlineImage] = []
         self.char: NDArray[np.str_] = np.full(shape, " ", dtype="<U1")
         self.fg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bg: Pixels = np.empty((*shape, 3), dtype=np.uint8)
         self.bold: BoolGrid = np.zeros(shape, dtype=np.bool_)
-        self.fg[:] = theme.text
-        self.bg[:] = theme.background
+        self.fg[:] = self.theme.text
+        self.bg[:] = self.theme.background
 
     @property
     def width(self) -> int:

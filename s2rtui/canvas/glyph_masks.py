@@ -22,18 +22,8 @@ _ENDS = {
     "VERTICAL": ("up", "down"),
 }
 _DASHES = {"DOUBLE DASH": 2, "TRIPLE DASH": 3, "QUADRUPLE DASH": 4}
-_QUADRANTS = {  # bits: upper left 1, upper right 2, lower left 4, lower right 8
-    "▖": 4,
-    "▗": 8,
-    "▘": 1,
-    "▙": 13,
-    "▚": 9,
-    "▛": 7,
-    "▜": 11,
-    "▝": 2,
-    "▞": 6,
-    "▟": 14,
-}
+_QUADRANTS = dict(zip("▖▗▘▙▚▛▜▝▞▟", (4, 8, 1, 13, 9, 7, 11, 2, 6, 14), strict=True))
+"""Bits: upper left 1, upper right 2, lower left 4, lower right 8."""
 
 
 def glyph_mask(char: str, height: int, width: int) -> Mask | None:

@@ -1,4 +1,4 @@
-"""Brushing: panels convert between cells and data, marks are what the user has drawn on them."""
+"""Brushing: panels convert between cells and data, marks are shapes that the user draws."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.raster import dot_grid, draw_braille, flatten_half_blocks, segment_dots
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, flatten_half_blocks, line_dots
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
@@ -55,18 +54,18 @@ def panel_at(panels: Sequence[Panel], column: int, row: int) -> Panel | None:
     return next((panel for panel in panels if panel.holds(column, row)), None)
 
 
-def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None, options: RenderOptions) -> None:
+def draw_mark(canvas: Canvas, panel: Panel, mark: Mark | None) -> None:
     """Draw the outline of a mark on a plane, clipped to its panel."""
     if mark is None or mark.panel != panel.name or panel.shape != "plane" or not mark.points:
         return
     corners = [panel.to_cells(*point) for point in mark.points]
     if mark.lasso:
-        _outline(canvas, panel, corners, options)
+        _outline(canvas, panel, corners)
     else:
-        _frame(canvas, panel, corners, options)
+        _frame(canvas, panel, corners)
 
 
-def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
+def _frame(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
     """A rectangle of line glyphs, at least one cell large."""
     columns = sorted(int(np.floor(column)) for column, _ in (corners[0], corners[-1]))
     rows = sorted(int(np.floor(row)) for _, row in (corners[0], corners[-1]))
@@ -77,30 +76,27 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOp
     if held:
         at = np.array(held, dtype=np.intp)
         flatten_half_blocks(canvas, at[:, 0], at[:, 1])
-    glyphs = options.glyphs
+    glyphs = canvas.glyphs
     for column, row in held:
         edge = row in (top, bottom)
         corner = edge and column in (left, right)
         glyph = "+" if corner else glyphs.horizontal if edge else glyphs.vertical
-        canvas.put(column, row, glyph, options.theme.truth, bold=True)
+        canvas.put(column, row, glyph, canvas.theme.truth, bold=True)
 
 
-def _outline(canvas: Canvas, panel: Panel, corners: list[Point], options: RenderOptions) -> None:
+def _outline(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
     """A closed polygon in braille dots, in ASCII in full stops."""
-    dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
-    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        columns, rows = segment_dots(x0, y0, x1, y1)
-        dots |= dot_grid(columns, rows, canvas.width, canvas.height)
+    lines = zip(corners, [*corners[1:], corners[0]], strict=True)
+    dots = line_dots(lines, canvas.width, canvas.height)
     inside = np.zeros_like(dots)
     rows_held = slice(4 * panel.y, 4 * (panel.y + panel.height))
     columns_held = slice(2 * panel.x, 2 * (panel.x + panel.width))
     inside[rows_held, columns_held] = dots[rows_held, columns_held]
-    if not options.ascii:
-        draw_braille(canvas, 0, 0, inside, np.array(options.theme.truth, dtype=np.uint8))
+    if not canvas.options.ascii:
+        draw_braille(canvas, inside, canvas.theme.truth)
         return
-    held = inside.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
-    for row, column in np.argwhere(held):
-        canvas.put(int(column), int(row), ".", options.theme.truth, bold=True)
+    for row, column in np.argwhere(cells_with_dots(inside)):
+        canvas.put(int(column), int(row), ".", canvas.theme.truth, bold=True)
 
 
 def mark_on_panel(mark: Mark | None, panel: str) -> Mark | None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rtui.canvas.canvas import Canvas
 from s2rtui.canvas.colour import Pixels, luma
-from s2rtui.canvas.render_options import RenderOptions
 
 Floats = NDArray[np.float32]
+Place = tuple[float, float]
+"""Column and row in cells, with fractions."""
 
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int32)
 
@@ -85,19 +88,19 @@ def draw_shades(
         canvas.fg[into] = np.where(shown[..., None], colours[part], canvas.fg[into])
 
 
-def draw_picture(canvas: Canvas, x: int, y: int, pixels: Pixels, options: RenderOptions) -> None:
+def draw_image(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     """Draw an image (2h, w, 3) as half blocks, or as shades where half blocks are missing.
 
     On a light theme the shades are inverted, so that dense glyphs are dark.
     """
-    if options.supports_images:
+    if canvas.options.supports_images:
         draw_half_blocks(canvas, x, y, pixels)
         return
     paired = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, pixels.shape[1], 3).mean(axis=1)
     levels = luma(paired)
-    if not options.theme.dark:
+    if not canvas.theme.dark:
         levels = 1 - levels
-    draw_shades(canvas, x, y, levels, options.glyphs.shades, np.rint(paired).astype(np.uint8))
+    draw_shades(canvas, x, y, levels, canvas.glyphs.shades, np.rint(paired).astype(np.uint8))
 
 
 def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -106,6 +109,12 @@ def braille_bits(dots: NDArray[np.bool_]) -> NDArray[np.int32]:
     cells = dots[: rows * 4, : columns * 2].reshape(rows, 4, columns, 2)
     bits = (cells * _DOTS[None, :, None, :]).sum(axis=(1, 3))
     return np.asarray(bits, dtype=np.int32)
+
+
+def cells_with_dots(dots: NDArray[np.bool_], fine: int = 4) -> NDArray[np.bool_]:
+    """The cells (h, w) that contain any of the dots (fine h, 2w)."""
+    rows, columns = dots.shape
+    return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
 
 
 def dot_grid(
@@ -119,22 +128,17 @@ def dot_grid(
     return dots
 
 
-def draw_braille(
-    canvas: Canvas, x: int, y: int, dots: NDArray[np.bool_], fg: Pixels | None
-) -> None:
-    """Draw dots as braille glyphs; half blocks under them become their mean colour."""
-    bits = braille_bits(dots)
+def draw_braille(canvas: Canvas, dots: NDArray[np.bool_], fg: ArrayLike) -> None:
+    """Draw dots (4 rows, 2 columns per cell) in one colour, or in one per cell (h, w, 3).
+
+    Half blocks under them become their mean colour. Dots outside the canvas are clipped.
+    """
+    bits = braille_bits(dots)[: canvas.height, : canvas.width]
     rows, columns = np.nonzero(bits)
-    at_row, at_column = rows + y, columns + x
-    inside = (at_row >= 0) & (at_row < canvas.height) & (at_column >= 0)
-    inside &= at_column < canvas.width
-    rows, columns = rows[inside], columns[inside]
-    flatten_half_blocks(canvas, at_column[inside], at_row[inside])
-    glyphs = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
-    canvas.char[at_row[inside], at_column[inside]] = glyphs
-    if fg is not None:
-        colours = fg if fg.ndim == 1 else fg[rows, columns]
-        canvas.fg[at_row[inside], at_column[inside]] = colours
+    flatten_half_blocks(canvas, columns, rows)
+    canvas.char[rows, columns] = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
+    colours = np.asarray(fg, dtype=np.uint8)
+    canvas.fg[rows, columns] = colours if colours.ndim == 1 else colours[rows, columns]
 
 
 def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
@@ -146,10 +150,16 @@ def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray
     canvas.bg[rows, columns] = mean.astype(np.uint8)
 
 
-def segment_dots(
-    x0: float, y0: float, x1: float, y1: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points along a line between two cell coordinates, dense enough for braille dots."""
-    count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
-    along = np.linspace(0.0, 1.0, count + 1)
-    return x0 + (x1 - x0) * along, y0 + (y1 - y0) * along
+def line_dots(
+    lines: Iterable[tuple[Place, Place]], width: int, height: int, every: int = 1
+) -> NDArray[np.bool_]:
+    """Rasterise lines between cell coordinates to braille dots (4 height, 2 width).
+
+    Only each `every`-th point is drawn.
+    """
+    dots = np.zeros((4 * height, 2 * width), dtype=np.bool_)
+    for (x0, y0), (x1, y1) in lines:
+        count = int(min(4096, max(abs(x1 - x0) * 2, abs(y1 - y0) * 4))) + 1
+        along = np.linspace(0.0, 1.0, count + 1)[::every]
+        dots |= dot_grid(x0 + (x1 - x0) * along, y0 + (y1 - y0) * along, width, height)
+    return dots

@@ -1,4 +1,4 @@
-"""Render options: theme, colour mode, and glyphs that repeat what colours say."""
+"""Render options: theme, colour mode, and glyphs that make colours redundant."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from s2rtui.canvas.colour import DARK, ColourMode, Theme
+from s2rtui.canvas.colour import DARK, ColourMode, Rgb, Theme
 
 DIGITS = "0123456789"
 """Glyphs of ten steps of a scale, where colours are missing."""
@@ -99,6 +99,14 @@ class RenderOptions:
     def glyphs(self) -> Glyphs:
         return ASCII if self.ascii else UNICODE
 
+    def role(self, name: str) -> tuple[str, Rgb]:
+        """The glyph and the colour of "sim", "real", "truth", "both" or "cursor"."""
+        return getattr(self.glyphs, name), getattr(self.theme, name)
+
+    def printable(self, text: str) -> str:
+        """The text, with `?` for other characters where only ASCII can be drawn."""
+        return text.encode("ascii", "replace").decode() if self.ascii else text
+
     @property
     def supports_images(self) -> bool:
         """Whether half blocks can show images: needs colours and block characters."""
@@ -108,6 +116,9 @@ class RenderOptions:
     def supports_shading(self) -> bool:
         """Whether dimmed images stay distinguishable from marks: needs more than 16 colours."""
         return self.supports_images and self.mode is not ColourMode.ANSI
+
+
+DEFAULT_OPTIONS = RenderOptions()
 
 
 def heading_arrow(heading: float, y_down: bool, glyphs: Glyphs) -> tuple[str, int, int]:

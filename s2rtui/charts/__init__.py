@@ -10,6 +10,6 @@ To add a view, write such a folder and add its name to `s2rtui/charts/registry.p
 `s2r show` and `s2r export` follow from the registry. A view that needs data which takes time to
 read names a loader of `s2rtui.loaders` in `loads`.
 
-`shared` holds what several views use: maps, pictures of an instance, legends, scales, the page of
+`shared` holds what several views use: maps, images of an instance, legends, scales, the page of
 a figure. No view imports another one.
 """

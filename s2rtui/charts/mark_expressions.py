@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from s2rstore.geometry import angles
 from s2rstore.language.canonical_text import quoted
-from s2rtui.canvas.marks import Mark, Panel
+from s2rtui.canvas import Mark, Panel
 
 
 def round_to_cell(value: float, cell: float) -> float:

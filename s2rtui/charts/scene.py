@@ -1,4 +1,4 @@
-"""What views draw from: a session's state, its store, and what background loading has delivered."""
+"""The data that views draw: state and store of a session, and results of background loading."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from s2rstore.gap_history.reader import History
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
 from s2rtui.session import State
@@ -94,7 +94,7 @@ class Resources:
         return self.floor_heat_source.told(state) if self.floor_heat_source else ""
 
     def seen_on_map(self, state: State) -> FloorGrid | None:
-        """The floor that the current selection has seen."""
+        """The part of the floor that the current selection saw."""
         current = self.seen_floor_source == visible_floor_key(state)
         return self.seen_floor if state.clip and current else None
 

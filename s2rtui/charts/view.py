@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
+from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.session import Session
 
 Pane = Literal["overview", "centre", "tab"]
@@ -46,9 +49,13 @@ class View:
         """The text beside the title."""
         return ""
 
+    def input(self, scene: Scene) -> Any:
+        """The arrays and numbers that are drawn."""
+        raise NotImplementedError
+
     def cache_key(self, scene: Scene) -> tuple[object, ...] | None:
         """Everything that the drawing depends on; None where it must be drawn every time."""
-        return None
+        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         """Draw the view in `size` (columns, rows)."""
@@ -88,3 +95,22 @@ class View:
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         """The expression that selects what a mark covers."""
         raise NotImplementedError
+
+
+class PointsView(View):
+    """A view whose panels show each instance as a point in a plane: a click goes to the nearest."""
+
+    def points(self, scene: Scene, panel: Panel) -> Floats:
+        """(N, 2) points of a panel, by default the true positions."""
+        return true_positions(scene.store)
+
+    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
+        return known_point(self.points(scene, panel), scene.state.cursor)
+
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        nearest = nearest_iid(self.points(scene, panel), scene.state.base, point)
+        if nearest is not None:
+            session.set_cursor(nearest)
+
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        return area_expression(panel, mark, "box", "lasso")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas.colour import ColourMode
+from s2rtui.canvas import ColourMode
 
 if TYPE_CHECKING:
     from s2rtui.terminal.graphics.probe import Graphics
@@ -40,7 +40,7 @@ def detect(
 
 def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:
     if colour != "auto":
-        return ColourMode(colour), f"{colour} as asked"
+        return ColourMode(colour), f"{colour} by option"
     if env.get("NO_COLOR"):
         return ColourMode.NONE, "no colour because NO_COLOR is set"
     term = env.get("TERM", "")

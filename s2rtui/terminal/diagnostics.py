@@ -1,4 +1,4 @@
-"""What this machine and terminal can do, and what is missing: pairs of a thing and its state."""
+"""Diagnostics of machine and terminal: pairs of a name and its state."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def machine() -> Rows:
     if os.path.exists("/proc/cpuinfo"):
         with open("/proc/cpuinfo") as file:
             text = file.read()
-        found = [flag for flag in ("avx2", "avx512f", "avx512_bf16", "amx_bf16") if flag in text]
-        flags = f", {' '.join(found)}" if found else ""
+        present = [flag for flag in ("avx2", "avx512f", "avx512_bf16", "amx_bf16") if flag in text]
+        flags = f", {' '.join(present)}" if present else ""
     return [
         ("python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
         ("processors", f"{os.cpu_count()}{flags}"),
@@ -40,31 +40,31 @@ def machine() -> Rows:
     ]
 
 
-def terminal(found: Terminal | None = None) -> Rows:
+def terminal(detected: Terminal | None = None) -> Rows:
     """Size, colours and characters, and why."""
-    found = found or detect()
+    detected = detected or detect()
     size = shutil.get_terminal_size()
     return [
         ("terminal", f"{size.columns}x{size.lines}, {'yes' if sys.stdout.isatty() else 'none'}"),
         ("TERM", os.environ.get("TERM", "unset")),
-        ("colours", f"{found.mode.value}: {found.reason}"),
-        ("characters", "ASCII" if found.ascii else "Unicode"),
-        ("graphics", _graphics(found)),
+        ("colours", f"{detected.mode.value}: {detected.reason}"),
+        ("characters", "ASCII" if detected.ascii else "Unicode"),
+        ("graphics", _graphics(detected)),
         ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
         ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
     ]
 
 
-def _graphics(found: Terminal) -> str:
-    """Which pictures in true pixels the terminal draws, where it was asked."""
-    if found.graphics is None:
+def _graphics(detected: Terminal) -> str:
+    """Whether the terminal draws inline images, if it was probed."""
+    if detected.graphics is None:
         return "half blocks; --graphics asks the terminal for more"
-    told, (width, height) = found.graphics.told, found.graphics.cell
-    return f"{told}; cells of {width}x{height} px" if found.graphics.pictures else told
+    reason, (width, height) = detected.graphics.reason, detected.graphics.cell
+    return f"{reason}; cells of {width}x{height} px" if detected.graphics.supported else reason
 
 
 def packages() -> Rows:
-    """The parts of the program that can be installed, and what they lack."""
+    """The installable parts of the program, with their missing packages."""
     rows = []
     for part, names in PARTS.items():
         missing = [name for name in names if importlib.util.find_spec(name) is None]

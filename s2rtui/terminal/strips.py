@@ -21,8 +21,8 @@ from rich.style import Style
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, to_16, to_256
+from s2rtui.canvas import Canvas, ColourMode, Pixels, Rgb
+from s2rtui.canvas.colour import to_16, to_256
 from s2rtui.terminal.textual_compat import LazyStrip
 
 _DEFAULT = 1 << 24
@@ -150,13 +150,13 @@ def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
     half = canvas.char == "▀"
     if tolerance <= 0 or not half.any():
         return
-    picture = half | (canvas.char == " ")
+    image = half | (canvas.char == " ")
     both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
     both[..., :3][~half] = 0
     start = both[:, 0].copy()
     empty = np.array(canvas.theme.background, dtype=np.uint8)
     ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
-    joins = picture[:, 1:] & picture[:, :-1] & (half[:, 1:] == half[:, :-1])
+    joins = image[:, 1:] & image[:, :-1] & (half[:, 1:] == half[:, :-1])
     joins &= ground[:, 1:] == ground[:, :-1]  # an image keeps its edges
     for column in range(1, canvas.width):
         here = both[:, column]
@@ -164,7 +164,7 @@ def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
         start = np.where(near[:, None], start, here)
         both[:, column] = start
     canvas.fg[half] = both[..., :3][half].astype(np.uint8)
-    canvas.bg[picture] = both[..., 3:][picture].astype(np.uint8)
+    canvas.bg[image] = both[..., 3:][image].astype(np.uint8)
 
 
 def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -190,7 +190,7 @@ def to_strips(
     canvas: Canvas, mode: ColourMode, ascii: bool = False, tolerance: int = 0
 ) -> list[Strip]:
     """One strip per row. With `ascii`, other characters become "?". See `merge_similar_colours`."""
-    drawn = Canvas(1, 1, canvas.theme)
+    drawn = Canvas(1, 1, canvas.options)
     drawn.char, drawn.bold = canvas.char.copy(), canvas.bold
     drawn.fg, drawn.bg = canvas.fg, canvas.bg
     if tolerance > 0:

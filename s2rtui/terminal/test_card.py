@@ -7,10 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import turbo
+from s2rtui.canvas import DEFAULT_OPTIONS, DIGITS, Canvas, RenderOptions, Size, turbo
 from s2rtui.canvas.raster import draw_braille, draw_half_blocks
-from s2rtui.canvas.render_options import DIGITS, RenderOptions
 
 Rows = list[tuple[str, str]]
 LABEL = 22
@@ -26,10 +24,9 @@ def card_height(rows: Rows, width: int) -> int:
     return lines + (len(rows) + 2 * len(_SAMPLES) if narrow else len(_SAMPLES)) + 3 + advice
 
 
-def draw_card(rows: Rows, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_card(rows: Rows, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """Draw lines of text and samples below them in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     theme, width = options.theme, canvas.width
     narrow = width < _NARROW
     x, y = (2 if narrow else LABEL), 0
@@ -37,14 +34,14 @@ def draw_card(rows: Rows, size: Size, options: RenderOptions | None = None) -> C
         canvas.text(0, y, name, theme.muted)
         y += narrow
         for line in _wrapped(state, width) or [""]:
-            canvas.text(x, y, line if not options.ascii else _plain(line), theme.text)
+            canvas.text(x, y, options.printable(line), theme.text)
             y += 1
     canvas.text(0, y + 1, "what you should see", theme.text, bold=True)
     y += 2
     for label, draw in _SAMPLES:
         canvas.text(0, y, label, theme.muted)
         y += narrow
-        draw(canvas, x, y, options)
+        draw(canvas, x, y)
         y += 1
     for row, line in enumerate(_wrapped(_ADVICE[options.ascii], width, 0)):
         canvas.text(0, y + 1 + row, line, theme.muted)
@@ -57,12 +54,8 @@ def _wrapped(text: str, width: int, label: int | None = None) -> list[str]:
     return textwrap.wrap(text, max(8, width - label))
 
 
-def _plain(text: str) -> str:
-    return text.encode("ascii", "replace").decode()
-
-
-def _roles(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _roles(canvas: Canvas, x: int, y: int) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     for glyph, name, ink in (
         (glyphs.sim, "blue", theme.sim),
         (glyphs.real, "red", theme.real),
@@ -71,48 +64,48 @@ def _roles(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
         x = canvas.text(x, y, f"{glyph} {name}  ", ink, bold=True)
 
 
-def _scale(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
+def _scale(canvas: Canvas, x: int, y: int) -> None:
     colours = turbo(np.linspace(0, 1, 40))
     for place, colour in enumerate(colours):
         ink = (int(colour[0]), int(colour[1]), int(colour[2]))
-        if options.supports_images:
+        if canvas.options.supports_images:
             canvas.put(x + place, y, " ", bg=ink)
         else:
             canvas.put(x + place, y, DIGITS[place * len(DIGITS) // 40], ink)
 
 
-def _picture(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
-    if not options.supports_images:
-        canvas.text(x, y, "shades: " + options.glyphs.shades, options.theme.text)
+def _picture(canvas: Canvas, x: int, y: int) -> None:
+    if not canvas.options.supports_images:
+        canvas.text(x, y, "shades: " + canvas.glyphs.shades, canvas.theme.text)
         return
     across = np.linspace(0, 1, 40)
     rows = np.stack([turbo(across), turbo(1 - across)])
     draw_half_blocks(canvas, x, y, rows)
 
 
-def _dots(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
-    if options.ascii:
-        canvas.text(x, y, "none: ASCII only", options.theme.text)
+def _dots(canvas: Canvas, x: int, y: int) -> None:
+    if canvas.options.ascii:
+        canvas.text(x, y, "none: ASCII only", canvas.theme.text)
         return
     places = np.arange(80)
     wave = np.rint(1.5 + 1.5 * np.sin(places / 6)).astype(np.intp)
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     inside = (2 * x + places < dots.shape[1]) & (4 * y + wave < dots.shape[0])
     dots[4 * y + wave[inside], 2 * x + places[inside]] = True
-    draw_braille(canvas, 0, 0, dots, np.array(options.theme.text, dtype=np.uint8))
+    draw_braille(canvas, dots, canvas.theme.text)
 
 
-def _bars(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
-    canvas.text(x, y, ".#" if options.ascii else "▁▂▃▄▅▆▇█" * 4, options.theme.sim)
+def _bars(canvas: Canvas, x: int, y: int) -> None:
+    canvas.text(x, y, ".#" if canvas.options.ascii else "▁▂▃▄▅▆▇█" * 4, canvas.theme.sim)
 
 
-def _lines(canvas: Canvas, x: int, y: int, options: RenderOptions) -> None:
-    glyphs = options.glyphs
+def _lines(canvas: Canvas, x: int, y: int) -> None:
+    glyphs = canvas.glyphs
     drawn = f"{' '.join(glyphs.arrows)}  {glyphs.scale_left}{glyphs.horizontal * 6}"
-    canvas.text(x, y, f"{drawn}{glyphs.scale_right}  {glyphs.vertical}", options.theme.text)
+    canvas.text(x, y, f"{drawn}{glyphs.scale_right}  {glyphs.vertical}", canvas.theme.text)
 
 
-_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int, RenderOptions], None]], ...] = (
+_SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int], None]], ...] = (
     ("sim, real, truth", _roles),
     ("a scale, low to high", _scale),
     ("a picture", _picture),

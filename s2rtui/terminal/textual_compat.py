@@ -38,7 +38,7 @@ _BATCH = 128
 
 
 class QuietApp(App[None]):
-    """An application on a bounded driver that keeps a fault instead of printing its traceback."""
+    """An application on a bounded driver that stores a fault instead of printing its traceback."""
 
     @property
     def fault(self) -> Exception | None:
@@ -62,7 +62,7 @@ class QuietApp(App[None]):
 
 
 def screen_strips(screen: Screen[Any]) -> list[Strip]:
-    """What a screen shows now, line by line; only the compositor has it as text with styles."""
+    """The visible lines of a screen; only the compositor has them as text with styles."""
     return screen._compositor.render_strips()
 
 

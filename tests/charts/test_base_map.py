@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.records import Bounds, Room
-from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.canvas import DARK, DEFAULT_OPTIONS, ColourMode, RenderOptions
 from s2rtui.canvas.colour import mix
 from s2rtui.canvas.marks import Mark, panel_at
 from s2rtui.charts.compare.terminal import compare_panels
@@ -23,7 +23,7 @@ LEFT = np.array([[1, 1, 0, 0]] * 2)
 """Only the left half of the map was seen."""
 
 
-def cell_at(x: float, y: float, options: RenderOptions | None = None) -> tuple[int, int]:
+def cell_at(x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS) -> tuple[int, int]:
     """Row and column of a point on the example's map."""
     layout = map_layout(map_input(), SIZE, None, options)
     column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
@@ -94,8 +94,8 @@ def test_cells_become_metres_and_back(
 ) -> None:
     viewport = Bounds(3.0, 2.0, 6.0, 4.0) if near else None
     for (panel,) in (
-        map_panels(map_input(y_down=y_down), size, None, viewport),
-        compare_panels(compare_input(y_down=y_down), size, None, viewport),
+        map_panels(map_input(y_down=y_down), size, RenderOptions(), viewport),
+        compare_panels(compare_input(y_down=y_down), size, RenderOptions(), viewport),
     ):
         assert (panel.name, panel.shape) == ("map", "plane")
         column, row = panel.x + int(part[0] * panel.width), panel.y + int(part[1] * panel.height)

@@ -16,7 +16,7 @@ from s2rtui.analysis.binning import (
     sum_selected,
     total_selected,
 )
-from s2rtui.charts.map.paper import _shared
+from s2rtui.charts.map.paper import _overlap
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
@@ -69,4 +69,4 @@ def test_occupied_bins_keep_their_counts(
     ],
 )
 def test_wedges_overlap_across_the_turn(first, second, shared) -> None:
-    assert _shared(first, second) == shared
+    assert _overlap(first, second) == shared

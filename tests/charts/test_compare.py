@@ -42,7 +42,8 @@ def test_cells_hold_the_mean_of_their_selected(
 ) -> None:
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     frame = compare_layout(view, (30, 8)).frame
-    columns, rows, means = cell_means(view, selection_indices(selected, valid), frame)
+    selection = selection_indices(selected, valid)
+    columns, rows, means = cell_means(view.truth, first, second, selection, frame)
     apart = first - second
     cells = np.floor(frame.to_cells(view.truth))
     known = selected & valid & np.isfinite(apart)

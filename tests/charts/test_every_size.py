@@ -13,7 +13,6 @@ from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.errors.terminal import draw_errors
-from s2rtui.charts.history.model import HistoryInput
 from s2rtui.charts.history.terminal import draw_history
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
@@ -63,8 +62,8 @@ VIEWS: dict[str, Draw] = {
     "marked histogram": lambda size, options: draw_errors(
         errors_input(cursor=5, mark=Mark("real", ((0.2, 3.0), (99.0, -1.0)))), size, options
     ),
-    "history": lambda size, options: draw_history(HistoryInput(gaps.week()), size, options),
-    "no history": lambda size, options: draw_history(HistoryInput(()), size, options),
+    "history": lambda size, options: draw_history(gaps.week(), size, options),
+    "no history": lambda size, options: draw_history((), size, options),
     "umap": lambda size, options: draw_umap(umap_input(), size, options),
     "marked umap": lambda size, options: draw_umap(
         umap_input(mark=Mark("real", ((-9.0, -9.0), (3.0, 3.0), (4.0, 9.0)), lasso=True)),

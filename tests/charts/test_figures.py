@@ -98,7 +98,7 @@ def test_nothing_selected_and_nothing_known() -> None:
 
 
 def test_dollar_signs_are_text() -> None:
-    map_figure(map_input(), (300, 200), run="a$b$c", subtitle="id$")
+    map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
 
 
 def test_impossible_size_is_refused_by_name() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from s2rtui.canvas import DARK, LIGHT, RenderOptions, Theme
-from s2rtui.charts.history.model import HistoryInput, history_model
+from s2rtui.charts.history.model import history_model
 from s2rtui.charts.history.paper import history_figure
 from s2rtui.charts.history.terminal import (
     LABELS,
@@ -25,7 +25,7 @@ from s2rtui.charts.history.terminal import (
 from tests.support import gaps
 
 SIZE = (100, 50)
-WEEK = HistoryInput(gaps.week())
+WEEK = gaps.week()
 
 
 def test_a_track_per_axis_holds_what_the_nights_hold() -> None:
@@ -46,7 +46,7 @@ def test_all_tracks_share_a_scale_that_holds_everything() -> None:
     low, high = history_model(WEEK, 90).scale
     assert low == 0
     assert high == 29
-    wild = HistoryInput((gaps.night(1, {"task": 900.0, "visual": -300.0}),))
+    wild = (gaps.night(1, {"task": 900.0, "visual": -300.0}),)
     assert history_model(wild, 90).scale == (-20.0, 120.0)
 
 
@@ -69,8 +69,8 @@ def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
 
 
 def test_a_night_that_was_missed_leaves_a_gap() -> None:
-    nights = tuple(night for night in WEEK.nights if night.night.day != 18)
-    model = history_model(HistoryInput(nights), 90)
+    nights = tuple(night for night in WEEK if night.night.day != 18)
+    model = history_model(nights, 90)
     layout = history_layout(model, SIZE)
     columns = [layout.column(day, model) for day in model.days.tolist()]
     assert np.diff(columns).tolist() == [8, 16, 8, 8, 8]
@@ -79,7 +79,7 @@ def test_a_night_that_was_missed_leaves_a_gap() -> None:
 def test_the_threshold_steps_where_it_was_changed() -> None:
     nights = [replace(night, threshold=15.0 if n < 4 else 25.0) for n, night in
               enumerate(gaps.week())]  # fmt: skip
-    view = HistoryInput(tuple(nights))
+    view = tuple(nights)
     canvas = draw_history(view, SIZE)
     model = history_model(view, SIZE[0] - LABELS)
     layout = history_layout(model, SIZE)
@@ -93,20 +93,20 @@ def test_the_threshold_steps_where_it_was_changed() -> None:
 
 def test_what_was_not_judged_is_not_drawn() -> None:
     nights = (*gaps.week()[:6], gaps.night(7, {"task": math.nan, "visual": 4.0}))
-    model = history_model(HistoryInput(nights), 90)
+    model = history_model(nights, 90)
     tracks = {track.name: track for track in model.tracks}
     assert tracks["task"].statuses[-1] == "SKIPPED"
     assert math.isnan(tracks["dynamics"].value[-1])
-    text = "\n".join(draw_history(HistoryInput(nights), SIZE).lines())
+    text = "\n".join(draw_history(nights, SIZE).lines())
     assert "task  · skipped  " in text
 
 
 def test_more_nights_than_columns_show_the_newest() -> None:
     nights = tuple(gaps.night(number, {"task": 5.0}) for number in range(1, 400))
-    model = history_model(HistoryInput(nights), 75)
+    model = history_model(nights, 75)
     assert (model.days.size, model.older) == (75, 324)
     assert model.days[-1] == nights[-1].night.toordinal()
-    assert "324 older" in draw_history(HistoryInput(nights), (80, 24)).lines()[-1]
+    assert "324 older" in draw_history(nights, (80, 24)).lines()[-1]
 
 
 def test_a_small_screen_shows_the_headline_and_the_worst_axes() -> None:
@@ -147,8 +147,8 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
     nights = tuple(
         replace(gaps.night(number, gap), threshold=10.0) for number, gap in enumerate(figures, 1)
     )
-    canvas = draw_history(HistoryInput(nights), size)
-    model = history_model(HistoryInput(nights), size[0] - LABELS)
+    canvas = draw_history(nights, size)
+    model = history_model(nights, size[0] - LABELS)
     layout = history_layout(model, size)
     for index, _, top, rows in layout.charts:
         track = model.tracks[index]

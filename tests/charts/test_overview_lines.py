@@ -119,9 +119,9 @@ def test_levels_rise_from_above_zero_to_one() -> None:
 
 def test_another_selection_bins_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = overview_lines()
-    draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
+    draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
-    draw_overview(ROWS, 0.72, 0, SIZE, None, replace(lines, selected=np.arange(N) < 9))
+    draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), replace(lines, selected=np.arange(N) < 9))
 
 
 def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
@@ -144,7 +144,7 @@ def test_runs_take_the_rows_there_are() -> None:
 
 def test_marks_numbers_and_axis_stay_on_top() -> None:
     lines = overview_lines(cursor=None)
-    canvas = draw_overview(ROWS, 0.72, 0, SIZE, None, lines)
+    canvas = draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
     for index, row in enumerate(ROWS[:2]):
         for value, glyph in ((row.sim_accuracy, UNICODE.sim), (row.real_accuracy, UNICODE.real)):
@@ -160,7 +160,7 @@ def test_marks_numbers_and_axis_stay_on_top() -> None:
 def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> None:
     lines = overview_lines(side=side, cursor=None)
     canvas, layout = (
-        draw_overview(ROWS, None, 0, SIZE, None, lines),
+        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
         overview_layout(ROWS, 0, SIZE, lines),
     )
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
@@ -199,7 +199,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
 def test_a_note_is_read_before_lines_and_cursor() -> None:
     lines = overview_lines()
     waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
-    canvas = draw_overview(waiting, None, 0, SIZE, None, lines)
+    canvas = draw_overview(waiting, None, 0, SIZE, RenderOptions(), lines)
     layout = overview_layout(waiting, 0, SIZE, lines)
     for index in range(2):
         assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
@@ -208,7 +208,7 @@ def test_a_note_is_read_before_lines_and_cursor() -> None:
 def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
     lines = overview_lines()
     canvas, model = (
-        draw_overview(ROWS, None, 0, SIZE, None, lines),
+        draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
         overview_model(ROWS, None, lines),
     )
     layout = overview_layout(ROWS, 0, SIZE, lines)

@@ -11,7 +11,7 @@ from s2rtui.canvas.raster import (
     dot_grid,
     draw_braille,
     draw_half_blocks,
-    draw_picture,
+    draw_image,
     resample,
 )
 
@@ -47,7 +47,7 @@ def test_braille_dots_have_their_unicode_places() -> None:
     dots[0, 0] = dots[3, 1] = dots[3, 2] = True
     assert braille_bits(dots).tolist() == [[0x81, 0x40]]
     canvas = Canvas(2, 1)
-    draw_braille(canvas, 0, 0, dots, None)
+    draw_braille(canvas, dots, canvas.theme.text)
     assert canvas.lines() == ["⢁⡀"]
 
 
@@ -59,7 +59,7 @@ def test_dots_outside_are_dropped() -> None:
 def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
     canvas = Canvas(1, 1)
     draw_half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
-    draw_braille(canvas, 0, 0, np.ones((4, 2), dtype=np.bool_), None)
+    draw_braille(canvas, np.ones((4, 2), dtype=np.bool_), canvas.theme.text)
     assert canvas.char[0, 0] == "⣿"
     assert canvas.bg[0, 0].tolist() == [150, 0, 0]
 
@@ -70,7 +70,7 @@ def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
 def test_without_half_blocks_brightness_becomes_density(options: RenderOptions) -> None:
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
-    canvas = Canvas(3, 1)
-    draw_picture(canvas, 0, 0, pixels, options)
+    canvas = Canvas(3, 1, options)
+    draw_image(canvas, 0, 0, pixels)
     shades = options.glyphs.shades
     assert canvas.lines()[0] == shades[0] + shades[len(shades) // 2] + shades[-1]

@@ -106,8 +106,8 @@ class Terminals:
     [
         (ANSWER, True, "Kitty"),
         (b"typed" + ANSWER, True, "Kitty"),
-        (ATTRIBUTES, False, "does not draw"),
-        (CURSOR + CURSOR + CELL + ATTRIBUTES, False, "does not draw"),
+        (ATTRIBUTES, False, "does not support"),
+        (CURSOR + CURSOR + CELL + ATTRIBUTES, False, "does not support"),
         (CURSOR + DRAWN + MOVED + ATTRIBUTES, False, "not its placeholders"),
         (DRAWN + ATTRIBUTES, False, "not its placeholders"),
         (CURSOR + DRAWN + CURSOR, False, "did not answer"),
@@ -116,8 +116,8 @@ class Terminals:
 )
 def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, told: str) -> None:
     found = parse_answer(answer)
-    assert found.pictures is pictures
-    assert told in found.told
+    assert found.supported is pictures
+    assert told in found.reason
 
 
 def test_the_size_of_a_cell_is_the_terminals() -> None:
@@ -127,23 +127,23 @@ def test_the_size_of_a_cell_is_the_terminals() -> None:
 @pytest.mark.parametrize(
     ("answer", "pictures", "told"),
     [
-        ("xterm-kitty kitty(0.42.0) on\n", True, "passed on"),
-        ("xterm-256color ghostty 1.2 all\n", True, "passed on"),
-        ("xterm-kitty  1\n", True, "passed on"),
+        ("xterm-kitty kitty(0.42.0) on\n", True, "through tmux"),
+        ("xterm-256color ghostty 1.2 all\n", True, "through tmux"),
+        ("xterm-kitty  1\n", True, "through tmux"),
         ("xterm-kitty  0\n", False, "allow-passthrough on"),
         ("xterm-kitty kitty off\n", False, "allow-passthrough on"),
         ("xterm-256color  1\n", False, "kitty or ghostty"),
-        ("", False, "does not tell"),
+        ("", False, "did not name"),
     ],
 )
 def test_tmux_is_asked_for_its_terminal(
     monkeypatch: pytest.MonkeyPatch, answer: str, pictures: bool, told: str
 ) -> None:
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
-    monkeypatch.setattr(probe, "_here", lambda: True)
+    monkeypatch.setattr(probe, "_has_terminal", lambda: True)
     found = probe.probe_terminal(TRUE, {"TMUX": "/tmp/tmux,1,0"})
-    assert (found.pictures, found.in_tmux) == (pictures, pictures)
-    assert told in found.told
+    assert (found.supported, found.in_tmux) == (pictures, pictures)
+    assert told in found.reason
 
 
 @pytest.mark.parametrize(
@@ -153,8 +153,8 @@ def test_nothing_is_asked_where_no_picture_can_be(
     terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
-    monkeypatch.setattr(probe, "_here", lambda: True)
-    assert "256 colours" in probe.probe_terminal(terminal, {}).told
+    monkeypatch.setattr(probe, "_has_terminal", lambda: True)
+    assert "256 colours" in probe.probe_terminal(terminal, {}).reason
 
 
 def test_ascii_and_pictures_exclude_each_other(

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
-from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
 from s2rtui.session.state import HeatChoice, State
 
 if TYPE_CHECKING:
@@ -20,18 +19,12 @@ def live_input(
 ) -> InstanceInput:
     """Images and predictions of a live result, with the change of the stored errors."""
     truth, iid = store.instances, result.iid
-    ray = None if heat is None else ray_of(heat)
     return InstanceInput(
         iid=iid,
         sim=_side(result, "sim", heat),
         real=_side(result, "real", heat),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
-        kind=heat.kind.replace("_", " ") if heat else None,
-        mode=heat.mode if heat else None,
-        unit=unit(store, state.run, heat) if heat else "",
-        signed=bool(heat and heat.kind in SIGNED),
-        heat_range=run_range(store, state.run, heat) if heat else None,
-        over="both" if heat and heat.mode == "rgbd" else "depth" if ray == "depth" else "rgb",
+        **heat_fields(store, state.run, heat),
         notes=(_change(store, state, result, "sim"), _change(store, state, result, "real")),
     )
 

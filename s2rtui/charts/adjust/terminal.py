@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.shared.axis_scale import short_number
 
 _INDENT = 4
@@ -62,23 +60,19 @@ def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
 
 
 def draw_sliders(
-    lines: Sequence[SliderLine], size: Size, options: RenderOptions | None = None
+    lines: Sequence[SliderLine], size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     layout = slider_layout(lines, (canvas.width, canvas.height))
     for row in range(layout.shown):
-        _line(canvas, row, lines[layout.first + row], layout, options)
+        _line(canvas, row, lines[layout.first + row], layout)
     return canvas
 
 
-def _line(
-    canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
-    side = theme.sim if line.side == "sim" else theme.real
-    mark = glyphs.sim if line.side == "sim" else glyphs.real
+def _line(canvas: Canvas, y: int, line: SliderLine, layout: SliderLayout) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
+    mark, side = canvas.options.role(line.side)
     if line.active:
         canvas.fill(0, y, canvas.width, 1, theme.highlight)
         canvas.put(0, y, glyphs.pointer, theme.text, bold=True)

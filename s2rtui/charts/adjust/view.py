@@ -5,8 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from s2rtui.canvas import Canvas, RenderOptions, Size
-from s2rtui.canvas.marks import Panel, Point
+from s2rtui.canvas import Canvas, Panel, Point, RenderOptions, Size
 from s2rtui.charts.adjust.terminal import SliderLine, draw_sliders, slider_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared import image_pair_terminal
@@ -50,7 +49,7 @@ class AdjustView(View):
         return scene.state.adjust, resources.adjusted(scene.state), resources.failed.get("live")
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=options.theme)
+        canvas = Canvas(*size, options)
         adjust = scene.state.adjust
         if adjust is None or adjust.missing:
             return _put_message(canvas, adjust.missing if adjust else "no instance to adjust", 0)

@@ -18,14 +18,13 @@ from s2rtui.analysis.binning import (
     sum_selected,
     total_selected,
 )
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.colour import Pixels, diverging
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark, Pixels, diverging
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_background import MapBackground
-from s2rtui.charts.shared.base_map_model import selection_sizes, valid_cursor
-from s2rtui.charts.shared.points import point_cells
+from s2rtui.charts.shared.base_map_model import selection_sizes
+from s2rtui.charts.shared.points import point_cells, valid_cursor
 
 Means = NDArray[np.float64]
 
@@ -82,7 +81,7 @@ class CompareSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompareModel:
-    """What the comparison draws; fields as in `MapModel`. scale: difference of full colour."""
+    """The numbers that are drawn, as in `MapModel`. scale: the difference of full colour."""
 
     selection: SelectionIndices
     highlighted: int
@@ -97,9 +96,8 @@ def compare_model(data: CompareInput) -> CompareModel:
     valid: Bools = np.asarray(data.valid, dtype=np.bool_)
     selection = selection_indices(np.asarray(data.selected, dtype=np.bool_), valid)
     highlighted, others = selection_sizes(selection)
-    arrays = ArrayKey(data.first), ArrayKey(data.second)
-    summary = _summary(*arrays, data.equal, selection, highlighted)
-    scale = data.scale or _scale(*arrays, ArrayKey(valid), data.equal)
+    summary = _summary(data.first, data.second, data.equal, selection, highlighted)
+    scale = data.scale or _scale(data.first, data.second, valid, data.equal)
     return CompareModel(
         selection, highlighted, others, valid_cursor(data.cursor, valid), scale, summary
     )
@@ -107,38 +105,25 @@ def compare_model(data: CompareInput) -> CompareModel:
 
 @cached_by_identity(8)
 def _summary(
-    first: ArrayKey, second: ArrayKey, equal: float, selection: SelectionIndices, highlighted: int
+    first: Floats, second: Floats, equal: float, selection: SelectionIndices, highlighted: int
 ) -> CompareSummary:
     column = _verdicts(first, second, equal)
     worse, same, improved = count_selected(column, selection)[0].tolist()
     known = worse + same + improved
-    total = total_selected(_differences(first, second), selection)
+    total = total_selected(differences(first, second), selection)
     mean = total / known if known else float("nan")
     return CompareSummary(improved, worse, same, highlighted - known, mean)
 
 
-def differences(data: CompareInput) -> Means:
-    """first - second of every instance, (N,); NaN where one is unknown."""
-    return _differences(ArrayKey(data.first), ArrayKey(data.second))
-
-
+@cached_by_identity(4)
 def cell_means(
-    data: CompareInput, selection: SelectionIndices, frame: MapFrame
+    truth: Floats, first: Floats, second: Floats, selection: SelectionIndices, frame: MapFrame
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     """Columns, rows and mean differences (k,) of the cells with a selected instance."""
-    return _cell_means(
-        ArrayKey(data.truth), ArrayKey(data.first), ArrayKey(data.second), selection, frame
-    )
-
-
-@cached_by_identity(4)
-def _cell_means(
-    truth: ArrayKey, first: ArrayKey, second: ArrayKey, selection: SelectionIndices, frame: MapFrame
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
     column = _known_cells(truth, first, second, frame)
     counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
-    means = sum_selected(column, _differences(first, second), selection)[held] / counts[held]
+    means = sum_selected(column, differences(first, second), selection)[held] / counts[held]
     return held % frame.width, held // frame.width, means
 
 
@@ -148,30 +133,31 @@ def better_run(means: Means, equal: float) -> NDArray[np.intp]:
 
 
 @cached_by_identity(4)
-def _differences(first: ArrayKey, second: ArrayKey) -> Means:
-    return np.asarray(first.array, dtype=np.float64) - np.asarray(second.array)
+def differences(first: Floats, second: Floats) -> Means:
+    """first - second of every instance, (N,); NaN where one is unknown."""
+    return np.asarray(first, dtype=np.float64) - second
 
 
 @cached_by_identity(4)
-def _verdicts(first: ArrayKey, second: ArrayKey, equal: float) -> Bins:
+def _verdicts(first: Floats, second: Floats, equal: float) -> Bins:
     """Worse, equal and improved as bins 0, 1 and 2."""
-    apart = _differences(first, second)
+    apart = differences(first, second)
     places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
     return bin_values(np.where(np.isfinite(apart), places, np.nan), 3)
 
 
 @cached_by_identity(4)
-def _known_cells(truth: ArrayKey, first: ArrayKey, second: ArrayKey, frame: MapFrame) -> Bins:
-    column = point_cells(np.asarray(truth.array), frame)
-    known = np.isfinite(_differences(first, second))
+def _known_cells(truth: Floats, first: Floats, second: Floats, frame: MapFrame) -> Bins:
+    column = point_cells(truth, frame)
+    known = np.isfinite(differences(first, second))
     none = column.codes.dtype.type(column.count)
     return Bins(np.where(known, column.codes, none), column.count)
 
 
 @cached_by_identity(8)
-def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> float:
+def _scale(first: Floats, second: Floats, valid: Bools, equal: float) -> float:
     """The 99th percentile of the absolute differences, at least twice the margin."""
-    apart = np.abs(_differences(first, second)[np.asarray(valid.array)])
+    apart = np.abs(differences(first, second)[valid])
     apart = apart[np.isfinite(apart)]
     largest = float(np.percentile(apart, 99)) if apart.size else 1.0
     return max(largest, 2 * equal, 1e-9)
@@ -180,7 +166,7 @@ def _scale(first: ArrayKey, second: ArrayKey, valid: ArrayKey, equal: float) -> 
 def sorted_by_difference(data: CompareInput, model: CompareModel) -> tuple[NDArray[np.intp], Means]:
     """Selected iids with both errors, by increasing absolute difference, and the differences."""
     ids = model.selection.members
-    apart = differences(data)[ids]
+    apart = differences(data.first, data.second)[ids]
     ids, apart = ids[np.isfinite(apart)], apart[np.isfinite(apart)]
     ordered = np.argsort(np.abs(apart), kind="stable")
     return ids[ordered], apart[ordered]

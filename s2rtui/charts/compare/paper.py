@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from s2rstore.records import Bounds
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme, turbo
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,
@@ -23,6 +22,7 @@ from s2rtui.charts.shared.base_map_model import MapInput, default_view, map_mode
 from s2rtui.charts.shared.base_map_paper import (
     MANY,
     SIDE,
+    LegendMark,
     MapSheet,
     draw_pose,
     draw_unselected,
@@ -35,24 +35,16 @@ from s2rtui.charts.shared.paper import (
     Page,
     Pixels,
     draw_colour_bar,
-    draw_heading,
-    figure_bytes,
-    make_page,
-    new_figure,
-    rgb_fractions,
+    draw_ring,
+    new_page,
+    set_panel_title,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-Maps = tuple[MapInput, MapInput]
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
 KEYS = 1.3
 """Height of the legend below the scales, inches."""
+MARKERS = {1: "^", 0: "o", -1: "v"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,51 +60,45 @@ class _Plan:
 
 
 def compare_figure(
-    maps: Maps,
+    maps: tuple[MapInput, MapInput],
     difference: CompareInput,
-    size: Pixels = (2100, 900),
+    size: Pixels,
     theme: Theme = LIGHT,
-    title: str = "",
     subtitle: str = "",
     notes: tuple[str, ...] = (),
     viewport: Bounds | None = None,
 ) -> bytes:
     """Draw the figure in `size` pixels; `maps` share a value range, `notes` follow the title."""
-    page = make_page(size, theme)
-    figure = new_figure(page)
     first, second = difference.names
-    title = title or f"{difference.side.capitalize()} error: {first} against {second}"
-    top = draw_heading(
-        figure, page, title, "  ·  ".join(part for part in (subtitle, *notes) if part)
-    )
+    title = f"{difference.side.capitalize()} error: {first} against {second}"
+    page = new_page(size, theme, title, "  ·  ".join(part for part in (subtitle, *notes) if part))
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
-    plan = _plan(page, area, top)
-    inks = (theme.text, theme.text, theme.text)
-    for data, name, box, ink in zip(maps, difference.names, plan.boxes, inks, strict=False):
-        panel_title = name + _median(data) if box[2] > 1.8 else name
-        sheet = _panel(figure, page, data.ground, area, box, panel_title, ink)
+    plan = _plan(page, area)
+    for data, name, box in zip(maps, difference.names, plan.boxes, strict=False):
+        sheet = _panel(page, data.ground, area, box, name + _median(data) * (box[2] > 1.8))
         model = map_model(data)
-        draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
-        draw_values(sheet.axes, data, model, sheet.spots)
+        draw_unselected(sheet, data.truth, model.selection)
+        draw_values(sheet, data, model)
         if model.cursor is not None:
-            draw_pose(sheet.axes, data.truth, data.headings, model.cursor, theme.cursor, area)
+            draw_pose(sheet, data.truth, data.headings, model.cursor, page.inks.cursor)
     compared = compare_model(difference)
-    panel_title = f"{first} − {second}"
-    sheet = _panel(figure, page, difference.ground, area, plan.boxes[2], panel_title, theme.text)
+    sheet = _panel(page, difference.ground, area, plan.boxes[2], f"{first} − {second}")
     draw_difference(sheet, difference, compared)
     if page.inches[0] > 4.5:
-        left, upper = plan.corner
-        bars = (1 if not plan.row else 2, 0.52 if not plan.row else 1.04)
-        high = min(1.3, max(0.3, (upper - bars[1] - KEYS - 0.25) / bars[0]))
-        below = _error_scale(figure, page, maps[0], plan.corner, high)
-        corner = (left, below) if plan.row else (left + 1.2, upper)
-        difference_legend(sheet, difference, compared, corner, high, left)
-    return figure_bytes(figure, page)
+        left, top = plan.corner
+        bars, below = (2, 1.04) if plan.row else (1, 0.52)
+        high = min(1.3, max(0.3, (top - below - KEYS - 0.25) / bars))
+        bottom = top - 0.52 - high
+        span, label = map_model(maps[0]).value_range, f"error ({maps[0].value_unit})"
+        draw_colour_bar(page, left, bottom, high, span, label, turbo)
+        corner = (left, bottom) if plan.row else (left + 1.2, top)
+        _legend(page, difference, compared, corner, high, left)
+    return page.encoded()
 
 
-def _plan(page: Page, area: Bounds, top: float) -> _Plan:
+def _plan(page: Page, area: Bounds) -> _Plan:
     """The arrangement that gives the larger maps."""
-    wide, _ = page.inches
+    (wide, _), top = page.inches, page.top
     side = SIDE + BESIDE if wide > 4.5 else 0.0
     in_row = _scale(area, (wide - LEFT - 0.15 - side - 2 * GAP, top - TITLE - FOOT), (3, 1))
     in_two = _scale(area, (wide - LEFT - 0.15 - GAP, top - 2 * (TITLE + FOOT)), (2, 2))
@@ -137,16 +123,12 @@ def _scale(area: Bounds, room: tuple[float, float], count: tuple[int, int]) -> f
     return min(across / area.width, down / area.height)
 
 
-def _panel(
-    figure: Figure, page: Page, ground: MapBackground, area: Bounds, box: Box, title: str, ink: Rgb
-) -> MapSheet:
-    sheet = map_panel(figure, page, ground, area, box)
+def _panel(page: Page, ground: MapBackground, area: Bounds, box: Box, title: str) -> MapSheet:
+    sheet = map_panel(page, ground, area, box)
     if box[0] > LEFT:
         sheet.axes.set_ylabel("")
         sheet.axes.tick_params(labelleft=False)
-    label = sheet.axes.set_title(title, loc="left", fontsize=10, pad=6)
-    label.set_color(rgb_fractions(ink))
-    label.set_fontweight("bold")
+    set_panel_title(sheet.axes, title, page.inks.text)
     return sheet
 
 
@@ -154,65 +136,38 @@ def _median(data: MapInput) -> str:
     """The median error of the selected, as `   median 3.1 m`."""
     errors = np.asarray(data.values)[np.asarray(data.selected) & np.asarray(data.valid)]
     errors = errors[np.isfinite(errors)]
-    return (
-        f"   median {short_number(float(np.median(errors)))} {data.value_unit}"
-        if errors.size
-        else ""
-    )
-
-
-def _error_scale(
-    figure: Figure, page: Page, data: MapInput, corner: tuple[float, float], high: float
-) -> float:
-    """Draw the scale of both error maps; returns its lower end in inches."""
-    left, top = corner
-    span = map_model(data).value_range
-    box = page.box(left, top - 0.52 - high, 0.16, high)
-    draw_colour_bar(figure, page, box, span, f"error ({data.value_unit})", turbo)
-    return top - 0.52 - high
-
-
-MARKERS = {1: "^", 0: "o", -1: "v"}
+    if not errors.size:
+        return ""
+    return f"   median {short_number(float(np.median(errors)))} {data.value_unit}"
 
 
 def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
-    """Draw unselected points, differences and the cursor."""
-    draw_unselected(sheet.axes, data.truth, model.selection, sheet.spots)
-    _signs(sheet, data, model)
-    if model.cursor is not None:
-        _cursor(sheet.axes, data, model.cursor, sheet.page.theme)
+    """Draw unselected points, differences and the cursor.
 
-
-def _signs(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
-    """Triangles up where the second run is better, down where the first is, else dots."""
+    Triangles point up where the second run is better, down where the first is; dots are equal.
+    """
+    draw_unselected(sheet, data.truth, model.selection)
     ids, apart = sorted_by_difference(data, model)
-    held = sheet.spots.last(data.truth, ids)
+    held = sheet.last_per_spot(data.truth, ids)
     truth, apart = np.asarray(data.truth, dtype=np.float64)[ids[held]], apart[held]
     which = better_run(apart, data.equal)
-    ink = difference_colours(apart, model.scale) / 255.0
-    few = len(held) <= MANY
+    colours = difference_colours(apart, model.scale) / 255.0
+    size, width = (34, 0.6) if len(held) <= MANY else (5, 0)
+    edge = [sheet.page.inks.background]
     for order, verdict in enumerate((0, -1, 1)):
         part = which == verdict
+        x, y = truth[part].T
         sheet.axes.scatter(
-            truth[part, 0],
-            truth[part, 1],
-            s=34 if few else 5,
-            marker=MARKERS[verdict],
-            c=ink[part],
-            edgecolors=[rgb_fractions(sheet.page.theme.background)],
-            linewidths=0.6 if few else 0,
-            zorder=5 + order / 10,
-        )
+            x, y, s=size, marker=MARKERS[verdict], c=colours[part], edgecolors=edge,
+            linewidths=width, zorder=5 + order / 10,
+        )  # fmt: skip
+    if model.cursor is not None:
+        x, y = data.truth[model.cursor]
+        draw_ring(sheet.axes, x, y, sheet.page.inks.cursor, 80, 7)
 
 
-def _cursor(axes: Axes, data: CompareInput, iid: int, theme: Theme) -> None:
-    x, y = (float(part) for part in np.asarray(data.truth)[iid])
-    ink = rgb_fractions(theme.cursor)
-    axes.scatter([x], [y], s=80, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
-
-
-def difference_legend(
-    sheet: MapSheet,
+def _legend(
+    page: Page,
     data: CompareInput,
     model: CompareModel,
     corner: tuple[float, float],
@@ -224,30 +179,23 @@ def difference_legend(
     high: height of the scale in inches. keys: left end of the markers.
     """
     left, top = corner
-    box = sheet.page.box(left, top - 0.52 - high, 0.16, high)
     label = f"{data.names[0]} −\n{data.names[1]} ({data.unit})"
-    ends = (-model.scale, model.scale)
     draw_colour_bar(
-        sheet.figure,
-        sheet.page,
-        box,
-        ends,
-        label,
+        page, left, top - 0.52 - high, high, (-model.scale, model.scale), label,
         lambda shares: difference_colours(2 * shares - 1, 1.0),
-    )
-    theme, summary = sheet.page.theme, model.summary
-    blue, grey, orange = (
-        (int(r), int(g), int(b)) for r, g, b in difference_colours([-1.0, 0.0, 1.0], 1.0)
-    )
-    marks: list[tuple[str, str, Rgb, bool]] = [
+    )  # fmt: skip
+    summary, inks = model.summary, page.inks
+    ends = difference_colours([-1.0, 0.0, 1.0], 1.0) / 255
+    blue, grey, orange = ((r, g, b) for r, g, b in ends.tolist())
+    marks: list[LegendMark] = [
         (f"{summary.improved} better in {data.names[1]}", "^", orange, True),
         (f"{summary.worse} better in {data.names[0]}", "v", blue, True),
         (f"{summary.equal} within {short_number(data.equal)} {data.unit}", "o", grey, True),
     ]
     if summary.improved + summary.worse + summary.equal:
-        marks.append((f"mean {summary.mean:+.2f} {data.unit}", "", theme.text, False))
+        marks.append((f"mean {summary.mean:+.2f} {data.unit}", "", inks.text, False))
     if model.others:
-        marks.append(("not selected", ".", theme.unselected, True))
+        marks.append(("not selected", ".", inks.unselected, True))
     if model.cursor is not None:
-        marks.append((f"instance {model.cursor}", "o", theme.cursor, False))
-    marker_legend(sheet, marks, (keys, top - 0.52 - high - 0.25))
+        marks.append((f"instance {model.cursor}", "o", inks.cursor, False))
+    marker_legend(page, marks, (keys, top - 0.52 - high - 0.25))

@@ -6,10 +6,7 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, legible
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, legible
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,
@@ -41,11 +38,11 @@ def compare_layout(
     data: CompareInput,
     size: Size,
     viewport: Bounds | None = None,
-    options: RenderOptions | None = None,
+    options: RenderOptions = DEFAULT_OPTIONS,
     model: CompareModel | None = None,
 ) -> MapLayout:
-    """Where the map stands in `size`; `viewport` is a world rectangle (default: the bounds)."""
-    options, model = options or RenderOptions(), model or compare_model(data)
+    """Lay out the map in `size`; `viewport` is a world rectangle (default: the bounds)."""
+    model = model or compare_model(data)
     area = viewport or default_view(data.bounds, data.truth, data.valid)
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
@@ -57,7 +54,7 @@ def compare_layout(
 def compare_panels(
     data: CompareInput,
     size: Size,
-    options: RenderOptions | None = None,
+    options: RenderOptions = DEFAULT_OPTIONS,
     viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
@@ -67,37 +64,29 @@ def compare_panels(
 def draw_compare(
     data: CompareInput,
     size: Size,
-    options: RenderOptions | None = None,
+    options: RenderOptions = DEFAULT_OPTIONS,
     viewport: Bounds | None = None,
 ) -> Canvas:
     """Draw the mean difference of the selected per cell in `size` (columns, rows)."""
-    options = options or RenderOptions()
     model = compare_model(data)
     layout = compare_layout(data, size, viewport, options, model)
-    frame, glyph, colour = layout.frame, options.glyphs.cursor, options.theme.cursor
 
     def draw_selected(chart: Canvas) -> None:
-        _cells(chart, data, model, frame, options)
+        _cells(chart, data, model, layout.frame)
         if model.cursor is not None:
-            draw_pose(chart, data.truth, None, model.cursor, frame, options, glyph, colour)
+            draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
-def _cells(
-    canvas: Canvas,
-    data: CompareInput,
-    model: CompareModel,
-    frame: MapFrame,
-    options: RenderOptions,
-) -> None:
+def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
     """A glyph per cell in the colour of its mean; bold above half of the scale."""
-    columns, rows, means = cell_means(data, model.selection, frame)
-    put_glyphs(canvas, columns, rows, " ", options.theme.text)
-    canvas.char[rows, columns] = np.array(list(difference_glyphs(options)))[
+    columns, rows, means = cell_means(data.truth, data.first, data.second, model.selection, frame)
+    put_glyphs(canvas, columns, rows, " ", canvas.theme.text)
+    canvas.char[rows, columns] = np.array(list(difference_glyphs(canvas.options)))[
         better_run(means, data.equal) + 1
     ]
-    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), options.theme)
+    canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), canvas.theme)
     canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
 
 
@@ -122,12 +111,9 @@ def _legend(
 
 
 def _counts(
-    data: CompareInput,
-    model: CompareModel,
-    names: tuple[str, str] | None,
-    options: RenderOptions,
+    data: CompareInput, model: CompareModel, names: tuple[str, str] | None, options: RenderOptions
 ) -> LegendPart:
-    """How often each run is better, and the mean difference; with `names` if given."""
+    """How often each run is better, and the mean difference; with `names` unless None."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
@@ -151,6 +137,5 @@ def _counts(
 
 def _name(name: str, options: RenderOptions) -> str:
     """A run's name, cut to fit into a legend."""
-    if options.ascii:
-        name = name.encode("ascii", "replace").decode()
+    name = options.printable(name)
     return name if len(name) <= 16 else name[:15] + options.glyphs.ellipsis

@@ -10,25 +10,23 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.compare.model import CompareInput, compare_model
 from s2rtui.charts.compare.terminal import compare_panels, draw_compare
-from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
-from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
-from s2rtui.charts.view import Pane, Pixels, Table, View
-from s2rtui.session import Session, pending_target, run_differences
+from s2rtui.charts.shared.points import true_positions
+from s2rtui.charts.view import Pane, Pixels, PointsView, Table
+from s2rtui.session import pending_target, run_differences
 
 _WIDE, _TALL = 56, 30
 _EQUAL = 0.05
 """Metres within which two errors count as equal."""
 
 
-class CompareView(View):
+class CompareView(PointsView):
     name = "compare"
     key = "9"
     pane: Pane = "centre"
@@ -42,7 +40,8 @@ class CompareView(View):
             return "there is only one run"
         return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
 
-    def input(self, scene: Scene, other: str) -> CompareInput:
+    def pair_input(self, scene: Scene, other: str) -> CompareInput:
+        """The errors of the current and of another run."""
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
         return CompareInput(
@@ -59,10 +58,10 @@ class CompareView(View):
             return ()
         if not pending_target.run_is_loaded(scene.store, other):
             return other, "loading"
-        return state.generation, identity_key(self.input(scene, other)), state.viewport
+        return state.generation, identity_key(self.pair_input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        canvas = Canvas(*size, theme=options.theme)
+        canvas = Canvas(*size, options)
         other = run_differences.other_run(scene.state)
         if other is None:
             canvas.text(0, 0, "nothing to compare with", options.theme.muted)
@@ -71,9 +70,9 @@ class CompareView(View):
             canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
         notes = run_differences.differences(scene.store, scene.state.run, other)
-        for row, note in enumerate(notes[: max(0, canvas.height - 3)]):
+        top = min(len(notes), max(0, size[1] - 3))
+        for row, note in enumerate(notes[:top]):
             canvas.text(0, row, note[: canvas.width], options.theme.truth)
-        top = self._top(scene, size)
         height = canvas.height - top
         maps = height // 2 if self._both(size) else 0
         if maps:
@@ -82,19 +81,13 @@ class CompareView(View):
                 canvas.paste(
                     draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
                 )
-        view = self.input(scene, other)
+        view = self.pair_input(scene, other)
         shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
         return canvas
 
     def _both(self, size: Size) -> bool:
         return size[0] >= _WIDE and size[1] >= _TALL
-
-    def _top(self, scene: Scene, size: Size) -> int:
-        """Number of rows with notes on differing cameras."""
-        other = run_differences.other_run(scene.state)
-        notes = run_differences.differences(scene.store, scene.state.run, other) if other else []
-        return min(len(notes), max(0, size[1] - 3))
 
     def maps(self, scene: Scene, other: str) -> tuple[MapInput, MapInput]:
         """The maps of both runs, coloured by their errors on a common scale."""
@@ -119,7 +112,7 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        summary = compare_model(self.input(scene, other)).summary
+        summary = compare_model(self.pair_input(scene, other)).summary
         mean = "n/a" if math.isnan(summary.mean) else f"{summary.mean:+.2f} m"
         return (
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
@@ -135,7 +128,7 @@ class CompareView(View):
             raise RequestError("--view compare: there is only one run")
         notes = tuple(run_differences.differences(scene.store, scene.state.run, other))
         return paper.compare_figure(
-            self.maps(scene, other), self.input(scene, other), size, theme,
+            self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
@@ -143,23 +136,12 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None or not pending_target.run_is_loaded(scene.store, other):
             return ()
-        top = self._top(scene, size)
+        notes = run_differences.differences(scene.store, scene.state.run, other)
+        top = min(len(notes), max(0, size[1] - 3))
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = compare_panels(self.input(scene, other), inner, options, scene.state.viewport)
+        panels = compare_panels(self.pair_input(scene, other), inner, options, scene.state.viewport)
         return [run_differences.lowered(panel, top + maps) for panel in panels]
-
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
-        return known_point(true_positions(scene.store), scene.state.cursor)
-
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = true_positions(scene.store)
-        nearest = nearest_iid(points, scene.state.base, point)
-        if nearest is not None:
-            session.set_cursor(nearest)
-
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area_expression(panel, mark, "box", "lasso")
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
@@ -167,7 +149,7 @@ class CompareView(View):
         other = run_differences.other_run(scene.state)
         if other is None:
             return names, []
-        view, truth = self.input(scene, other), scene.store.instances
+        view, truth = self.pair_input(scene, other), scene.store.instances
         known = view.selected & view.valid & np.isfinite(view.first) & np.isfinite(view.second)
         rows = []
         for code, name in [*enumerate(truth.room_names), (-1, "no room"), (None, "all")]:

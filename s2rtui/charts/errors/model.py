@@ -9,16 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import (
-    Bins,
-    Bools,
-    bin_values,
-    median_selected,
-    selection_indices,
-)
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark
+from s2rtui.analysis.binning import Bins, Bools, bin_values, median_selected, selection_indices
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import valid_cursor
 
 NAMES = ("sim", "real")
 FINE = 250
@@ -80,18 +75,13 @@ def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
     """Count both sides from 0 to `upper`, by default the 99th percentile of both."""
     upper = data.upper
     if upper is None:
-        upper = _upper(ArrayKey(data.sim), ArrayKey(data.real))
+        upper = _upper(data.sim, data.real)
     upper = upper if upper > 0 else 1.0
     count = max(1, number)
-    keys = (ArrayKey(data.sim), ArrayKey(data.real))
-    parts = _counts(keys, upper, count, ArrayKey(data.selected), ArrayKey(data.valid))
+    parts = _counts((data.sim, data.real), upper, count, data.selected, data.valid)
     sim, real = (
         SideErrors(
-            highlighted,
-            total,
-            middle,
-            _beyond(ArrayKey(side), upper, ArrayKey(data.valid)),
-            _cursor(side, data),
+            highlighted, total, middle, _beyond(side, upper, data.valid), _cursor(side, data)
         )
         for side, (highlighted, total, middle) in zip((data.sim, data.real), parts, strict=True)
     )
@@ -100,49 +90,45 @@ def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
 
 @cached_by_identity(4)
 def _counts(
-    sides: tuple[ArrayKey, ...], upper: float, count: int, selected: ArrayKey, valid: ArrayKey
+    sides: tuple[Floats, ...], upper: float, count: int, selected: Bools, valid: Bools
 ) -> list[tuple[Counts, Counts, float]]:
     """Per side: counts of the selected and of all, and the median of the selected."""
-    highlighted_mask, population = np.asarray(selected.array), np.asarray(valid.array)
     columns = [_bins(side, upper, count * max(1, FINE // count)) for side in sides]
-    counted = joint_histogram.joint_counts(columns, selection_indices(highlighted_mask, population))
+    counted = joint_histogram.joint_counts(columns, selection_indices(selected, valid))
     return [
         (
             highlighted.reshape(count, -1).sum(axis=1),
             total.reshape(count, -1).sum(axis=1),
-            median_selected(
-                np.asarray(side.array), column, highlighted, highlighted_mask, population
-            ),
+            median_selected(side, column, highlighted, selected, valid),
         )
         for side, column, (highlighted, total) in zip(sides, columns, counted, strict=True)
     ]
 
 
 def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
-    cursor = data.cursor
-    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
+    cursor = valid_cursor(data.cursor, data.valid)
+    if cursor is None:
         return None
     error = float(errors[cursor])
     return error if math.isfinite(error) else None
 
 
 @cached_by_identity(16)
-def _upper(sim: ArrayKey, real: ArrayKey) -> float:
+def _upper(sim: Floats, real: Floats) -> float:
     """The 99th percentile of all known errors; 1 without any."""
-    both = np.concatenate([np.asarray(sim.array), np.asarray(real.array)])
+    both = np.concatenate([sim, real])
     both = both[np.isfinite(both)]
     return float(np.percentile(both, 99)) if both.size else 1.0
 
 
 @cached_by_identity(32)
-def _bins(errors: ArrayKey, upper: float, count: int) -> Bins:
-    column = np.asarray(errors.array, dtype=np.float64)
+def _bins(errors: Floats, upper: float, count: int) -> Bins:
+    column = np.asarray(errors, dtype=np.float64)
     places = np.clip(column / upper * count, 0, np.nextafter(count, 0))
     return bin_values(np.where(np.isfinite(column), places, np.nan), count)
 
 
 @cached_by_identity(16)
-def _beyond(errors: ArrayKey, upper: float, valid: ArrayKey) -> int:
-    column = np.asarray(errors.array)
-    past = np.isfinite(column) & (column > upper) & np.asarray(valid.array)
+def _beyond(errors: Floats, upper: float, valid: Bools) -> int:
+    past = np.isfinite(errors) & (errors > upper) & valid
     return int(np.count_nonzero(past))

@@ -5,25 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from s2rtui.canvas.colour import LIGHT, Theme
-from s2rtui.charts.errors.model import (
-    NAMES,
-    ErrorsInput,
-    ErrorsModel,
-    SideErrors,
-    errors_model,
-)
+from s2rtui.canvas import LIGHT, Theme
+from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.paper import (
+    Ink,
     Page,
     Pixels,
-    draw_heading,
-    figure_bytes,
-    make_page,
-    new_figure,
-    rgb_fractions,
+    label_with_unit,
+    new_page,
+    set_panel_title,
     style_axes,
 )
 
@@ -34,79 +25,57 @@ BINS = 60
 
 
 def errors_figure(
-    data: ErrorsInput,
-    size: Pixels = (1600, 900),
-    theme: Theme = LIGHT,
-    title: str = "Errors in simulation and in reality",
-    subtitle: str = "",
+    data: ErrorsInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
     """Draw the figure in `size` pixels; each side has its own scale of counts."""
-    page = make_page(size, theme)
+    page = new_page(size, theme, title, subtitle)
     model = errors_model(data, BINS)
-    figure = new_figure(page)
-    top = draw_heading(figure, page, title, subtitle)
-    wide, _ = page.inches
-    height = max(0.2, (top - 0.6 - 0.75) / 2)
+    width, height = page.inches[0] - 1.0, max(0.2, (page.top - 0.6 - 0.75) / 2)
     for index, (name, errors) in enumerate(zip(NAMES, (model.sim, model.real), strict=True)):
-        bottom = 0.6 + (1 - index) * (height + 0.45)
-        axes = figure.add_axes(page.box(0.75, bottom, wide - 1.0, height))
-        _side(axes, model, errors, name, data, page)
+        axes = page.axes(0.75, 0.6 + (1 - index) * (height + 0.45), width, height)
+        style_axes(axes, page)
+        ink = getattr(page.inks, name)
+        _draw_bars(axes, model, errors, page, ink)
+        counts = f"{int(errors.highlighted.sum())} of {int(errors.total.sum())}"
+        set_panel_title(axes, f"{name}   {counts}", ink)
+        _draw_marks(axes, model, errors, page, data.unit)
         if index:
             axes.set_xlabel(_axis_name(data, model))
         else:
             axes.tick_params(labelbottom=False)
-    return figure_bytes(figure, page)
+    return page.encoded()
 
 
 def _axis_name(data: ErrorsInput, model: ErrorsModel) -> str:
-    name = f"{data.label} ({data.unit})" if data.unit else data.label
+    name = label_with_unit(data.label, data.unit)
     if model.sim.beyond + model.real.beyond:
         name += f", last bar: {short_number(model.upper)} and more"
     return name
 
 
-def _side(
-    axes: Axes,
-    model: ErrorsModel,
-    errors: SideErrors,
-    name: str,
-    data: ErrorsInput,
-    page: Page,
-) -> None:
+def _draw_bars(axes: Axes, model: ErrorsModel, errors: SideErrors, page: Page, ink: Ink) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    theme = page.theme
-    ink = theme.sim if name == "sim" else theme.real
-    style_axes(axes, theme)
     width = model.upper / len(errors.highlighted)
-    left = np.asarray(model.edges[:-1]) + width / 2
-    axes.bar(left, errors.total, width=width * 0.92, color=rgb_fractions(theme.faint), linewidth=0)
-    axes.bar(
-        left,
-        errors.highlighted,
-        width=width * 0.92,
-        color=rgb_fractions(ink),
-        linewidth=0,
-        zorder=3,
-    )
+    middles = model.edges[:-1] + width / 2
+    wide = width * 0.92
+    axes.bar(middles, errors.total, width=wide, color=page.inks.faint, linewidth=0)
+    axes.bar(middles, errors.highlighted, width=wide, color=ink, linewidth=0, zorder=3)
     axes.set_xlim(0, model.upper)
     axes.set_ylim(0, errors.peak * 1.08)
     axes.set_ylabel("instances")
     axes.yaxis.set_label_coords(-0.48 / (page.inches[0] - 1.0), 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    title = f"{name}   {int(errors.highlighted.sum())} of {int(errors.total.sum())}"
-    label = axes.set_title(title, loc="left", fontsize=10, pad=6)
-    label.set_color(rgb_fractions(ink))
-    label.set_fontweight("bold")
+
+
+def _draw_marks(axes: Axes, model: ErrorsModel, errors: SideErrors, page: Page, unit: str) -> None:
+    """The median as a line with its number, and the error of the cursor's instance."""
+    inks = page.inks
     if math.isfinite(errors.median):
         at = min(errors.median, model.upper)
-        axes.axvline(
-            at, color=rgb_fractions(theme.text), linewidth=1.2, linestyle=(0, (3, 2)), zorder=4
-        )
-        text = f"median {short_number(errors.median)} {data.unit}".rstrip()
-        note = axes.set_title(text, loc="right", fontsize=9, pad=6)
-        note.set_color(rgb_fractions(theme.text))
+        axes.axvline(at, color=inks.text, linewidth=1.2, linestyle=(0, (3, 2)), zorder=4)
+        text = f"median {short_number(errors.median)} {unit}".rstrip()
+        axes.set_title(text, loc="right", fontsize=9, pad=6, color=inks.text)
     if errors.cursor is not None:
         at = min(errors.cursor, model.upper)
-        axes.plot([at], [0], marker="^", markersize=8, color=rgb_fractions(theme.cursor), zorder=5)
-        axes.lines[-1].set_clip_on(False)
+        axes.plot([at], [0], marker="^", markersize=8, color=inks.cursor, zorder=5, clip_on=False)

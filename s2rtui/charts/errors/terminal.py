@@ -8,17 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, Panel, Point, mark_on_panel, mark_range
-from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.errors.model import (
-    NAMES,
-    ErrorsInput,
-    ErrorsModel,
-    SideErrors,
-    errors_model,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas.marks import mark_on_panel, mark_range
+from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 
@@ -48,7 +40,7 @@ def errors_layout(size: Size) -> ErrorsLayout:
 
 
 def errors_panels(
-    data: ErrorsInput, size: Size, options: RenderOptions | None = None
+    data: ErrorsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """Ranges "sim" and "real": x is the error, y a count on the side's scale.
 
@@ -74,10 +66,9 @@ def _to_cells(corner: tuple[int, int], scale: Point, x: float, y: float) -> Poin
     return corner[0] + x / scale[0], corner[1] - y / scale[1]
 
 
-def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """Draw both histograms in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     layout = errors_layout((canvas.width, canvas.height))
     model = errors_model(data, layout.width)
     panels = errors_panels(data, (canvas.width, canvas.height), options)
@@ -90,56 +81,45 @@ def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions | None = N
         strict=False,
     ):
         mark = mark_on_panel(data.mark, panel.name)
-        _side(canvas, panel, errors, mark, colour, options)
+        _side(canvas, panel, errors, mark, colour)
         if layout.left:
-            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour, options)
+            _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour)
     if layout.axis is not None:
-        _axis(canvas, layout, model, data, options)
+        _axis(canvas, layout, model, data)
     return canvas
 
 
-def _labels(
-    canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb, options: RenderOptions
-) -> None:
+def _labels(canvas: Canvas, panel: Panel, errors: SideErrors, name: str, colour: Rgb) -> None:
     canvas.text(0, panel.y, name, colour)
     lines = [f"median {short_number(errors.median, 2)}", _most(errors.peak)]
     for row, line in enumerate(lines[: panel.height - 1], start=1):
-        canvas.text(0, panel.y + row, line[: LABELS - 1], options.theme.muted)
+        canvas.text(0, panel.y + row, line[: LABELS - 1], canvas.theme.muted)
 
 
 def _most(count: int) -> str:
     return f"peak {count}" if count < 100_000 else f"peak {count // 1000}k"
 
 
-def _side(
-    canvas: Canvas,
-    panel: Panel,
-    errors: SideErrors,
-    mark: Mark | None,
-    colour: Rgb,
-    options: RenderOptions,
-) -> None:
+def _side(canvas: Canvas, panel: Panel, errors: SideErrors, mark: Mark | None, colour: Rgb) -> None:
     """Bars, brush mark, the median as a line, and the cursor at the bottom."""
-    theme, bottom = options.theme, panel.y + panel.height - 1
+    theme, bottom = canvas.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
         ends = [_column(panel, x) for x in mark_range(mark)]
         wide = ends[1] - ends[0] + 1
         canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
     bars = (errors.highlighted / errors.peak, errors.total / errors.peak)
-    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour, options)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour)
     if math.isfinite(errors.median):
         at = _column(panel, errors.median)
         for row in range(panel.y, bottom + 1):
-            put_over_bar(canvas, at, row, options.glyphs.baseline, theme.text)
-    for at, glyph in zip(
-        ends, (options.glyphs.scale_left, options.glyphs.scale_right), strict=False
-    ):
+            put_over_bar(canvas, at, row, canvas.glyphs.baseline, theme.text)
+    for at, glyph in zip(ends, (canvas.glyphs.scale_left, canvas.glyphs.scale_right), strict=False):
         for row in range(panel.y, bottom + 1):
             canvas.put(at, row, glyph, theme.truth, bold=True)
     if errors.cursor is not None:
         at = _column(panel, errors.cursor)
-        put_over_bar(canvas, at, bottom, options.glyphs.cursor, theme.cursor)
+        put_over_bar(canvas, at, bottom, canvas.glyphs.cursor, theme.cursor)
 
 
 def _column(panel: Panel, error: float) -> int:
@@ -148,13 +128,7 @@ def _column(panel: Panel, error: float) -> int:
     return min(max(column, panel.x), panel.x + panel.width - 1)
 
 
-def _axis(
-    canvas: Canvas,
-    layout: ErrorsLayout,
-    model: ErrorsModel,
-    data: ErrorsInput,
-    options: RenderOptions,
-) -> None:
+def _axis(canvas: Canvas, layout: ErrorsLayout, model: ErrorsModel, data: ErrorsInput) -> None:
     upper, row, chart = model.upper, canvas.height - 1, layout.width
     count = max(1, chart // 8)
     width = tick_step(upper, count)
@@ -170,6 +144,6 @@ def _axis(
         text = tick_text(tick, width) if width < 1e4 else short_number(tick)
         start = layout.left + min(chart - 1, int(tick / upper * chart))
         if start >= free and start + len(text) <= stop:
-            free = canvas.text(start, row, text, options.theme.muted) + 1
+            free = canvas.text(start, row, text, canvas.theme.muted) + 1
     if stop > layout.left:
-        canvas.text(canvas.width - len(name), row, name, options.theme.muted)
+        canvas.text(canvas.width - len(name), row, name, canvas.theme.muted)

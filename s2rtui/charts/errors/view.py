@@ -7,17 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.errors.model import ErrorsInput, errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
-from s2rtui.charts.mark_expressions import (
-    cell_width,
-    number_text,
-    range_expression,
-    round_to_cell,
-)
+from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 
@@ -61,9 +54,6 @@ class ErrorsView(View):
 
         title = f"{scene.state.run}: position errors in simulation and in reality"
         return paper.errors_figure(self.input(scene), size, theme, title, scene.caption)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_errors(self.input(scene), size, options)

@@ -23,13 +23,6 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HistoryInput:
-    """The nights of one run, oldest first, without duplicates."""
-
-    nights: tuple[Night, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Track:
     """G (n,) per night with its bounds, NaN where not judged; and the gate's statuses."""
 
@@ -64,17 +57,17 @@ class HistoryModel:
         return int(self.days[-1] - self.days[0]) + 1
 
 
-def history_model(data: HistoryInput, most_days: int) -> HistoryModel:
-    """The nights of the last `most_days` days; `data` must contain a night."""
-    newest = data.nights[-1].night
+def history_model(history: Sequence[Night], most_days: int) -> HistoryModel:
+    """The nights of the last `most_days` days; `history`: at least one night, oldest first."""
+    newest = history[-1].night
     first = newest - datetime.timedelta(days=max(1, most_days) - 1)
-    nights = data.nights[bisect_left(data.nights, first, key=lambda night: night.night) :]
+    nights = history[bisect_left(history, first, key=lambda night: night.night) :]
     thresholds = np.array([night.threshold for night in nights])
     headline = _track(HEADLINE, [(night.gap, stored_status(night.headline)) for night in nights])
     axes = [axis_of(nights, name) for name in axis_names(nights)]
     tracks = (headline, *axes)
     days = np.array([night.night.toordinal() for night in nights], dtype=np.intp)
-    older = len(data.nights) - len(nights)
+    older = len(history) - len(nights)
     return HistoryModel(days, thresholds, tracks, _scale(tracks, thresholds), older)
 
 
@@ -101,7 +94,7 @@ def axis_of(nights: Sequence[Night], name: str) -> Track:
 
 def _track(name: str, gaps: list[tuple[Interval, AxisStatus]]) -> Track:
     columns = np.array([(gap.value, gap.low, gap.high) for gap, _ in gaps]).reshape(-1, 3)
-    statuses = tuple(word for _, word in gaps)
+    statuses = tuple(status for _, status in gaps)
     return Track(name, columns[:, 0], columns[:, 1], columns[:, 2], statuses)
 
 

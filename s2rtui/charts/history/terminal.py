@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import datetime
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from s2rstore.gap_history.gate_status import AxisStatus
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, Theme
-from s2rtui.canvas.render_options import RenderOptions
-from s2rtui.charts.history.model import (
-    HEADLINE,
-    HistoryInput,
-    HistoryModel,
-    Track,
-    history_model,
-)
+from s2rstore.gap_history.reader import Night
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Rgb, Size, Theme
+from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.shared.axis_scale import short_number
 
 LABELS = 5
@@ -50,15 +44,15 @@ class HistoryLayout:
         return self.left + (day - int(model.days[0])) * self.pitch + self.pitch // 2
 
 
-def status_glyph(word: AxisStatus, options: RenderOptions) -> str:
+def status_glyph(status: AxisStatus, options: RenderOptions) -> str:
     """The glyph of a status, readable without colours."""
-    return _SIGNS[word][options.ascii]
+    return _SIGNS[status][options.ascii]
 
 
-def status_colour(word: AxisStatus, theme: Theme) -> Rgb:
+def status_colour(status: AxisStatus, theme: Theme) -> Rgb:
     """The colour of a status."""
     return {"PASS": theme.sim, "FAIL": theme.real, "INCONCLUSIVE": theme.truth,
-            "SKIPPED": theme.muted}[word]  # fmt: skip
+            "SKIPPED": theme.muted}[status]  # fmt: skip
 
 
 def chart_columns(width: int) -> int:
@@ -113,40 +107,42 @@ class ChartRows:
         return self.top + min(self.count - 1, max(0, math.floor((1 - share) * self.count)))
 
 
-def draw_history(data: HistoryInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_history(
+    nights: Sequence[Night], size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
-    if not data.nights:
+    canvas = Canvas(*size, options)
+    if not nights:
         canvas.text(0, 0, "no nights", options.theme.muted)
         return canvas
-    model = history_model(data, chart_columns(canvas.width))
+    model = history_model(nights, chart_columns(canvas.width))
     layout = history_layout(model, (canvas.width, canvas.height))
     for index, title, top, rows in layout.charts:
         track = model.tracks[index]
         if title < top:
-            _title(canvas, title, track, options)
+            _title(canvas, title, track)
         chart = ChartRows(model.scale, top, rows)
-        _threshold(canvas, model, layout, chart, options)
-        _nights(canvas, model, layout, track, chart, options)
+        _threshold(canvas, model, layout, chart)
+        _nights(canvas, model, layout, track, chart)
     if canvas.height >= 6:
-        _dates(canvas, model, layout, options)
-        _legend(canvas, model, layout, options)
+        _dates(canvas, model, layout)
+        _legend(canvas, model, layout)
     return canvas
 
 
-def _title(canvas: Canvas, row: int, track: Track, options: RenderOptions) -> None:
-    theme, word, gap = options.theme, track.statuses[-1], track.last
+def _title(canvas: Canvas, row: int, track: Track) -> None:
+    theme, status, gap = canvas.theme, track.statuses[-1], track.last
     free = canvas.text(0, row, track.name, theme.text, bold=track.name == HEADLINE) + 2
-    free = (
-        canvas.text(
-            free, row, f"{status_glyph(word, options)} {word.lower()}", status_colour(word, theme)
-        )
-        + 2
-    )
+    free = _put_status(canvas, free, row, status)
     if not math.isnan(gap.value):
         bounds = f"{_short(gap.low)} .. {_short(gap.high)}"
         canvas.text(free, row, f"G {_short(gap.value)} ({bounds})", theme.text)
+
+
+def _put_status(canvas: Canvas, x: int, row: int, status: AxisStatus) -> int:
+    """Write glyph and name of a status; returns the column of the next text."""
+    text = f"{status_glyph(status, canvas.options)} {status.lower()}"
+    return canvas.text(x, row, text, status_colour(status, canvas.theme)) + 2
 
 
 def _short(value: float) -> str:
@@ -154,19 +150,15 @@ def _short(value: float) -> str:
 
 
 def _threshold(
-    canvas: Canvas,
-    model: HistoryModel,
-    layout: HistoryLayout,
-    chart: ChartRows,
-    options: RenderOptions,
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, chart: ChartRows
 ) -> None:
     """The line of the threshold, and the scale at the left."""
-    theme = options.theme
+    theme = canvas.theme
     for day in range(int(model.days[0]), int(model.days[-1]) + 1):
         at = int(np.searchsorted(model.days, day, side="right")) - 1
         row = chart.line(float(model.thresholds[at]))
         start = layout.left + (day - int(model.days[0])) * layout.pitch
-        canvas.hline(start, start + layout.pitch - 1, row, options.glyphs.horizontal, theme.truth)
+        canvas.hline(start, start + layout.pitch - 1, row, canvas.glyphs.horizontal, theme.truth)
     if not layout.left:
         return
     limit = float(model.thresholds[-1])
@@ -177,34 +169,27 @@ def _threshold(
 
 
 def _nights(
-    canvas: Canvas,
-    model: HistoryModel,
-    layout: HistoryLayout,
-    track: Track,
-    chart: ChartRows,
-    options: RenderOptions,
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, track: Track, chart: ChartRows
 ) -> None:
     """Each night's interval as a line, its G as the glyph of its status."""
     for at, day in enumerate(model.days.tolist()):
         gap = float(track.value[at])
         if math.isnan(gap):
             continue
-        column, colour = layout.column(day, model), status_colour(track.statuses[at], options.theme)
+        column, colour = layout.column(day, model), status_colour(track.statuses[at], canvas.theme)
         limit = float(model.thresholds[at])
         ends = [
             chart.of(gap if math.isnan(end) else end, limit)
             for end in (float(track.low[at]), float(track.high[at]))
         ]
-        canvas.vline(column, ends[1], ends[0], options.glyphs.vertical, colour)
+        canvas.vline(column, ends[1], ends[0], canvas.glyphs.vertical, colour)
         row = chart.of(gap, limit)
-        canvas.put(column, row, status_glyph(track.statuses[at], options), colour, bold=True)
+        canvas.put(column, row, status_glyph(track.statuses[at], canvas.options), colour, bold=True)
 
 
-def _dates(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
-) -> None:
+def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
     """Dates below the nights: the newest always, others where there is room."""
-    row, theme = canvas.height - 2, options.theme
+    row, theme = canvas.height - 2, canvas.theme
     free = canvas.width
     for day in reversed(model.days.tolist()):
         date = datetime.date.fromordinal(day)
@@ -216,22 +201,12 @@ def _dates(
             free = start
 
 
-def _legend(
-    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, options: RenderOptions
-) -> None:
-    theme, row, free = options.theme, canvas.height - 1, 0
+def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
+    theme, row, free = canvas.theme, canvas.height - 1, 0
     statuses: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
-    for word in statuses:
-        free = (
-            canvas.text(
-                free,
-                row,
-                f"{status_glyph(word, options)} {word.lower()}",
-                status_colour(word, theme),
-            )
-            + 2
-        )
-    free = canvas.text(free, row, f"{options.glyphs.horizontal * 2} threshold", theme.truth) + 2
+    for status in statuses:
+        free = _put_status(canvas, free, row, status)
+    free = canvas.text(free, row, f"{canvas.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []
     notes += [f"{model.older} older"] if model.older else []

@@ -12,7 +12,7 @@ from s2rstore.gap_history.gate_status import axis_status, stored_status
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.bootstrap import Interval
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.charts.history import model, terminal
+from s2rtui.charts.history import terminal
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
 
@@ -29,7 +29,7 @@ class HistoryView(View):
     figure_size = (1600, 1100)
 
     def subtitle(self, scene: Scene) -> str:
-        nights = self.input(scene).nights
+        nights = self.input(scene)
         if not nights:
             return "the gap G, night by night"
         last = nights[-1]
@@ -37,21 +37,20 @@ class HistoryView(View):
         counted = f"{_count(nights)} of {last.name}{stale}"
         return f"{counted}: gap G of {last.run} (0: none, 100: declared bad)"
 
-    def input(self, scene: Scene) -> model.HistoryInput:
+    def input(self, scene: Scene) -> tuple[Night, ...]:
         loaded = scene.resources.history
         if loaded is None:
-            return model.HistoryInput(())
-        return model.HistoryInput(_nights(loaded, scene.state.run, scene.store.dataset.name))
+            return ()
+        return _nights(loaded, scene.state.run, scene.store.dataset.name)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         failed = scene.resources.failed.get("history")
         return scene.resources.history, scene.state.run, scene.state.history, failed
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        view = self.input(scene)
-        if view.nights:
-            return terminal.draw_history(view, size, options)
-        canvas = Canvas(*size, theme=options.theme)
+        if nights := self.input(scene):
+            return terminal.draw_history(nights, size, options)
+        canvas = Canvas(*size, options)
         lines = [part for line in self._missing(scene) for part in wrap(line, canvas.width)]
         for row, line in enumerate(lines):
             canvas.text(0, row, line, options.theme.muted if row else options.theme.text)
@@ -76,11 +75,11 @@ class HistoryView(View):
         )
 
     def numbers(self, scene: Scene) -> Table:
-        rows = [row for night in self.input(scene).nights for row in _rows(night)]
+        rows = [row for night in self.input(scene) for row in _rows(night)]
         return _COLUMNS, rows
 
     def summary(self, scene: Scene) -> str:
-        nights = self.input(scene).nights
+        nights = self.input(scene)
         if not nights:
             return f"{'; '.join(self._missing(scene)).capitalize()}."
         last = nights[-1]
@@ -95,11 +94,11 @@ class HistoryView(View):
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.history import paper
 
-        view = self.input(scene)
-        if not view.nights:
+        nights = self.input(scene)
+        if not nights:
             raise RequestError(f"--view history: {'; '.join(self._missing(scene))}")
         title = f"{scene.state.run}: the gap over time"
-        return paper.history_figure(view, size, theme, title, self.summary(scene))
+        return paper.history_figure(nights, size, theme, title, self.summary(scene))
 
 
 VIEW = HistoryView()
@@ -118,15 +117,15 @@ def _rows(night: Night) -> Iterator[tuple[object, ...]]:
     """The headline, then every axis of a night."""
     yield _row(night, "headline", night.gap, stored_status(night.headline), None, None, None)
     for axis in night.axes:
-        word = axis_status(axis.gap, night.threshold)
+        status = axis_status(axis.gap, night.threshold)
         value = None if math.isnan(axis.value.value) else axis.value.value
-        shown = axis.state if axis.state != "measured" else word
+        shown = axis.state if axis.state != "measured" else status
         yield _row(night, axis.axis, axis.gap, shown, value, axis.unit, axis.n)
 
 
 def _row(
-    night: Night, axis: str, gap: Interval, word: str, value: float | None, unit: str | None,
+    night: Night, axis: str, gap: Interval, status: str, value: float | None, unit: str | None,
     n: int | None,
 ) -> tuple[object, ...]:  # fmt: skip
-    figures = (gap.value, gap.low, gap.high, word, night.threshold, value, unit, n)
+    figures = (gap.value, gap.low, gap.high, status, night.threshold, value, unit, n)
     return (str(night.night), night.outcome, axis, *figures, night.evidence_age)

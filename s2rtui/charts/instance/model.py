@@ -8,8 +8,7 @@ from s2rstore.errors import RequestError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
-from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
 from s2rtui.session.model_input import ModelInput, model_input
 from s2rtui.session.state import HeatChoice
 
@@ -20,8 +19,6 @@ NEIGHBOURS = 5
 def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps."""
     truth = store.instances
-    on_depth = heat is not None and ray_of(heat) == "depth"
-    both = heat is not None and heat.mode == "rgbd"
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
@@ -32,12 +29,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         sim=_side(store, run, iid, "sim", heat, sim),
         real=_side(store, run, iid, "real", heat, real),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
-        kind=heat.kind.replace("_", " ") if heat else None,
-        mode=heat.mode if heat else None,
-        unit=unit(store, run, heat) if heat else "",
-        signed=bool(heat and heat.kind in SIGNED),
-        heat_range=run_range(store, run, heat) if heat else None,
-        over="both" if both else "depth" if on_depth else "rgb",
+        **heat_fields(store, run, heat),
         notes=(
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             ("gap", f"{columns.gap[iid]:+.2f} m (real - sim error), shift {shift:.2f} m"),
@@ -57,9 +49,9 @@ def _ranks(store: Store, run: str, iid: int) -> str:
     columns = store.run_columns(run)
     total = int(columns.valid.sum())
     parts = []
-    for side in ("sim", "real"):
-        part = columns.sim if side == "sim" else columns.real
-        parts.append(f"{side} {part.rank[iid]}" if part.rank[iid] else f"{side} none")
+    for side in SIDES:
+        rank = columns.side(side).rank[iid]
+        parts.append(f"{side} {rank or 'none'}")
     return f"{', '.join(parts)} of {total} by error"
 
 

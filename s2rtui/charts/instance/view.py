@@ -22,7 +22,7 @@ class InstanceView(View):
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
-        """Name what the images show, then what is being loaded; long titles are cut."""
+        """The source of the images, then that of the images being loaded; long titles are cut."""
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
@@ -80,11 +80,12 @@ class InstanceView(View):
         if not (shown.sim.rgb.size and shown.real.rgb.size):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        return paper.instance_figure(shown, size, theme, scene.state.run)
+        title = f"{scene.state.run}: instance {shown.iid}"
+        return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         if scene.resources.pictures is None or scene.state.cursor is None:
-            return Canvas(*size, theme=options.theme)
+            return Canvas(*size, options)
         shown = scene.resources.pictures
         if remark := scene.remark(shown.iid):
             shown = replace(shown, notes=(("remark", remark), *shown.notes))

@@ -2,54 +2,38 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.list.model import ListColumn, ListInput
-from s2rtui.charts.shared.paper import (
-    Page,
-    Pixels,
-    draw_heading,
-    figure_bytes,
-    make_page,
-    new_figure,
-    rgb_fractions,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page
 
 ROW, LETTER, GAP, LEFT, FOOT = 0.215, 0.078, 0.22, 0.3, 0.45
 """Inches: a row's height, a letter's width, between columns, at the left, at the foot."""
 
 
 def list_figure(
-    data: ListInput,
-    size: Pixels = (1600, 1200),
-    theme: Theme = LIGHT,
-    title: str = "List",
-    subtitle: str = "",
+    data: ListInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
     """Draw the first rows in `size` pixels, with the cursor's row highlighted."""
-    page = make_page(size, theme)
-    figure = new_figure(page)
-    top = draw_heading(figure, page, title, subtitle) - 0.1
+    page = new_page(size, theme, title, subtitle)
+    inks, top = page.inks, page.top - 0.1
     count = max(1, min(len(data.rows), int((top - FOOT) / ROW) - 1))
     rows = data.rows[:count].tolist()
     columns = _columns(data, rows, page)
-    _line(figure, page, top - ROW + 0.02, theme.muted, 0.9)
+    _draw_rule(page, top - ROW + 0.02)
     for column, start, end in columns:
-        ink = theme.text if column.sorts else theme.muted
+        ink = inks.text if column.sorts else inks.muted
         name = column.title + (" ▼" if data.descending else " ▲") * column.sorts
-        _put(figure, page, (column, start, end), top - ROW / 2, name, ink, column.sorts)
+        _put(page, (column, start, end), top - ROW / 2, name, ink, column.sorts)
     for index, iid in enumerate(rows):
         y = top - ROW * (index + 1.5)
         if iid == data.cursor:
-            _ground(figure, page, y)
+            _highlight_row(page, y)
         for column, start, end in columns:
-            _put(figure, page, (column, start, end), y, column.text(iid), theme.text, False)
-    _note(figure, page, _left_out(len(data.rows) - len(rows), len(data.columns) - len(columns)))
-    return figure_bytes(figure, page)
+            _put(page, (column, start, end), y, column.text(iid), inks.text, False)
+    missing = ((len(data.rows) - len(rows), "rows"), (len(data.columns) - len(columns), "columns"))
+    note = " and ".join(f"{number} more {what}" for number, what in missing if number > 0)
+    page.text(LEFT, 0.2, note, inks.muted, 8, va="center")
+    return page.encoded()
 
 
 def _columns(data: ListInput, rows: list[int], page: Page) -> list[tuple[ListColumn, float, float]]:
@@ -67,50 +51,29 @@ def _columns(data: ListInput, rows: list[int], page: Page) -> list[tuple[ListCol
     return columns
 
 
-def _left_out(rows: int, columns: int) -> str:
-    parts = [f"{n} more {what}" for n, what in ((rows, "rows"), (columns, "columns")) if n > 0]
-    return " and ".join(parts)
-
-
 def _put(
-    figure: Figure,
-    page: Page,
-    place: tuple[ListColumn, float, float],
-    y: float,
-    text: str,
-    ink: Rgb,
-    bold: bool,
+    page: Page, place: tuple[ListColumn, float, float], y: float, text: str, ink: Ink, bold: bool
 ) -> None:
     column, start, end = place
     most = int((end - start) / LETTER + 0.5)
     text = text if len(text) <= most else text[: most - 1] + "…"
-    wide, high = page.inches
-    x = end if column.right else start
-    label = figure.text(x / wide, y / high, text, va="center", fontsize=9)
-    label.set_horizontalalignment("right" if column.right else "left")
-    label.set_color(rgb_fractions(ink))
-    label.set_fontweight("bold" if bold else "normal")
+    x, side = (end, "right") if column.right else (start, "left")
+    weight = "bold" if bold else "normal"
+    page.text(x, y, text, ink, 9, va="center", ha=side, fontweight=weight)
 
 
-def _line(figure: Figure, page: Page, y: float, ink: Rgb, width: float) -> None:
+def _draw_rule(page: Page, y: float) -> None:
     from matplotlib.lines import Line2D
 
     wide, high = page.inches
-    ends = [0.2 / wide, 1 - 0.2 / wide]
-    figure.add_artist(Line2D(ends, [y / high, y / high], color=rgb_fractions(ink), linewidth=width))
+    ends, ink = [0.2 / wide, 1 - 0.2 / wide], page.inks.muted
+    page.figure.add_artist(Line2D(ends, [y / high, y / high], color=ink, linewidth=0.9))
 
 
-def _ground(figure: Figure, page: Page, y: float) -> None:
+def _highlight_row(page: Page, y: float) -> None:
     from matplotlib.patches import Rectangle
 
     wide, high = page.inches
-    corner = (0.2 / wide, (y - ROW / 2) / high)
-    ground = Rectangle(corner, 1 - 0.4 / wide, ROW / high, linewidth=0, zorder=-1)
-    ground.set_color(rgb_fractions(page.theme.highlight))
-    figure.add_artist(ground)
-
-
-def _note(figure: Figure, page: Page, text: str) -> None:
-    wide, high = page.inches
-    label = figure.text(LEFT / wide, 0.2 / high, text, va="center", fontsize=8)
-    label.set_color(rgb_fractions(page.theme.muted))
+    corner, ink = (0.2 / wide, (y - ROW / 2) / high), page.inks.highlight
+    ground = Rectangle(corner, 1 - 0.4 / wide, ROW / high, linewidth=0, zorder=-1, color=ink)
+    page.figure.add_artist(ground)

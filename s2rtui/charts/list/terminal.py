@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.list.model import ListColumn, ListInput, cursor_row
 
 
@@ -47,10 +45,9 @@ def list_layout(data: ListInput, size: Size) -> ListLayout:
     return ListLayout(tuple(starts), first, min(space, data.rows.size - first), top)
 
 
-def draw_list(data: ListInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_list(data: ListInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     theme = options.theme
     layout = list_layout(data, (canvas.width, canvas.height))
     if not data.rows.size:
@@ -68,9 +65,7 @@ def draw_list(data: ListInput, size: Size, options: RenderOptions | None = None)
             canvas.fill(0, y, canvas.width, 1, theme.highlight)
             canvas.put(0, y, options.glyphs.pointer, theme.text, bold=True)
         for start, column in zip(layout.starts, data.columns, strict=False):
-            text = column.text(iid)
-            if options.ascii:
-                text = text.encode("ascii", "replace").decode()
+            text = options.printable(column.text(iid))
             _cell(canvas, start, y, column, text, theme.text, here)
     return canvas
 
@@ -98,7 +93,7 @@ def _cell(
 
 
 def list_panels(
-    data: ListInput, size: Size, options: RenderOptions | None = None
+    data: ListInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """One panel; y is the index of a row of the list."""
     layout = list_layout(data, size)

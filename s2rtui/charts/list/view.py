@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from s2rtui.analysis.identity_cache import ArrayKey
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
 from s2rtui.charts.list.terminal import draw_list, list_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
 from s2rtui.session import Session, instance_list
 
-_IN_WORDS = 5
+_SUMMARISED = 5
+"""Number of instances in the summary."""
 
 
 class ListView(View):
@@ -54,7 +54,7 @@ class ListView(View):
 
     def summary(self, scene: Scene) -> str:
         sort = scene.state.sort
-        rows = instance_list.order(scene.store, scene.state, scene.notes)[:_IN_WORDS].tolist()
+        rows = instance_list.order(scene.store, scene.state, scene.notes)[:_SUMMARISED].tolist()
         text = _column(scene, sort, True).shown.text
         listed = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
         return f"{scene.state.count} instances by {sort}: {listed or 'none'}."

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, sum_selected
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, count_selected, sum_selected
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, selected_in_frame
@@ -50,14 +50,14 @@ def error_glyphs(
     Up to `SINGLES` instances have a glyph at their true position, near ones a common glyph at
     their mean; more are combined by blocks of footprint size.
     """
-    arrays = _Arrays(ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real))
+    arrays = _Arrays(data.truth, data.sim, data.real)
     return _glyphs(arrays, full_scale(data), model.selection, frame, footprint)
 
 
 class _Arrays(NamedTuple):
-    truth: ArrayKey
-    sim: ArrayKey
-    real: ArrayKey
+    truth: Floats
+    sim: Floats
+    real: Floats
 
 
 @cached_by_identity(4)
@@ -68,7 +68,7 @@ def _glyphs(
     frame: MapFrame,
     footprint: tuple[int, int],
 ) -> ErrorGlyphs:
-    ids = selected_in_frame(np.asarray(arrays.truth.array), selection, frame, SINGLES)
+    ids = selected_in_frame(arrays.truth, selection, frame, SINGLES)
     if ids is None:
         return _blocks(arrays, full, selection, frame, footprint)
     return _clusters(arrays, full, ids, frame, footprint)
@@ -76,14 +76,12 @@ def _glyphs(
 
 def full_scale(data: MapInput) -> float:
     """The error of an arc of full scale: the 99th percentile of the valid errors."""
-    return _full_scale(
-        ArrayKey(data.truth), ArrayKey(data.sim), ArrayKey(data.real), ArrayKey(data.valid)
-    )
+    return _full_scale(data.truth, data.sim, data.real, data.valid)
 
 
 @cached_by_identity(8)
-def _full_scale(truth: ArrayKey, sim: ArrayKey, real: ArrayKey, valid: ArrayKey) -> float:
-    inside = np.asarray(valid.array, dtype=np.bool_)
+def _full_scale(truth: Floats, sim: Floats, real: Floats, valid: Bools) -> float:
+    inside = np.asarray(valid, dtype=np.bool_)
     sizes = [np.hypot(*_errors(truth, side))[inside] for side in (sim, real)]
     known = np.concatenate(sizes)
     known = known[np.isfinite(known)]
@@ -92,21 +90,17 @@ def _full_scale(truth: ArrayKey, sim: ArrayKey, real: ArrayKey, valid: ArrayKey)
 
 
 @cached_by_identity(4)
-def _errors(truth: ArrayKey, side: ArrayKey) -> tuple[Vectors, Vectors]:
+def _errors(truth: Floats, side: Floats) -> tuple[Vectors, Vectors]:
     """Errors (N,) along x and y, metres."""
-    start, end = np.asarray(truth.array), np.asarray(side.array)
+    start, end = truth, side
     return end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
 
 
 def _clusters(
-    arrays: _Arrays,
-    full: float,
-    ids: NDArray[np.intp],
-    frame: MapFrame,
-    footprint: tuple[int, int],
+    arrays: _Arrays, full: float, ids: NDArray[np.intp], frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """One glyph per instance, combined with earlier ones within a footprint."""
-    truth, *sides = (np.asarray(part.array, dtype=np.float64)[ids] for part in arrays)
+    truth, *sides = (np.asarray(part, dtype=np.float64)[ids] for part in arrays)
     places = frame.to_cells(truth)
     group = np.full(len(ids), -1, dtype=np.intp)
     number = 0
@@ -143,7 +137,7 @@ def _blocks(
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
-    def mean(side: ArrayKey) -> Vectors:
+    def mean(side: Floats) -> Vectors:
         parts = [
             sum_selected(column, part, selection)[held] for part in _errors(arrays.truth, side)
         ]
@@ -159,7 +153,7 @@ def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -
     across, down = -(-frame.width // wide), -(-(frame.height // 2) // high)
     rows, columns = np.divmod(np.arange(frame.height // 2 * frame.width), frame.width)
     table = np.append(rows // high * across + columns // wide, across * down)
-    codes = table.astype(np.uint16)[point_cells(np.asarray(arrays.truth.array), frame).codes]
+    codes = table.astype(np.uint16)[point_cells(arrays.truth, frame).codes]
     for side in (arrays.sim, arrays.real):
         for part in _errors(arrays.truth, side):
             codes[~np.isfinite(part)] = across * down

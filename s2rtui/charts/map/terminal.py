@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, mix
-from s2rtui.canvas.marks import Panel
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, mix
+from s2rtui.canvas.raster import dot_grid, draw_braille, line_dots
 from s2rtui.charts.map.model import (
     LARGEST,
     LINES_UP_TO,
@@ -25,7 +20,7 @@ from s2rtui.charts.map.model import (
     iids_with_error_lines,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.base_map_model import LivePose, MapInput, MapModel, map_model
+from s2rtui.charts.shared.base_map_model import MapInput, MapModel, map_model
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     Places,
@@ -39,7 +34,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     put_glyphs,
     value_legend,
 )
-from s2rtui.charts.shared.legend import LegendPart, text_part
+from s2rtui.charts.shared.legend import LegendPart, role_legend, text_part
 from s2rtui.charts.shared.points import selected_cells
 
 ARC_FOOTPRINT = (7, 3)
@@ -55,11 +50,11 @@ def map_layout(
     data: MapInput,
     size: Size,
     viewport: Bounds | None = None,
-    options: RenderOptions | None = None,
+    options: RenderOptions = DEFAULT_OPTIONS,
     model: MapModel | None = None,
 ) -> MapLayout:
     """Lay out the map in `size`; `viewport` is a rectangle in metres (default: the bounds)."""
-    options, model = options or RenderOptions(), model or map_model(data)
+    model = model or map_model(data)
     notes: list[LegendPart] = []
     if data.mode == "full" and model.highlighted > LINES_UP_TO:
         notes = [text_part(((f"error lines for up to {LINES_UP_TO}", options.theme.muted),))]
@@ -68,26 +63,33 @@ def map_layout(
 
 
 def map_panels(
-    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
+    data: MapInput,
+    size: Size,
+    options: RenderOptions = DEFAULT_OPTIONS,
+    viewport: Bounds | None = None,
 ) -> tuple[Panel, ...]:
     """One panel "map", a plane of metres."""
     return (map_panel(map_layout(data, size, viewport, options)),)
 
 
 def draw_map(
-    data: MapInput, size: Size, options: RenderOptions | None = None, viewport: Bounds | None = None
+    data: MapInput,
+    size: Size,
+    options: RenderOptions = DEFAULT_OPTIONS,
+    viewport: Bounds | None = None,
 ) -> Canvas:
     """Draw the map in `size` (columns, rows) through `viewport`, a rectangle in metres."""
-    options = options or RenderOptions()
     model = map_model(data)
     layout = map_layout(data, size, viewport, options, model)
 
     def draw_selected(chart: Canvas) -> None:
-        DRAWINGS[data.mode](chart, data, model, layout.frame, options)
-        draw_live(chart, data.live, layout.frame, options)
+        DRAWINGS[data.mode](chart, data, model, layout.frame)
+        for pose in data.live:
+            points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
+            draw_pose(chart, points, headings, 0, layout.frame, pose.side)
         if data.mode == "full" and model.cursor is not None:
-            draw_cursor_predictions(chart, data, model.cursor, layout.frame, options)
-        draw_cursor(chart, data, model.cursor, layout.frame, options)
+            draw_cursor_predictions(chart, data, model.cursor, layout.frame)
+        draw_cursor(chart, data, model.cursor, layout.frame)
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
@@ -96,102 +98,61 @@ def full_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The legend of predictions and truth."""
-    theme, glyphs = options.theme, options.glyphs
-    marks = (
-        (f"{glyphs.sim} ", theme.sim),
-        ("sim  ", theme.muted),
-        (f"{glyphs.real} ", theme.real),
-        ("real  ", theme.muted),
-        (f"{glyphs.truth} ", theme.truth),
-        ("truth", theme.muted),
-    )
-    return [text_part(marks)]
+    return [role_legend(options, sim="sim", real="real", truth="truth")]
 
 
-def draw_predictions(
-    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_predictions(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw predictions and truth of the selected, joined by lines where they are few."""
-    theme, glyphs = options.theme, options.glyphs
-    _lines(canvas, data, iids_with_error_lines(data, model, frame), frame, options)
-    for points, glyph, colour in (
-        (data.sim, glyphs.sim, theme.sim),
-        (data.real, glyphs.real, theme.real),
-        (data.truth, glyphs.truth, theme.truth),
-    ):
-        rows, columns = np.nonzero(selected_cells(points, model.selection, frame))
-        put_glyphs(canvas, columns, rows, glyph, colour)
+    _lines(canvas, data, iids_with_error_lines(data, model, frame), frame)
+    for role in ("sim", "real", "truth"):
+        cells = selected_cells(getattr(data, role), model.selection, frame)
+        rows, columns = np.nonzero(cells)
+        put_glyphs(canvas, columns, rows, *canvas.options.role(role))
 
 
-def _lines(
-    canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame, options: RenderOptions
-) -> None:
+def _lines(canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame) -> None:
     """Error lines from the truth to both predictions, in braille or in full stops."""
     starts = frame.to_cells(np.asarray(data.truth)[ids])
-    for side, colour in ((data.sim, options.theme.sim), (data.real, options.theme.real)):
-        grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
-        ends = frame.to_cells(np.asarray(side)[ids])
-        for start, end in zip(starts, ends, strict=True):
-            if np.isfinite(start).all() and np.isfinite(end).all():
-                columns, rows = segment_dots(start[0], start[1], end[0], end[1])
-                grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-        draw_dots(canvas, grid, colour, options, ".")
+    for side, colour in ((data.sim, canvas.theme.sim), (data.real, canvas.theme.real)):
+        lines = np.stack([starts, frame.to_cells(np.asarray(side)[ids])], axis=1)
+        known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
+        draw_dots(canvas, line_dots(known, canvas.width, canvas.height), colour, ".")
 
 
-def draw_cursor_predictions(
-    canvas: Canvas, data: MapInput, cursor: int, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_cursor_predictions(canvas: Canvas, data: MapInput, cursor: int, frame: MapFrame) -> None:
     """Both predicted poses of the cursor's instance."""
-    theme, glyphs = options.theme, options.glyphs
-    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, options, glyphs.sim, theme.sim)
-    draw_pose(
-        canvas, data.real, data.real_headings, cursor, frame, options, glyphs.real, theme.real
-    )
+    draw_pose(canvas, data.sim, data.sim_headings, cursor, frame, "sim")
+    draw_pose(canvas, data.real, data.real_headings, cursor, frame, "real")
 
 
-def draw_live(
-    canvas: Canvas, live: Sequence[LivePose], frame: MapFrame, options: RenderOptions
-) -> None:
-    """Draw predicted poses that are not in the store."""
-    theme, glyphs = options.theme, options.glyphs
-    for pose in live:
-        glyph, colour = (glyphs.sim, theme.sim) if pose.side == "sim" else (glyphs.real, theme.real)
-        points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
-        draw_pose(canvas, points, headings, 0, frame, options, glyph, colour)
-
-
-def draw_error_glyphs(
-    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_error_glyphs(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw errors as arcs in braille, or as arrows with letters and sizes without colours."""
-    footprint = ARC_FOOTPRINT if options.supports_images else ARROW_FOOTPRINT
+    footprint = ARC_FOOTPRINT if canvas.options.supports_images else ARROW_FOOTPRINT
     glyph_set = error_glyphs(data, model, frame, footprint)
     rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
-    gold = options.theme.truth
+    glyph, colour = canvas.options.role("truth")
     if glyph_set.crowded:
-        red, green, blue = mix(np.array(options.theme.background), np.array(gold), 0.55).tolist()
-        put_glyphs(
-            canvas, columns, rows, "." if options.ascii else "·", (red, green, blue), bold=False
-        )
-    else:
-        put_glyphs(canvas, columns, rows, options.glyphs.truth, gold, bold=False)
-    draw = _arcs if options.supports_images else _arrows
-    draw(canvas, glyph_set, data.y_down, options)
-    _middles(canvas, glyph_set, options)
+        glyph = "." if canvas.options.ascii else "·"
+        red, green, blue = mix(canvas.theme.background, colour, 0.55).tolist()
+        colour = red, green, blue
+    put_glyphs(canvas, columns, rows, glyph, colour, bold=False)
+    draw = _arcs if canvas.options.supports_images else _arrows
+    draw(canvas, glyph_set, data.y_down)
+    _middles(canvas, glyph_set)
 
 
-def _middles(canvas: Canvas, glyph_set: ErrorGlyphs, options: RenderOptions) -> None:
+def _middles(canvas: Canvas, glyph_set: ErrorGlyphs) -> None:
     """The true position of one instance, or the number of combined ones."""
     for (column, row), size in zip(
         glyph_set.centres.tolist(), glyph_set.counts.tolist(), strict=True
     ):
-        glyph = options.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
-        canvas.put(int(column), int(row), glyph, options.theme.truth, bold=True)
+        glyph = canvas.glyphs.truth if size == 1 else str(size) if size < 10 else "+"
+        canvas.put(int(column), int(row), glyph, canvas.theme.truth, bold=True)
 
 
-def _arcs(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+def _arcs(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     sim, real = (_ring(canvas, glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real))
-    theme = options.theme
+    theme = canvas.theme
     counts = [
         part.reshape(canvas.height, 4, canvas.width, 2).sum(axis=(1, 3))
         for part in (sim, real, sim & real)
@@ -200,8 +161,8 @@ def _arcs(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderO
     colours[:] = theme.sim
     colours[counts[1] > counts[0]] = theme.real
     colours[counts[2] > 0] = theme.both
-    draw_braille(canvas, 0, 0, sim | real, colours)
-    _tips(canvas, glyph_set, y_down, options)
+    draw_braille(canvas, sim | real, colours)
+    _tips(canvas, glyph_set, y_down)
 
 
 def _ring(
@@ -218,16 +179,14 @@ def _ring(
     return dot_grid(columns[known], rows[known], canvas.width, canvas.height)
 
 
-def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+def _tips(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     """The side's glyph in the middle of each arc, one for both where they coincide."""
-    theme, glyphs = options.theme, options.glyphs
     places = [_tip_cells(glyph_set, part, y_down) for part in (glyph_set.sim, glyph_set.real)]
     for sim, real in zip(*(part.tolist() for part in places), strict=True):
-        if sim == real:
-            canvas.put(sim[0], sim[1], glyphs.both, theme.both, bold=True)
-            continue
-        canvas.put(sim[0], sim[1], glyphs.sim, theme.sim, bold=True)
-        canvas.put(real[0], real[1], glyphs.real, theme.real, bold=True)
+        tips = [(sim, "both")] if sim == real else [(sim, "sim"), (real, "real")]
+        for place, role in tips:
+            glyph, colour = canvas.options.role(role)
+            canvas.put(place[0], place[1], glyph, colour, bold=True)
 
 
 def _tip_cells(
@@ -239,51 +198,33 @@ def _tip_cells(
     return np.where(np.isfinite(step), np.floor(middle + step), -1).astype(np.intp)
 
 
-def _arrows(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool, options: RenderOptions) -> None:
+def _arrows(canvas: Canvas, glyph_set: ErrorGlyphs, y_down: bool) -> None:
     """An arrow in the error's direction, with the side's letter and the size of the error."""
-    theme, glyphs = options.theme, options.glyphs
     sim, real = (_octants(part, y_down) for part in (glyph_set.sim, glyph_set.real))
     sizes = [_digits(part, glyph_set.full) for part in (glyph_set.sim, glyph_set.real)]
     middles = np.floor(glyph_set.centres).astype(int).tolist()
     for index, (column, row) in enumerate(middles):
         texts = [side[index] for side in sizes]
         if sim[index] == real[index]:
-            label = glyphs.both + "".join(texts)
-            _arrow(canvas, column, row, sim[index], None, label, theme.both, options)
+            _arrow(canvas, column, row, sim[index], None, "".join(texts), "both")
             continue
-        _arrow(
-            canvas, column, row, sim[index], real[index], glyphs.sim + texts[0], theme.sim, options
-        )
-        _arrow(
-            canvas,
-            column,
-            row,
-            real[index],
-            sim[index],
-            glyphs.real + texts[1],
-            theme.real,
-            options,
-        )
+        _arrow(canvas, column, row, sim[index], real[index], texts[0], "sim")
+        _arrow(canvas, column, row, real[index], sim[index], texts[1], "real")
 
 
 def _arrow(
-    canvas: Canvas,
-    column: int,
-    row: int,
-    octant: int,
-    other: int | None,
-    label: str,
-    colour: Rgb,
-    options: RenderOptions,
+    canvas: Canvas, column: int, row: int, octant: int, other: int | None, size: str, role: str
 ) -> None:
     """One arrow; a label above or below the point avoids the other arrow."""
     if octant < 0:
         return
+    glyph, colour = canvas.options.role(role)
+    label = glyph + size
     across, down = OCTANTS[octant]
     leftwards = across < 0
     if across == 0 and other is not None and other >= 0:
         leftwards = OCTANTS[other] == (1, down)
-    canvas.put(column + across, row + down, options.glyphs.arrows[octant], colour, bold=True)
+    canvas.put(column + across, row + down, canvas.glyphs.arrows[octant], colour, bold=True)
     start = column + across + (-len(label) if leftwards else 1)
     canvas.text(start, row + down, label, colour, bold=True)
 
@@ -306,23 +247,15 @@ def glyph_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The legend of arcs or arrows."""
-    theme, glyphs = options.theme, options.glyphs
     full = f"{short_number(full_scale(data), 2)} m"
-    scale = f"{LARGEST:g}{glyphs.degree} = {full}" if options.supports_images else f"9 = {full}"
-    marks = (
-        (f"{glyphs.sim} ", theme.sim),
-        ("sim  ", theme.muted),
-        (f"{glyphs.real} ", theme.real),
-        ("real  ", theme.muted),
-        (f"{glyphs.both} ", theme.both),
-        (f"both  {scale}", theme.muted),
-    )
-    parts = [text_part(marks)]
+    largest = f"{LARGEST:g}{options.glyphs.degree}" if options.supports_images else "9"
+    parts = [role_legend(options, sim="sim", real="real", both=f"both  {largest} = {full}")]
     if model.highlighted > 1:
+        theme = options.theme
         parts.append(text_part((("2..9 + ", theme.truth), ("mean of n instances", theme.muted))))
     return parts
 
 
 DRAWINGS = {"colour": draw_values, "glyph": draw_error_glyphs, "full": draw_predictions}
 LEGENDS = {"colour": value_legend, "glyph": glyph_legend, "full": full_legend}
-"""Per map mode: how the selected are drawn, and what the legend says about them."""
+"""How the selected are drawn and explained in the legend, per map mode."""

@@ -9,16 +9,12 @@ import numpy as np
 
 from s2rstore.records import Side
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.map import terminal
-from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
-from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
-from s2rtui.charts.view import Pane, Pixels, Table, View
-from s2rtui.session import Session
+from s2rtui.charts.view import Pane, Pixels, PointsView, Table
 from s2rtui.session.heatmaps import sample_note
 
 _TITLES = {
@@ -33,7 +29,7 @@ _SUBTITLES = {
 }
 
 
-class MapView(View):
+class MapView(PointsView):
     name = "map"
     key = "2"
     pane: Pane = "centre"
@@ -109,22 +105,10 @@ class MapView(View):
         view, state = self.input(scene), scene.state
         title = f"{state.run}: {_TITLES[state.map_mode]}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.map_figure(view, size, theme, state.run, scene.caption, title, state.viewport)
+        return paper.map_figure(view, size, theme, title, scene.caption, state.viewport)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)
-
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
-        return known_point(true_positions(scene.store), scene.state.cursor)
-
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        points = true_positions(scene.store)
-        nearest = nearest_iid(points, scene.state.base, point)
-        if nearest is not None:
-            session.set_cursor(nearest)
-
-    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        return area_expression(panel, mark, "box", "lasso")
 
 
 VIEW = MapView()

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.geometry import angles
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, Panel, Point, mark_arc
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import RenderOptions, heading_arrow
+from s2rtui.canvas import Canvas, Mark, Panel, Point, Rgb, heading_arrow
+from s2rtui.canvas.marks import mark_arc
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.shared.bars import Bars
 
 Dots = NDArray[np.bool_]
@@ -105,8 +103,6 @@ def _bars(
 
 
 QUADRANTS = np.array(list(" ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
-
-
 QUARTER = np.array([[1, 2], [4, 8]])
 
 
@@ -118,38 +114,29 @@ def draw_dial(
     cursor: float | None,
     mark: Mark | None,
     colour: Rgb,
-    options: RenderOptions,
 ) -> None:
     """Draw bars of the selected in `colour` on grey bars of all; `cursor` in degrees."""
-    chart = Canvas(panel.width, panel.height, options.theme)
+    chart = Canvas(panel.width, panel.height, canvas.options)
     if mark is not None:
-        _ground(chart, dial, mark, options)
+        _ground(chart, dial, mark)
     size = (panel.width, panel.height)
     highlighted, grey = bars
     blocks = bar_dots(dial, *size, highlighted, fine=2)
     dots = bar_dots(dial, *size, grey)
-    if options.ascii:
-        _characters(chart, dial, _cells(blocks, 2), _cells(dots, 4), colour, options)
+    if canvas.options.ascii:
+        _characters(chart, dial, cells_with_dots(blocks, 2), cells_with_dots(dots), colour)
     else:
-        _dots_and_blocks(chart, dial, blocks, dots, colour, options)
-    _needle(chart, dial, cursor, options)
+        _dots_and_blocks(chart, dial, blocks, dots, colour)
+    _needle(chart, dial, cursor)
     canvas.paste(chart, panel.x, panel.y)
-    _rim(canvas, panel, cursor, mark, options)
+    _rim(canvas, panel, cursor, mark)
 
 
-def _cells(dots: Dots, fine: int) -> Dots:
-    """Convert dots (fine h, 2w) to cells (h, w) that contain any."""
-    rows, columns = dots.shape
-    return np.asarray(dots.reshape(rows // fine, fine, columns // 2, 2).any(axis=(1, 3)))
-
-
-def _dots_and_blocks(
-    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
-) -> None:
+def _dots_and_blocks(chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb) -> None:
     """Selected bars in quarter blocks; ring and grey bars in braille dots."""
-    theme = options.theme
+    theme = chart.theme
     ring = ring_dots(dial, chart.width, chart.height)
-    draw_braille(chart, 0, 0, grey | ring, np.array(theme.unselected, dtype=np.uint8))
+    draw_braille(chart, grey | ring, theme.unselected)
     parts = highlighted.reshape(chart.height, 2, chart.width, 2)
     quarters = (parts * QUARTER[None, :, None, :]).sum(axis=(1, 3))
     held = quarters > 0
@@ -157,53 +144,50 @@ def _dots_and_blocks(
     chart.fg[held] = colour
 
 
-def _characters(
-    chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb, options: RenderOptions
-) -> None:
+def _characters(chart: Canvas, dial: Dial, highlighted: Dots, grey: Dots, colour: Rgb) -> None:
     """Ring, grey bars and selected bars in ASCII characters."""
-    ring = _cells(ring_dots(dial, chart.width, chart.height), 4)
+    ring = cells_with_dots(ring_dots(dial, chart.width, chart.height))
     for cells, glyph, ink in (
-        (ring, "o", options.theme.muted),
-        (grey, ".", options.theme.unselected),
+        (ring, "o", chart.theme.muted),
+        (grey, ".", chart.theme.unselected),
         (highlighted, "#", colour),
     ):
         chart.char[cells] = glyph
         chart.fg[cells] = ink
 
 
-def _needle(chart: Canvas, dial: Dial, cursor: float | None, options: RenderOptions) -> None:
+def _needle(chart: Canvas, dial: Dial, cursor: float | None) -> None:
     """A line from the centre to the ring in the heading of the cursor's instance."""
     if cursor is None:
         return
-    if options.ascii:
-        arrow = heading_arrow(np.radians(cursor), dial.y_down, options.glyphs)[0]
-        chart.put(int(dial.x), int(dial.y), arrow, options.theme.cursor, bold=True)
+    if chart.options.ascii:
+        arrow = heading_arrow(np.radians(cursor), dial.y_down, chart.glyphs)[0]
+        chart.put(int(dial.x), int(dial.y), arrow, chart.theme.cursor, bold=True)
         return
     end = dial.to_cells(cursor, 0.0)
-    dots = dot_grid(*segment_dots(dial.x, dial.y, *end), chart.width, chart.height)
-    draw_braille(chart, 0, 0, dots, np.array(options.theme.cursor, dtype=np.uint8))
+    draw_braille(
+        chart, line_dots([((dial.x, dial.y), end)], chart.width, chart.height), chart.theme.cursor
+    )
 
 
-def _ground(chart: Canvas, dial: Dial, mark: Mark, options: RenderOptions) -> None:
+def _ground(chart: Canvas, dial: Dial, mark: Mark) -> None:
     """The sector of a brush mark."""
     middle, half = mark_arc(mark)
     across = np.arange(chart.width) + 0.5 - dial.x
     down = 2 * (np.arange(chart.height) + 0.5 - dial.y)
     turn = np.degrees(np.arctan2((down if dial.y_down else -down)[:, None], across[None]))
     apart = np.abs(angles.wrap_degrees(turn - middle))
-    chart.bg[apart <= half] = options.theme.highlight
+    chart.bg[apart <= half] = chart.theme.highlight
 
 
-def _rim(
-    canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None, options: RenderOptions
-) -> None:
+def _rim(canvas: Canvas, panel: Panel, cursor: float | None, mark: Mark | None) -> None:
     """The ends of a brush mark and the cursor's heading at the rim."""
     if mark is not None:
         middle, half = mark_arc(mark)
         for degrees in (middle - half, middle + half):
-            _at_rim(canvas, panel, degrees, "+", options.theme.truth)
+            _at_rim(canvas, panel, degrees, "+", canvas.theme.truth)
     if cursor is not None:
-        _at_rim(canvas, panel, cursor, options.glyphs.cursor, options.theme.cursor)
+        _at_rim(canvas, panel, cursor, canvas.glyphs.cursor, canvas.theme.cursor)
 
 
 def _at_rim(canvas: Canvas, panel: Panel, degrees: float, glyph: str, colour: Rgb) -> None:

@@ -9,16 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import (
-    Bins,
-    Bools,
-    SelectionIndices,
-    bin_values,
-    selection_indices,
-)
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark, wrap_degrees
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Mark
+from s2rtui.canvas.marks import wrap_degrees
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import valid_cursor
 
 BINS = 72
 WIDTH = 360 / BINS
@@ -66,7 +62,7 @@ class OrientationModel:
     """The panels in the order of NAMES, and the counts of a bar of full length.
 
     peak: of the selected. whole: of all valid instances. Grey bars show all instances, scaled by
-    the share that is selected: what a selection independent of the heading would give.
+    the selected share: the bars of a selection that is independent of the heading.
     """
 
     panels: tuple[Headings, ...]
@@ -81,8 +77,7 @@ class OrientationModel:
 def orientation_model(data: OrientationInput, count: int = BINS) -> OrientationModel:
     """Counts in `count` bins (a divisor of 72) and means of the three headings."""
     sides = (data.sim, data.truth, data.real)
-    keys = tuple(ArrayKey(side) for side in sides)
-    counted = _counts(keys, ArrayKey(data.selected), ArrayKey(data.valid))
+    counted = _counts(sides, data.selected, data.valid)
     panels = tuple(
         Headings(
             highlighted.reshape(count, -1).sum(axis=1),
@@ -101,16 +96,16 @@ def orientation_model(data: OrientationInput, count: int = BINS) -> OrientationM
 
 
 @cached_by_identity(16)
-def _bins(headings: ArrayKey) -> Bins:
-    turned = np.degrees(np.asarray(headings.array, dtype=np.float64)) + 180
+def _bins(headings: Floats) -> Bins:
+    turned = np.degrees(np.asarray(headings, dtype=np.float64)) + 180
     turned = (turned - 360 * np.floor(turned / 360)) / WIDTH
     return bin_values(np.where(turned >= BINS, 0.0, turned), BINS)
 
 
 @cached_by_identity(16)
-def _directions(headings: ArrayKey) -> NDArray[np.complex128]:
+def _directions(headings: Floats) -> NDArray[np.complex128]:
     """(72,) the mean unit vector of all headings in each bin, in single precision."""
-    column = np.asarray(headings.array, dtype=np.float32)
+    column = np.asarray(headings, dtype=np.float32)
     codes = _bins(headings).codes
     known = np.where(codes < BINS, column, 0.0)
     cosines = np.bincount(codes, np.cos(known), BINS + 1)[:BINS]
@@ -121,21 +116,21 @@ def _directions(headings: ArrayKey) -> NDArray[np.complex128]:
 
 @cached_by_identity(4)
 def _counts(
-    sides: tuple[ArrayKey, ...], selected: ArrayKey, valid: ArrayKey
+    sides: tuple[Floats, ...], selected: Bools, valid: Bools
 ) -> list[tuple[Counts, Counts, complex]]:
     """Counts of the selected and of all in 72 bins, and the selected's mean unit vector."""
-    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    selection = selection_indices(selected, valid)
     counted = joint_histogram.joint_counts([_bins(side) for side in sides], selection)
     return [
-        (highlighted, total, _mean(np.asarray(side.array), highlighted, selection))
+        (highlighted, total, _mean(side, highlighted, selection))
         for side, (highlighted, total) in zip(sides, counted, strict=True)
     ]
 
 
 def _cursor(column: Floats, data: OrientationInput) -> float | None:
     """The heading of the cursor's instance in degrees, None where unknown."""
-    cursor = data.cursor
-    if cursor is None or not (0 <= cursor < len(data.valid) and data.valid[cursor]):
+    cursor = valid_cursor(data.cursor, data.valid)
+    if cursor is None:
         return None
     heading = float(column[cursor])
     return wrap_degrees(math.degrees(heading)) if math.isfinite(heading) else None
@@ -144,13 +139,13 @@ def _cursor(column: Floats, data: OrientationInput) -> float | None:
 def _units(column: Floats, iids: NDArray[np.intp]) -> NDArray[np.complex128]:
     """Unit vectors of some headings; those of all are cached where they are few."""
     if len(column) <= EXACTLY_UP_TO:
-        return _all_units(ArrayKey(column))[iids]
+        return _all_units(column)[iids]
     return np.asarray(np.exp(1j * column[iids]))
 
 
 @cached_by_identity(16)
-def _all_units(column: ArrayKey) -> NDArray[np.complex128]:
-    return np.asarray(np.exp(1j * np.asarray(column.array)))
+def _all_units(column: Floats) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(1j * column))
 
 
 def _mean(column: Floats, highlighted: Counts, selection: SelectionIndices) -> complex:
@@ -161,4 +156,4 @@ def _mean(column: Floats, highlighted: Counts, selection: SelectionIndices) -> c
     if number <= EXACTLY_UP_TO:
         directions = _units(column, selection.members)
         return complex(directions[np.isfinite(directions)].mean())
-    return complex((highlighted * _directions(ArrayKey(column))).sum() / number)
+    return complex((highlighted * _directions(column)).sum() / number)

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.geometry import angles
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, Panel, Point, mark_arc, mark_on_panel, wrap_degrees
-from s2rtui.canvas.render_options import Glyphs, RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas.marks import mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.charts.orientation.dial import Dial, dial_of, draw_dial
 from s2rtui.charts.orientation.model import (
     BINS,
@@ -52,7 +50,7 @@ class OrientationLayout:
 
 
 def orientation_layout(
-    data: OrientationInput, size: Size, options: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> OrientationLayout:
     """Lay out dials in a row or a column, whichever are larger; strips if both are too small."""
     width, height = max(1, size[0]), max(1, size[1])
@@ -90,7 +88,7 @@ def _strips(width: int, height: int) -> OrientationLayout:
 
 
 def orientation_panels(
-    data: OrientationInput, size: Size, options: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """Panels "sim", "truth" and "real": degrees in [-180, 180), and the radius 0 .. 1."""
     layout = orientation_layout(data, size, options)
@@ -128,26 +126,31 @@ def _on_strip(place: Place) -> tuple[Way, Way]:
 
 
 def draw_orientation(
-    data: OrientationInput, size: Size, options: RenderOptions | None = None
+    data: OrientationInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     size = (canvas.width, canvas.height)
     layout = orientation_layout(data, size, options)
     model = orientation_model(data, layout.count)
     panels = orientation_panels(data, size, options)
     for panel, headings in zip(panels, model.panels, strict=False):
-        bars, cursor, name = model.lengths(headings), headings.cursor, _name(panel.name, options)
+        bars, cursor = model.lengths(headings), headings.cursor
         mark = mark_on_panel(data.mark, panel.name)
-        if layout.dial is None:
-            draw_strip(canvas, panel, bars, cursor, mark, name[1], options)
-            _beside(canvas, panel, layout, headings, name, options)
-        else:
-            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, name[1], options)
-            _around(canvas, panel, layout, headings, _scale(model, layout.room - 8), name, options)
+        glyph, colour = options.role(panel.name)
+        name = f"{glyph} {panel.name}", colour
+        if layout.dial is not None:
+            draw_dial(canvas, panel, layout.dial, bars, cursor, mark, colour)
+            _label_dial(canvas, panel, layout, headings, _scale(model, layout.room - 8), name)
+            continue
+        draw_strip(canvas, panel, bars, cursor, mark, colour)
+        if layout.room:
+            canvas.text(0, panel.y, *name)
+        if layout.room and panel.height > 1:
+            mean = _mean(headings, layout.room - 1, options)
+            canvas.text(0, panel.y + 1, mean, options.theme.muted)
     if layout.dial is None and layout.footer:
-        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1), options)
+        draw_strip_axis(canvas, panels[0], _scale(model, layout.room - 1))
     return canvas
 
 
@@ -160,51 +163,21 @@ def _scale(model: OrientationModel, room: int) -> str:
     return next((text for text in texts if len(text) <= room), "")
 
 
-def _beside(
-    canvas: Canvas,
-    panel: Panel,
-    layout: OrientationLayout,
-    headings: Headings,
-    name: tuple[str, Rgb],
-    options: RenderOptions,
-) -> None:
-    """Write name and mean at the left of a strip."""
-    if layout.room:
-        canvas.text(0, panel.y, *name)
-        if panel.height > 1:
-            canvas.text(
-                0, panel.y + 1, _mean(headings, layout.room - 1, options), options.theme.muted
-            )
-
-
-def _name(panel: str, options: RenderOptions) -> tuple[str, Rgb]:
-    """Glyph and name with their colour."""
-    glyphs, theme = options.glyphs, options.theme
-    kinds: dict[str, tuple[str, Rgb]] = {
-        "sim": (glyphs.sim, theme.sim),
-        "truth": (glyphs.truth, theme.truth),
-        "real": (glyphs.real, theme.real),
-    }
-    glyph, colour = kinds[panel]
-    return f"{glyph} {panel}", colour
-
-
-def _around(
+def _label_dial(
     canvas: Canvas,
     panel: Panel,
     layout: OrientationLayout,
     headings: Headings,
     scale: str,
     name: tuple[str, Rgb],
-    options: RenderOptions,
 ) -> None:
     """Write name and scale above a dial, the mean below it, degrees around it."""
-    theme, room = options.theme, layout.room
+    theme, room = canvas.theme, layout.room
     if layout.header:
         canvas.text(panel.x, panel.y - 1, *name)
         canvas.text(panel.x + room, panel.y - 1, scale, theme.muted, align="right")
     if layout.footer:
-        text = _mean(headings, room, options)
+        text = _mean(headings, room, canvas.options)
         start = panel.x + (room - len(text)) // 2
         canvas.text(start, panel.y + panel.height, text, theme.muted)
     if layout.labels:
@@ -212,12 +185,10 @@ def _around(
             text, flat = str(degrees), degrees in (0, 180)
             column, row = panel.to_cells(degrees, 1.0)
             start = int(column) - len(text) // 2
-            if flat:
-                start = (
-                    int(np.ceil(column)) + 1
-                    if degrees == 0
-                    else max(panel.x, int(column) - 1 - len(text))
-                )
+            if degrees == 0:
+                start = int(np.ceil(column)) + 1
+            elif degrees == 180:
+                start = max(panel.x, int(column) - 1 - len(text))
             below = row > panel.y + panel.height / 2
             at = int(row) if flat else int(np.ceil(row)) if below else int(np.ceil(row)) - 1
             canvas.text(start, at, text, theme.muted)
@@ -227,24 +198,14 @@ def _mean(headings: Headings, room: int, options: RenderOptions) -> str:
     """Mean direction and resultant length R in at most `room` cells."""
     if not np.isfinite(headings.mean):
         return "none"[:room]
-    degree = _degrees(headings.mean, options.glyphs)
+    degree = f"{int(wrap_degrees(round(headings.mean)))}{options.glyphs.degree}"
     length = f"R {headings.resultant:.2f}"
     texts = (f"mean {degree} {length}", f"{degree} {length}", degree)
     return next((text for text in texts if len(text) <= room), "")
 
 
-def _degrees(mean: float, glyphs: Glyphs) -> str:
-    return f"{int(wrap_degrees(round(mean)))}{glyphs.degree}"
-
-
 def draw_strip(
-    canvas: Canvas,
-    panel: Panel,
-    bars: Bars,
-    cursor: float | None,
-    mark: Mark | None,
-    colour: Rgb,
-    options: RenderOptions,
+    canvas: Canvas, panel: Panel, bars: Bars, cursor: float | None, mark: Mark | None, colour: Rgb
 ) -> None:
     """Draw vertical bars; cursor (degrees) and ends of the brush mark on the last row."""
     bottom = panel.y + panel.height - 1
@@ -254,25 +215,25 @@ def draw_strip(
         turn = (np.arange(panel.width) + 0.5) / panel.width * 360 - 180
         held = np.abs(angles.wrap_degrees(turn - middle)) <= half
         rows, columns = slice(panel.y, bottom + 1), panel.x + np.flatnonzero(held)
-        canvas.bg[rows, columns] = options.theme.highlight
+        canvas.bg[rows, columns] = canvas.theme.highlight
         ends = (middle - half, middle + half)
     each = panel.width // len(np.asarray(bars[0]))
     highlighted, grey = (np.repeat(part, each) for part in bars)
-    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (highlighted, grey), colour, options)
+    draw_vertical_bars(canvas, panel.x, panel.y, panel.height, (highlighted, grey), colour)
     for degrees in ends:
-        canvas.put(_column(panel, degrees), bottom, "+", options.theme.truth, bold=True)
+        canvas.put(_column(panel, degrees), bottom, "+", canvas.theme.truth, bold=True)
     if cursor is not None:
         at = _column(panel, cursor)
-        put_over_bar(canvas, at, bottom, options.glyphs.cursor, options.theme.cursor)
+        put_over_bar(canvas, at, bottom, canvas.glyphs.cursor, canvas.theme.cursor)
 
 
 def _column(panel: Panel, degrees: float) -> int:
     return min(int(panel.to_cells(degrees, 0.0)[0]), panel.x + panel.width - 1)
 
 
-def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str, options: RenderOptions) -> None:
+def draw_strip_axis(canvas: Canvas, panel: Panel, scale: str) -> None:
     """Draw degrees on the last row, the scale at the left."""
-    row, theme, free = canvas.height - 1, options.theme, panel.x
+    row, theme, free = canvas.height - 1, canvas.theme, panel.x
     if len(scale) < panel.x:
         canvas.text(0, row, scale, theme.muted)
     for degrees in (-180, -90, 0, 90):

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.orientation.model import OrientationInput, orientation_model
 from s2rtui.charts.orientation.terminal import draw_orientation, orientation_panels
@@ -56,9 +54,6 @@ class OrientationView(View):
 
         title = f"{scene.state.run}: headings in simulation, in truth and in reality"
         return paper.orientation_figure(self.input(scene), size, theme, title, scene.caption)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_orientation(self.input(scene), size, options)

@@ -8,8 +8,7 @@ from functools import partial
 
 from rich.cells import cell_len
 
-from s2rtui.canvas.canvas import Size
-from s2rtui.canvas.marks import Panel, Point
+from s2rtui.canvas import Panel, Point, Size
 from s2rtui.charts.overview.model import OverviewLines, overview_model
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
@@ -82,11 +81,8 @@ def overview_layout(
     chart_width = max(0, width - 2 - name - 1 - numbers)
     if chart_width < 8:
         name, chart_width = max(0, width - 2 - numbers), 0
-    cursor_numbers = (
-        CURSOR_NUMBERS
-        if lines is not None and lines.cursor is not None and chart_width >= 27
-        else 0
-    )
+    has_cursor = lines is not None and lines.cursor is not None
+    cursor_numbers = CURSOR_NUMBERS if has_cursor and chart_width >= 27 else 0
     chart_width -= cursor_numbers
     top = 1 if height >= 4 else 0
     axis_rows = 0 if height < 5 or chart_width == 0 else 2
@@ -98,17 +94,9 @@ def overview_layout(
     first = 0
     if selected is not None and len(rows) > space:
         first = min(max(0, selected - space // 2), len(rows) - space)
+    numbers_at = width - numbers - cursor_numbers
     return OverviewLayout(
-        name=name,
-        chart=name + 3,
-        chart_width=chart_width,
-        numbers=width - numbers - cursor_numbers,
-        top=top,
-        first=first,
-        shown=shown,
-        axis_rows=axis_rows,
-        step=step,
-        cursor_numbers=cursor_numbers,
+        name, name + 3, chart_width, numbers_at, top, first, shown, axis_rows, step, cursor_numbers
     )
 
 

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, mix
-from s2rtui.canvas.raster import dot_grid, draw_braille, segment_dots
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
-from s2rtui.charts.shared.axis_scale import Interval
+from s2rtui.charts.shared.axis_scale import Floats, Interval
 
 PIECE = 1 << 15
 MANY = 20_000
@@ -45,18 +43,13 @@ def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -
     """Segments between neighbouring visible runs, or bars where their rows are adjacent."""
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
-    columns = tuple(ArrayKey(column) for column in shown)
     draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
-    return draw(columns, axis, layout.chart_width, layout.step, selection)
+    return draw(shown, axis, layout.chart_width, layout.step, selection)
 
 
 @cached_by_identity(4)
 def _segments(
-    columns: tuple[ArrayKey, ...],
-    axis: Interval,
-    width: int,
-    step: int,
-    selection: SelectionIndices,
+    columns: tuple[Floats, ...], axis: Interval, width: int, step: int, selection: SelectionIndices
 ) -> LineDensity:
     """The density of segments from the middle of each run's row to the next one's."""
     size = bin_count(width, len(selection.base))
@@ -72,11 +65,7 @@ def _segments(
 
 @cached_by_identity(4)
 def _bars(
-    columns: tuple[ArrayKey, ...],
-    axis: Interval,
-    width: int,
-    step: int,
-    selection: SelectionIndices,
+    columns: tuple[Floats, ...], axis: Interval, width: int, step: int, selection: SelectionIndices
 ) -> LineDensity:
     """The density as bars on each run's row, up to four dots high."""
     size = bin_count(width, len(selection.base))
@@ -115,13 +104,13 @@ def pair_counts(lines: OverviewLines, axis: Interval, size: int) -> list[tuple[C
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     pairs = []
     for first, second in pairwise(lines.values):
-        highlighted, others = _tables(ArrayKey(first), ArrayKey(second), axis, size, selection)
+        highlighted, others = _tables(first, second, axis, size, selection)
         pairs.append((highlighted[:size, :size], others[:size, :size]))
     return pairs
 
 
 def _tables(
-    first: ArrayKey, second: ArrayKey, axis: Interval, size: int, selection: SelectionIndices
+    first: Floats, second: Floats, axis: Interval, size: int, selection: SelectionIndices
 ) -> tuple[Counts, Counts]:
     """Counts per pair of bins, (size + 1, size + 1): selected, and others; the last is no bin."""
     highlighted, total = count_selected(_pairs(first, second, axis, size), selection)
@@ -162,9 +151,9 @@ def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
 
 
 @cached_by_identity(64)
-def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
+def _binned(values: Floats, axis: Interval, size: int) -> NDArray[np.uint8]:
     """Bins of the axis, clipped to its ends; NaN gets bin `size`."""
-    column = np.asarray(values.array)
+    column = values
     codes = np.empty(len(column), dtype=np.uint8)
     scale = size / (axis[1] - axis[0])
     for start in range(0, len(column), PIECE):
@@ -175,12 +164,12 @@ def _binned(values: ArrayKey, axis: Interval, size: int) -> NDArray[np.uint8]:
 
 
 @cached_by_identity(4)
-def _bar_bins(columns: tuple[ArrayKey, ...], axis: Interval, size: int) -> list[Bins]:
+def _bar_bins(columns: tuple[Floats, ...], axis: Interval, size: int) -> list[Bins]:
     return [Bins(_binned(column, axis, size), size) for column in columns]
 
 
 @cached_by_identity(32)
-def _pairs(first: ArrayKey, second: ArrayKey, axis: Interval, size: int) -> Bins:
+def _pairs(first: Floats, second: Floats, axis: Interval, size: int) -> Bins:
     """Bins of two runs joined: code = first * (size + 1) + second; the last bin is none."""
     one, two = (_binned(part, axis, size) for part in (first, second))
     return Bins(one.astype(np.uint16) * np.uint16(size + 1) + two, (size + 1) ** 2)
@@ -240,36 +229,26 @@ OTHER_RAMP = "."
 
 
 DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
-"""Thresholds of the dots of a cell: the share of dots that stay tells how dense it is."""
+"""Thresholds of the dots of a cell: the denser a cell, the more of its dots are drawn."""
 
 
 def draw_lines(
-    canvas: Canvas,
-    lines: OverviewLines,
-    axis: Interval,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """Draw all lines, then that of the cursor's instance."""
     density = line_density(lines, axis, layout)
-    chart = Canvas(layout.chart_width, layout.height, options.theme)
-    chart.bg[:] = canvas.bg[_place(layout)]
-    colour = options.theme.sim if lines.side == "sim" else options.theme.real
-    _layer(chart, density.others, options.theme.unselected, OTHER_RAMP, options, faint=True)
-    _layer(chart, density.highlighted, colour, LIT_RAMP, options, faint=False)
+    chart = Canvas(layout.chart_width, layout.height, canvas.options)
+    rows = slice(layout.top, layout.top + layout.height)
+    chart.bg[:] = canvas.bg[rows, layout.chart : layout.chart + layout.chart_width]
+    colour = getattr(canvas.theme, lines.side)
+    _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
+    _layer(chart, density.highlighted, colour, LIT_RAMP, faint=False)
     if layout.step > 1 and lines.cursor is not None:
-        _draw_cursor_line(chart, lines, axis, layout, options)
+        _draw_cursor_line(chart, lines, axis, layout)
     canvas.paste(chart, layout.chart, layout.top)
 
 
-def _place(layout: OverviewLayout) -> tuple[slice, slice]:
-    rows = slice(layout.top, layout.top + layout.height)
-    return rows, slice(layout.chart, layout.chart + layout.chart_width)
-
-
-def _layer(
-    canvas: Canvas, density: Density, colour: Rgb, ramp: str, options: RenderOptions, faint: bool
-) -> None:
+def _layer(canvas: Canvas, density: Density, colour: Rgb, ramp: str, faint: bool) -> None:
     """Draw dots where lines are, the denser the brighter."""
     peak = float(density.max(initial=0.0))
     if peak <= 0:
@@ -277,7 +256,7 @@ def _layer(
     shares = levels(density, peak)
     cells = shares.reshape(canvas.height, 4, canvas.width, 2)
     per_cell = cells.max(axis=(1, 3))
-    if options.ascii:
+    if canvas.options.ascii:
         steps = np.minimum(np.ceil(per_cell * len(ramp)), len(ramp)).astype(np.intp)
         rows, columns = np.nonzero(steps)
         canvas.char[rows, columns] = np.array(list(ramp))[steps[rows, columns] - 1]
@@ -286,41 +265,27 @@ def _layer(
     strength = np.clip(np.log10(peak) - 1.5, 0, 1)
     dither = np.tile(DITHER, (canvas.height, canvas.width))
     dots = (density > 0) & (shares > 0.7 * strength * dither)
-    if faint and options.mode is ColourMode.NONE:
+    if faint and canvas.options.mode is ColourMode.NONE:
         dots &= (np.indices(dots.shape).sum(axis=0) % 2).astype(np.bool_)
-    draw_braille(canvas, 0, 0, dots, _shades(per_cell, colour, faint, options))
-
-
-def _shades(shares: Density, colour: Rgb, faint: bool, options: RenderOptions) -> Pixels:
-    """A colour per cell, between the background and `colour`."""
     low, high = (0.35, 0.75) if faint else (0.6, 1.0)
-    share = low + (high - low) * shares
-    return mix(np.array(options.theme.background), np.array(colour), share)
+    draw_braille(canvas, dots, mix(canvas.theme.background, colour, low + (high - low) * per_cell))
 
 
 def _draw_cursor_line(
-    canvas: Canvas,
-    lines: OverviewLines,
-    axis: Interval,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """The line of the cursor's instance, interrupted where it has no accuracy."""
-    grid = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     places = [
         _cell_of_accuracy(value, axis, layout, index)
         for index, value in enumerate(cursor_accuracies(lines)[layout.first :][: layout.shown])
     ]
-    for start, stop in pairwise(places):
-        if start is not None and stop is not None:
-            columns, rows = segment_dots(*start, *stop)
-            grid |= dot_grid(columns, rows, canvas.width, canvas.height)
-    if not options.ascii:
-        draw_braille(canvas, 0, 0, grid, np.array(options.theme.cursor, dtype=np.uint8))
+    known = ((a, b) for a, b in pairwise(places) if a is not None and b is not None)
+    grid = line_dots(known, canvas.width, canvas.height)
+    if not canvas.options.ascii:
+        draw_braille(canvas, grid, canvas.theme.cursor)
         return
-    held = grid.reshape(canvas.height, 4, canvas.width, 2).any(axis=(1, 3))
-    for row, column in np.argwhere(held).tolist():
-        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
+    for row, column in np.argwhere(cells_with_dots(grid)).tolist():
+        canvas.put(column, row, *canvas.options.role("cursor"), bold=True)
 
 
 def _cell_of_accuracy(

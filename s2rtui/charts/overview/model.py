@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
 
@@ -43,26 +42,23 @@ class OverviewModel:
 
 
 def overview_model(
-    rows: Sequence[OverviewRow],
-    baseline: float | None = None,
-    lines: OverviewLines | None = None,
+    rows: Sequence[OverviewRow], baseline: float | None = None, lines: OverviewLines | None = None
 ) -> OverviewModel:
     """Clean the rows and find the axis, rounded outwards within 0 .. 1.
 
     With lines the axis includes the 1st percentile of the valid instances of every run, and 1.
     """
     if lines is None:
-        return _model(tuple(rows), baseline, (), ArrayKey(None))
-    columns = tuple(ArrayKey(column) for column in lines.values)
-    return _model(tuple(rows), baseline, columns, ArrayKey(lines.valid))
+        return _model(tuple(rows), baseline, (), None)
+    return _model(tuple(rows), baseline, lines.values, lines.valid)
 
 
 @cached_by_identity(8)
 def _model(
     rows: tuple[OverviewRow, ...],
     baseline: float | None,
-    columns: tuple[ArrayKey, ...],
-    valid: ArrayKey,
+    columns: tuple[Floats, ...],
+    valid: Bools | None,
 ) -> OverviewModel:
     clean = tuple(
         OverviewRow(
@@ -80,8 +76,8 @@ def _model(
     for row in clean:
         numbers += [row.sim_accuracy, row.real_accuracy]
         numbers += [*(row.sim_interval or ()), *(row.real_interval or ())]
-    if valid.array is not None:
-        numbers += [1.0, *_lowest(columns, valid.array)]
+    if valid is not None:
+        numbers += [1.0, *_lowest(columns, valid)]
     values = [value for value in numbers if value is not None]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
     width = tick_step(max(high - low, 0.02), 4)
@@ -93,11 +89,10 @@ def _model(
     )
 
 
-def _lowest(columns: tuple[ArrayKey, ...], valid: NDArray[np.generic]) -> list[float]:
+def _lowest(columns: tuple[Floats, ...], valid: Bools) -> list[float]:
     """The 1st percentile of the valid known accuracies of each run."""
     members = np.asarray(valid, dtype=np.bool_)
-    shown = (np.asarray(column.array)[members] for column in columns)
-    known = (column[np.isfinite(column)] for column in shown)
+    known = (column[members & np.isfinite(column)] for column in columns)
     return [float(np.percentile(column, 1)) for column in known if column.size]
 
 

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, mark_on_panel, mark_range
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, RenderOptions, Rgb, Size
+from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
 from s2rtui.charts.overview.lines import draw_lines
 from s2rtui.charts.overview.model import (
@@ -27,7 +25,7 @@ def draw_overview(
     baseline: float | None,
     selected: int | None,
     size: Size,
-    options: RenderOptions | None = None,
+    options: RenderOptions = DEFAULT_OPTIONS,
     lines: OverviewLines | None = None,
     mark: Mark | None = None,
 ) -> Canvas:
@@ -35,42 +33,39 @@ def draw_overview(
 
     With `lines` each instance is a line across the runs, and the axis includes them.
     """
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     if not rows:
         canvas.text(0, 0, "no run has been computed", options.theme.muted)
         return canvas
     model = overview_model(rows, baseline, lines)
     layout = overview_layout(model.rows, selected, (canvas.width, canvas.height), lines)
     if layout.top:
-        _header(canvas, layout, lines, options)
+        _header(canvas, layout, lines)
     if selected is not None and layout.first <= selected < layout.first + layout.shown:
         y = layout.row_of(selected)
         canvas.fill(0, y, canvas.width, 1, options.theme.highlight)
         canvas.put(0, y, options.glyphs.pointer, options.theme.text, bold=True)
     if lines is not None and layout.chart_width:
-        draw_lines(canvas, lines, model.axis, layout, options)
+        draw_lines(canvas, lines, model.axis, layout)
     accuracies = cursor_accuracies(lines) if lines is not None else []
     for index in range(layout.first, layout.first + layout.shown):
-        _line(canvas, model, index, layout, options, index == selected)
+        _line(canvas, model, index, layout, index == selected)
         if lines is not None:
-            _draw_cursor_accuracy(canvas, model, index, accuracies[index], layout, options)
+            _draw_cursor_accuracy(canvas, model, index, accuracies[index], layout)
     if lines is not None and layout.chart_width and model.baseline is not None:
-        _baseline(canvas, layout.column(model.baseline, model.axis), layout, options)
+        _baseline(canvas, layout.column(model.baseline, model.axis), layout)
     if layout.axis_rows:
-        _axis(canvas, layout.top + layout.height, model, layout, options)
+        _axis(canvas, layout.top + layout.height, model, layout)
     if mark is not None:
-        _mark(canvas, rows, baseline, selected, lines, mark, options)
+        _mark(canvas, rows, baseline, selected, lines, mark)
     return canvas
 
 
-def _header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     canvas.text(2, 0, set_cell_size("run", min(layout.name, 3)), theme.muted)
     if layout.chart_width:
-        _chart_header(canvas, layout, lines, options)
+        _chart_header(canvas, layout, lines)
     if layout.numbers < canvas.width:
         canvas.text(layout.numbers + 5, 0, f"{glyphs.sim} sim", theme.sim, align="right")
         canvas.text(layout.numbers + 12, 0, f"{glyphs.real} real", theme.real, align="right")
@@ -80,18 +75,15 @@ def _header(
         canvas.text(canvas.width, 0, fits, theme.cursor, align="right")
 
 
-def _chart_header(
-    canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None, options: RenderOptions
-) -> None:
+def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines | None) -> None:
     """Names of accuracy, baseline, and the side of the lines."""
-    theme, glyphs = options.theme, options.glyphs
+    theme, glyphs = canvas.theme, canvas.glyphs
     free, stop = layout.chart, layout.chart + layout.chart_width
     pieces: list[tuple[str, Rgb]] = [("accuracy %", theme.muted)]
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
         pieces = [("acc. %", theme.muted)]
     if lines is not None:
-        colour = theme.sim if lines.side == "sim" else theme.real
-        pieces.append((f"lines: {lines.side}", colour))
+        pieces.append((f"lines: {lines.side}", getattr(theme, lines.side)))
     if layout.chart_width >= 24:
         pieces.append((f"{glyphs.baseline} baseline", theme.muted))
     for text, colour in pieces:
@@ -100,22 +92,16 @@ def _chart_header(
 
 
 def _line(
-    canvas: Canvas,
-    model: OverviewModel,
-    index: int,
-    layout: OverviewLayout,
-    options: RenderOptions,
-    bold: bool,
+    canvas: Canvas, model: OverviewModel, index: int, layout: OverviewLayout, bold: bool
 ) -> None:
-    row, theme, y = model.rows[index], options.theme, layout.row_of(index)
+    row, theme, y = model.rows[index], canvas.theme, layout.row_of(index)
     name = row.run
     if cell_len(name) > layout.name:
-        name = set_cell_size(name, max(0, layout.name - 1)) + options.glyphs.ellipsis
-    if options.ascii:
-        name = name.encode("ascii", "replace").decode()
-    canvas.text(2, y, name if layout.name else "", theme.text, bold=bold)
+        name = set_cell_size(name, max(0, layout.name - 1)) + canvas.glyphs.ellipsis
+    shown_name = canvas.options.printable(name) if layout.name else ""
+    canvas.text(2, y, shown_name, theme.text, bold=bold)
     if layout.chart_width:
-        _marks(canvas, y, model, row, layout, options)
+        _marks(canvas, y, model, row, layout)
     if layout.numbers < canvas.width:
         for value, right, colour in (
             (row.sim_accuracy, 5, theme.sim),
@@ -127,14 +113,9 @@ def _line(
 
 
 def _marks(
-    canvas: Canvas,
-    y: int,
-    model: OverviewModel,
-    row: OverviewRow,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, y: int, model: OverviewModel, row: OverviewRow, layout: OverviewLayout
 ) -> None:
-    theme, glyphs = options.theme, options.glyphs
+    theme, glyphs = canvas.theme, canvas.glyphs
     sides = (
         (row.sim_accuracy, row.sim_interval, theme.sim, glyphs.sim),
         (row.real_accuracy, row.real_interval, theme.real, glyphs.real),
@@ -147,12 +128,10 @@ def _marks(
     sim, real = places
     if sim is not None and real is not None and abs(sim - real) > 1:
         low, high = sorted((sim, real))
-        worse = row.real_accuracy is not None and row.sim_accuracy is not None
-        worse = worse and (row.real_accuracy or 0.0) < (row.sim_accuracy or 0.0)
+        worse = (row.real_accuracy or 0.0) < (row.sim_accuracy or 0.0)
         canvas.hline(low + 1, high - 1, y, glyphs.bar, theme.muted if worse else theme.truth)
     if model.baseline is not None:
-        at = layout.column(model.baseline, model.axis)
-        canvas.put(at, y, glyphs.baseline, theme.truth)
+        canvas.put(layout.column(model.baseline, model.axis), y, glyphs.baseline, theme.truth)
     if sim is not None and sim == real:
         canvas.put(sim, y, glyphs.both, theme.text, bold=True)
         return
@@ -165,32 +144,27 @@ def _marks(
 
 
 def _draw_cursor_accuracy(
-    canvas: Canvas,
-    model: OverviewModel,
-    index: int,
-    value: float | None,
-    layout: OverviewLayout,
-    options: RenderOptions,
+    canvas: Canvas, model: OverviewModel, index: int, value: float | None, layout: OverviewLayout
 ) -> None:
     """The accuracy of the cursor's instance in one run, as a glyph and as a number."""
     if value is None:
         return
-    y, theme = layout.row_of(index), options.theme
+    y, theme = layout.row_of(index), canvas.theme
     row = model.rows[index]
     is_noted = row.sim_accuracy is None and row.real_accuracy is None
     if layout.chart_width and not is_noted:
         at = layout.column(value, model.axis)
-        if canvas.char[y, at] not in (options.glyphs.sim, options.glyphs.real, options.glyphs.both):
-            canvas.put(at, y, options.glyphs.cursor, theme.cursor, bold=True)
+        if canvas.char[y, at] not in (canvas.glyphs.sim, canvas.glyphs.real, canvas.glyphs.both):
+            canvas.put(at, y, *canvas.options.role("cursor"), bold=True)
     if layout.cursor_numbers:
         canvas.text(canvas.width, y, f"{100 * value:.1f}", theme.cursor, align="right")
 
 
-def _baseline(canvas: Canvas, column: int, layout: OverviewLayout, options: RenderOptions) -> None:
+def _baseline(canvas: Canvas, column: int, layout: OverviewLayout) -> None:
     """The baseline between the rows of runs, where no line is drawn."""
     for y in range(layout.top, layout.top + layout.height):
         if (y - layout.top) % layout.step and canvas.char[y, column] == " ":
-            canvas.put(column, y, options.glyphs.baseline, options.theme.truth)
+            canvas.put(column, y, canvas.glyphs.baseline, canvas.theme.truth)
 
 
 def _mark(
@@ -200,7 +174,6 @@ def _mark(
     selected: int | None,
     lines: OverviewLines | None,
     mark: Mark,
-    options: RenderOptions,
 ) -> None:
     """A brushed range on a run's axis: highlighted background between bold ends."""
     panels = overview_panels(rows, baseline, selected, (canvas.width, canvas.height), lines)
@@ -208,16 +181,14 @@ def _mark(
     if panel is None:
         return
     low, high = (int(panel.to_cells(end, 0.0)[0]) for end in mark_range(mark))
-    canvas.fill(low, panel.y, high - low + 1, panel.height, options.theme.highlight)
+    canvas.fill(low, panel.y, high - low + 1, panel.height, canvas.theme.highlight)
     for y in range(panel.y, panel.y + panel.height):
-        canvas.put(low, y, options.glyphs.scale_left, options.theme.truth, bold=True)
-        canvas.put(high, y, options.glyphs.scale_right, options.theme.truth, bold=True)
+        canvas.put(low, y, canvas.glyphs.scale_left, canvas.theme.truth, bold=True)
+        canvas.put(high, y, canvas.glyphs.scale_right, canvas.theme.truth, bold=True)
 
 
-def _axis(
-    canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _axis(canvas: Canvas, y: int, model: OverviewModel, layout: OverviewLayout) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     low, high = (100 * end for end in model.axis)
     end = layout.chart + layout.chart_width - 1
     canvas.hline(layout.chart, end, y, glyphs.horizontal, theme.faint)

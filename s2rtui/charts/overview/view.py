@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal
 from s2rtui.charts.overview.model import OverviewLines
@@ -129,9 +128,6 @@ def _percent(share: float | None, interval: tuple[float, float] | None) -> str:
     """`98.0 % (97.6 to 98.3)`."""
     if share is None or math.isnan(share):
         return "n/a"
-    ends = (
-        ""
-        if interval is None or math.isnan(interval[0])
-        else (f" ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})")
-    )
-    return f"{100 * share:.1f} %{ends}"
+    if interval is None or math.isnan(interval[0]):
+        return f"{100 * share:.1f} %"
+    return f"{100 * share:.1f} % ({100 * interval[0]:.1f} to {100 * interval[1]:.1f})"

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
-from s2rtui.canvas.marks import Mark
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Mark
+from s2rtui.charts.shared.points import valid_cursor
 
 NAMES = ("sim", "truth", "real")
 NO_ROOM = "no room"
 Counts = NDArray[np.intp]
-
-
 Codes = NDArray[np.integer]
 
 
@@ -57,14 +56,13 @@ def rooms_model(data: RoomsInput) -> RoomsModel:
     """Count all three columns."""
     number = len(data.room_names)
     sides = (data.sim, data.truth, data.real)
-    keys = (ArrayKey(data.sim), ArrayKey(data.truth), ArrayKey(data.real))
-    highlighted, total = _counts(keys, number, ArrayKey(data.selected), ArrayKey(data.valid))
+    highlighted, total = _counts(sides, number, data.selected, data.valid)
     names = (*data.room_names, NO_ROOM)
     if not total[:, -1].any():
         names, highlighted, total = names[:-1], highlighted[:, :-1], total[:, :-1]
-    cursor = data.cursor
+    cursor = valid_cursor(data.cursor, data.valid)
     at: list[int | None] = [None, None, None]
-    if cursor is not None and 0 <= cursor < len(data.valid) and data.valid[cursor]:
+    if cursor is not None:
         rooms = [int(side[cursor]) for side in sides]
         at = [room if 0 <= room < number else number for room in rooms]
     peak = max(1, int(total.max(initial=0)))
@@ -73,20 +71,18 @@ def rooms_model(data: RoomsInput) -> RoomsModel:
 
 @cached_by_identity(4)
 def _counts(
-    columns: tuple[ArrayKey, ...], number: int, selected: ArrayKey, valid: ArrayKey
+    columns: tuple[Codes, ...], number: int, selected: Bools, valid: Bools
 ) -> tuple[Counts, Counts]:
     """Counts (3, number + 1) of selected and of all; the last column is "no room"."""
-    selection = selection_indices(np.asarray(selected.array), np.asarray(valid.array))
+    selection = selection_indices(selected, valid)
     counted = joint_histogram.joint_counts([_bins(column, number) for column in columns], selection)
-    return np.stack([highlighted for highlighted, _ in counted]), np.stack(
-        [total for _, total in counted]
-    )
+    highlighted, total = (np.stack(part) for part in zip(*counted, strict=True))
+    return highlighted, total
 
 
 @cached_by_identity(32)
-def _bins(rooms: ArrayKey, number: int) -> Bins:
+def _bins(rooms: Codes, number: int) -> Bins:
     """The room of each instance as bins; the last one is "no room"."""
-    codes = np.asarray(rooms.array)
-    inside = (codes >= 0) & (codes < number)
+    inside = (rooms >= 0) & (rooms < number)
     kind = np.uint16 if number < (1 << 16) - 1 else np.uint32
-    return Bins(np.where(inside, codes, number).astype(kind), number + 1)
+    return Bins(np.where(inside, rooms, number).astype(kind), number + 1)

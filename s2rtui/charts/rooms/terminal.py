@@ -8,10 +8,8 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb
-from s2rtui.canvas.marks import Mark, Panel, Point, mark_on_panel, mark_rows
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
+from s2rtui.canvas.marks import mark_on_panel, mark_rows
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar
 
@@ -95,7 +93,7 @@ def _brief(count: int) -> str:
 
 
 def rooms_panels(
-    data: RoomsInput, size: Size, options: RenderOptions | None = None
+    data: RoomsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """Panels "sim", "truth" and "real": y is the index of a room, x a count.
 
@@ -132,35 +130,30 @@ def _to_cells(layout: RoomsLayout, left: int, per_cell: float, x: float, y: floa
     return left + x / per_cell, row + max(1, layout.each - 1) / 2
 
 
-def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_rooms(data: RoomsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     model = rooms_model(data)
     if not model.names:
         canvas.text(0, 0, "no rooms", options.theme.muted)
         return canvas
     layout = rooms_layout(data, (canvas.width, canvas.height), model)
-    _names(canvas, model, layout, options)
+    _names(canvas, model, layout)
     panels = rooms_panels(data, (canvas.width, canvas.height), options)
-    colours = (options.theme.sim, options.theme.truth, options.theme.real)
-    for index, (panel, colour) in enumerate(zip(panels, colours, strict=False)):
-        mark = mark_on_panel(data.mark, panel.name)
-        _column(canvas, panel, index, model, layout, mark, colour, options)
+    for index, panel in enumerate(panels):
+        mark, colour = mark_on_panel(data.mark, panel.name), getattr(options.theme, panel.name)
+        _column(canvas, panel, index, model, layout, mark, colour)
     return canvas
 
 
-def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: RenderOptions) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout) -> None:
+    theme, glyphs = canvas.theme, canvas.glyphs
     if layout.top:
-        heads = (
-            (f"{glyphs.sim} sim", theme.sim),
-            (f"{glyphs.truth} truth", theme.truth),
-            (f"{glyphs.real} real", theme.real),
-        )
-        for (x, width), (text, colour) in zip(layout.columns, heads, strict=False):
+        for (x, width), name in zip(layout.columns, NAMES, strict=False):
+            glyph, colour = canvas.options.role(name)
+            text = f"{glyph} {name}"
             fits = len(text) <= width - layout.gutter
-            canvas.text(x + layout.gutter, 0, text if fits else text[0], colour)
+            canvas.text(x + layout.gutter, 0, text if fits else glyph, colour)
         if layout.shown < len(model.names):
             last = layout.first + layout.shown
             window, count = f"{layout.first + 1}-{last}", len(model.names)
@@ -174,11 +167,10 @@ def _names(canvas: Canvas, model: RoomsModel, layout: RoomsLayout, options: Rend
         name = model.names[index]
         if cell_len(name) > layout.name:
             name = set_cell_size(name, layout.name - 1) + glyphs.ellipsis
-        if options.ascii:
-            name = name.encode("ascii", "replace").decode()
         is_cursor = index == model.cursor[1]
         row = layout.top + place * layout.each + (layout.each - 1) // 2
-        canvas.text(0, row, name, theme.text if is_cursor else theme.muted, bold=is_cursor)
+        ink = theme.text if is_cursor else theme.muted
+        canvas.text(0, row, canvas.options.printable(name), ink, bold=is_cursor)
 
 
 def _column(
@@ -189,10 +181,9 @@ def _column(
     layout: RoomsLayout,
     mark: Mark | None,
     colour: Rgb,
-    options: RenderOptions,
 ) -> None:
     """Bars with counts; brush mark and cursor in the gutter."""
-    theme, each = options.theme, layout.each
+    theme, each = canvas.theme, layout.each
     thick = max(1, each - 1)
     low, high = (-1, -2) if mark is None else mark_rows(mark)
     shown = slice(layout.first, layout.first + layout.shown)
@@ -205,21 +196,19 @@ def _column(
         for part in (model.highlighted, model.total)
     )
     draw_horizontal_bars(
-        canvas, panel.x + layout.gutter, panel.y, layout.bar, (highlighted, grey), colour, options
+        canvas, panel.x + layout.gutter, panel.y, layout.bar, (highlighted, grey), colour
     )
     for room in range(shown.start, shown.stop):
-        middle, held = (
-            panel.y + (room - layout.first) * each + (thick - 1) // 2,
-            low <= room <= high,
-        )
+        middle = panel.y + (room - layout.first) * each + (thick - 1) // 2
+        held = low <= room <= high
         if layout.numbers:
             selected, whole = int(model.highlighted[index, room]), int(model.total[index, room])
             text = _number(selected, whole, layout.whole)
             ink, end = theme.text if selected else theme.muted, panel.x + panel.width
             canvas.text(end, middle, text, ink, bold=held, align="right")
         if held:
-            canvas.put(panel.x, middle, options.glyphs.pointer, theme.truth, bold=True)
+            canvas.put(panel.x, middle, canvas.glyphs.pointer, theme.truth, bold=True)
         if room == model.cursor[index]:
             beside = held and layout.gutter == 1
             at = panel.x + (1 if beside else max(0, layout.gutter - 1))
-            put_over_bar(canvas, at, middle, options.glyphs.cursor, theme.cursor)
+            put_over_bar(canvas, at, middle, canvas.glyphs.cursor, theme.cursor)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.rooms.model import RoomsInput, rooms_model
 from s2rtui.charts.rooms.terminal import draw_rooms, rooms_panels
@@ -51,9 +49,6 @@ class RoomsView(View):
 
         title = f"{scene.state.run}: rooms in simulation, in truth and in reality"
         return paper.rooms_figure(self.input(scene), size, theme, title, scene.caption)
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_rooms(self.input(scene), size, options)

@@ -1,1 +1,1 @@
-"""Parts that several views share: maps, pictures of an instance, legends, scales, figures."""
+"""Parts that several views share: maps, images of an instance, legends, scales, figures."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Rgb, mix
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
 
 UP = np.array(list(" ▁▂▃▄▅▆▇█"))
 RIGHT = np.array(list(" ▏▎▍▌▋▊▉█"))
@@ -17,25 +15,21 @@ SOLID = 0.55
 """Strength of grey areas: paler than grey dots, so that highlighted bars stand out."""
 
 
-def draw_vertical_bars(
-    canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb, options: RenderOptions
-) -> None:
+def draw_vertical_bars(canvas: Canvas, x: int, y: int, rows: int, bars: Bars, colour: Rgb) -> None:
     """Draw a bar per column, upwards from the last of `rows`."""
     highlighted, grey = (_steps(part, rows) for part in bars)
     level = 8 * (rows - 1 - np.arange(rows))[:, None]
-    _stamp(
-        canvas, x, y, highlighted[None] - level, grey[None] - level, UP, level == 0, colour, options
-    )
+    _stamp(canvas, x, y, highlighted[None] - level, grey[None] - level, UP, level == 0, colour)
 
 
 def draw_horizontal_bars(
-    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb, options: RenderOptions
+    canvas: Canvas, x: int, y: int, columns: int, bars: Bars, colour: Rgb
 ) -> None:
     """Draw a bar per row, from `x` to the right within `columns`."""
     highlighted, grey = (_steps(part, columns) for part in bars)
     level = 8 * np.arange(columns)[None]
     highlighted, grey = highlighted[:, None] - level, grey[:, None] - level
-    _stamp(canvas, x, y, highlighted, grey, RIGHT, level == 0, colour, options)
+    _stamp(canvas, x, y, highlighted, grey, RIGHT, level == 0, colour)
 
 
 def put_over_bar(canvas: Canvas, x: int, y: int, glyph: str, colour: Rgb) -> None:
@@ -60,19 +54,18 @@ def _stamp(
     glyphs: NDArray[np.str_],
     foot: NDArray[np.bool_],
     colour: Rgb,
-    options: RenderOptions,
 ) -> None:
     """Draw cells with `highlighted` coloured eighths and `grey` grey ones, clipped."""
     into = (slice(y, y + highlighted.shape[0]), slice(x, x + highlighted.shape[1]))
     room = canvas.char[into].shape
-    grey_ink = mix(options.theme.background, options.theme.unselected, SOLID)
+    grey_ink = mix(canvas.theme.background, canvas.theme.unselected, SOLID)
     part, full = (np.clip(steps[: room[0], : room[1]], 0, 8) for steps in (highlighted, grey))
     full = np.maximum(part, full)
     drawn, some = full > 0, part > 0
-    if options.ascii:
+    if canvas.options.ascii:
         lower = np.broadcast_to(foot, highlighted.shape)[: room[0], : room[1]]
         inked = np.where(some & ((2 * part >= full) | lower), "#", ".")
-    elif options.mode is ColourMode.NONE:
+    elif canvas.options.mode is ColourMode.NONE:
         inked = np.where(some, glyphs[part], "░")
     else:
         inked = np.where(some, glyphs[part], glyphs[full])

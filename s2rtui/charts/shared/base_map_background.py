@@ -17,19 +17,11 @@ from s2rstore.errors import RequestError
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.records import Bounds, Room
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, Theme, legible, luma, mix, turbo
-from s2rtui.canvas.raster import (
-    dot_grid,
-    draw_braille,
-    draw_half_blocks,
-    draw_shades,
-    segment_dots,
-)
+from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
+from s2rtui.canvas.raster import draw_braille, draw_half_blocks, draw_shades, line_dots
 from s2rtui.canvas.raster import flatten_half_blocks as prepare
-from s2rtui.canvas.render_options import RenderOptions
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
@@ -40,7 +32,7 @@ FAINT = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapBackground:
-    """What lies below the points of a map.
+    """The layers below the points of a map.
 
     floor_plan: (H, W, 3) uint8 over `bounds`, its first row drawn at the top. heat and clip:
     (rows, cols) over `bounds`, row 0 at bounds.y0. heat is NaN where there is none. The floor is
@@ -56,38 +48,36 @@ class MapBackground:
     rooms: tuple[Room, ...] = ()
 
 
-def draw_background(
-    canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_background(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
     """Draw floor plan and heat in half blocks, or in light and dense glyphs without them.
 
     Unseen floor is dimmed or left blank. Rooms get dotted outlines.
     """
     if ground.floor_plan is not None or ground.heat is not None:
-        if options.supports_shading:
-            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, options.theme))
+        if canvas.options.supports_shading:
+            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, canvas.theme))
         else:
-            _glyphs(canvas, ground, frame, options)
-    _outlines(canvas, ground.rooms, frame, options)
+            _glyphs(canvas, ground, frame)
+    _outlines(canvas, ground.rooms, frame)
 
 
-def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame, options: RenderOptions) -> None:
+def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
     seen = seen_layer(ground, frame)
     hidden = None if seen is None else _paired(seen) < 0.5
     floor = floor_layer(ground, frame)
     if floor is not None:
         floor = _paired(floor)
-        bright = luma(floor) if options.theme.dark else 1 - luma(floor)
-        colours = mix(np.array(options.theme.background), np.nan_to_num(floor), 0.6)
+        bright = luma(floor) if canvas.theme.dark else 1 - luma(floor)
+        colours = mix(np.array(canvas.theme.background), np.nan_to_num(floor), 0.6)
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
-        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[options.ascii], colours)
+        draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(ground, frame)
     if heat is not None:
         levels = _paired(heat)
         shown = levels > FAINT if hidden is None else (levels > FAINT) & ~hidden
-        colours = legible(turbo(levels), options.theme)
+        colours = legible(turbo(levels), canvas.theme)
         draw_shades(
-            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[options.ascii], colours
+            canvas, 0, 0, np.where(shown, levels, np.nan), HEAT_RAMPS[canvas.options.ascii], colours
         )
 
 
@@ -100,38 +90,29 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _outlines(
-    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
-) -> None:
+def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
     """Dotted outlines of rooms; in ASCII only their corners."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
         (x0, y0), (x1, y1) = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]]).tolist()
-        for (u0, v0), (u1, v1) in (
-            ((x0, y0), (x1, y0)),
-            ((x0, y1), (x1, y1)),
-            ((x0, y0), (x0, y1)),
-            ((x1, y0), (x1, y1)),
-        ):
-            if options.ascii:
-                canvas.put(int(np.floor(u0)), int(np.floor(v0)), "'", options.theme.muted)
-                canvas.put(int(np.floor(u1)), int(np.floor(v1)), "'", options.theme.muted)
-                continue
-            columns, rows = segment_dots(u0, v0, u1, v1)
-            dots |= dot_grid(columns[::3], rows[::3], canvas.width, canvas.height)
-    draw_braille(canvas, 0, 0, dots, np.array(options.theme.muted, dtype=np.uint8))
+        corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+        if canvas.options.ascii:
+            for column, row in corners:
+                canvas.put(int(np.floor(column)), int(np.floor(row)), "'", canvas.theme.muted)
+            continue
+        lines = [(corners[start], corners[end]) for start, end in ((0, 1), (2, 3), (0, 2), (1, 3))]
+        dots |= line_dots(lines, canvas.width, canvas.height, every=3)
+    draw_braille(canvas, dots, canvas.theme.muted)
 
 
-def draw_room_names(
-    canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_room_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
     """Write each room's name once in its middle, where it fits."""
     named: set[str] = set()
     for room in rooms:
         if room.room in named:
             continue
         named.add(room.room)
-        name = room.room.encode("ascii", "replace").decode() if options.ascii else room.room
+        name = canvas.options.printable(room.room)
         corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
         (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
         if cell_len(name) > x1 - x0 or y1 - y0 < 1:
@@ -140,7 +121,7 @@ def draw_room_names(
         if 0 <= row < canvas.height and 0 <= column <= canvas.width - cell_len(name):
             columns = np.arange(column, column + cell_len(name))
             prepare(canvas, columns, np.full_like(columns, row))
-            canvas.text(column, row, name, options.theme.muted)
+            canvas.text(column, row, name, canvas.theme.muted)
 
 
 @lru_cache(maxsize=4)
@@ -165,16 +146,15 @@ DIMMED = 0.78
 
 def heat_scale(ground: MapBackground) -> Interval | None:
     """The heat's range: the fixed one, else 1st (or 0 if none is negative) to 99th percentile."""
-    scale = _heat_scale(ArrayKey(ground.heat)) if ground.heat is not None else None
+    scale = _heat_scale(ground.heat) if ground.heat is not None else None
     return ground.heat_range or scale if scale else None
 
 
 @cached_by_identity(8)
-def _heat_scale(heat: ArrayKey) -> Interval | None:
-    values = np.asarray(heat.array)
-    if not np.isfinite(values).any():
+def _heat_scale(heat: Floats) -> Interval | None:
+    if not np.isfinite(heat).any():
         return None
-    low, high = percentile_range(values)
+    low, high = percentile_range(heat)
     return (0.0, high) if low >= 0 and high > 0 else (low, high)
 
 
@@ -183,25 +163,14 @@ def background_layer(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pi
 
     Cached for the last few frames; arrays must not be changed in place.
     """
-    arrays = ArrayKey(ground.floor_plan), ArrayKey(ground.heat), ArrayKey(ground.clip)
-    return _ground(*arrays, ground.bounds, ground.y_down, heat_scale(ground), frame, theme)
+    bounds, y_down, scale = ground.bounds, ground.y_down, heat_scale(ground)
+    arrays = ground.floor_plan, ground.heat, scale, ground.clip
+    return _background_layer((bounds, y_down, *arrays), frame, theme)
 
 
 @cached_by_identity(8)
-def _ground(
-    plan: ArrayKey,
-    heat: ArrayKey,
-    clip: ArrayKey,
-    bounds: Bounds,
-    y_down: bool,
-    scale: Interval | None,
-    frame: MapFrame,
-    theme: Theme,
-) -> Pixels:
-    picture: Any = plan.array
-    values: Any = heat.array
-    seen_at: Any = clip.array
-    ground = MapBackground(bounds, y_down, picture, values, scale, seen_at)
+def _background_layer(background: tuple[Any, ...], frame: MapFrame, theme: Theme) -> Pixels:
+    ground = MapBackground(*background)
     layer = _floor(ground, frame, theme)
     shares = heat_layer(ground, frame)
     if shares is not None:
@@ -232,27 +201,27 @@ def floor_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The floor plan's colours (height, width, 3), NaN outside its bounds."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
-    return _sampled(ArrayKey(ground.floor_plan), ground.bounds, frame, ground.y_down)
+    return _sampled(ground.floor_plan, ground.bounds, frame, ground.y_down)
 
 
 def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The heat as fractions of its range (height, width), NaN where there is none."""
     scale = heat_scale(ground)
-    if scale is None or _empty(ground.bounds):
+    if scale is None or ground.heat is None or _empty(ground.bounds):
         return None
-    return scale_fraction(_sampled(ArrayKey(ground.heat), ground.bounds, frame, True), scale)
+    return scale_fraction(_sampled(ground.heat, ground.bounds, frame, True), scale)
 
 
 def seen_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
     """The share of each pixel (height, width) that was seen, 0 .. 1; None without clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None
-    return _seen(ArrayKey(ground.clip), ground.bounds, frame)
+    return _seen(ground.clip, ground.bounds, frame)
 
 
 @cached_by_identity(8)
-def _seen(clip: ArrayKey, bounds: Bounds, frame: MapFrame) -> Layer:
-    return np.nan_to_num(sample(seen_cells(np.asarray(clip.array)), bounds, frame, True))
+def _seen(clip: Floats | Bools, bounds: Bounds, frame: MapFrame) -> Layer:
+    return np.nan_to_num(sample(seen_cells(clip), bounds, frame, True))
 
 
 def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
@@ -260,9 +229,7 @@ def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:
     return (np.nan_to_num(np.asarray(clip, dtype=np.float32)) != 0).astype(np.float32)
 
 
-@cached_by_identity(8)
-def _sampled(image: ArrayKey, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Layer:
-    return sample(np.asarray(image.array), bounds, frame, top_is_y0)
+_sampled = cached_by_identity(8)(sample)
 
 
 def _empty(bounds: Bounds) -> bool:

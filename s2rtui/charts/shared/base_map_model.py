@@ -1,4 +1,4 @@
-"""The inputs and numbers of maps: positions, values, scales, what is selected."""
+"""The inputs and numbers of maps: positions, values, scales, selections."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.colour import Pixels
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
-from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions
+from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions, valid_cursor
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
@@ -35,11 +34,11 @@ class LivePose:
 class MapInput:
     """The map of one run.
 
-    truth, sim, real: (N, 2) metres. values: (N,) what mode "colour" shows, NaN for none;
+    truth, sim, real: (N, 2) metres. values: (N,) of mode "colour", NaN for none;
     `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
     radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
-    place: results computed from them are cached while the same arrays are given. `live`
+    place: results computed from them are cached for the same arrays. `live`
     are predictions for the cursor that no column has.
     """
 
@@ -74,19 +73,13 @@ class MapInput:
     def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
         return MapBackground(
-            self.bounds,
-            self.y_down,
-            self.floor_plan,
-            self.heat,
-            self.heat_range,
-            self.clip,
-            rooms,
+            self.bounds, self.y_down, self.floor_plan, self.heat, self.heat_range, self.clip, rooms
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapModel:
-    """What a map draws, and its scales.
+    """The numbers that a map draws, and its scales.
 
     highlighted: number of selected valid instances; others: of unselected valid ones; cursor: a
     valid iid or None.
@@ -116,21 +109,10 @@ def selection_sizes(selection: SelectionIndices) -> tuple[int, int]:
     return (base - few, few) if selection.inverted else (few, base - few)
 
 
-def valid_cursor(cursor: int | None, valid: Bools) -> int | None:
-    """The cursor if it is a valid iid, else None."""
-    if cursor is None or not 0 <= cursor < valid.size or not valid[cursor]:
-        return None
-    return cursor
-
-
+@cached_by_identity(16)
 def value_range(values: Floats, valid: Bools) -> Interval:
     """The scale of values (N,): 1st to 99th percentile of the valid ones."""
-    return _value_range(ArrayKey(values), ArrayKey(valid))
-
-
-@cached_by_identity(16)
-def _value_range(values: ArrayKey, valid: ArrayKey) -> Interval:
-    return percentile_range(np.asarray(values.array)[np.asarray(valid.array)])
+    return percentile_range(values[valid])
 
 
 def sorted_by_value(data: MapInput, model: MapModel) -> tuple[NDArray[np.intp], Floats]:

@@ -8,44 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Bounds, Room
+from s2rstore.records import Bounds
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.colour import Rgb, Theme, luma, mix, turbo
+from s2rtui.canvas import luma, mix, turbo
 from s2rtui.canvas.raster import resample
-from s2rtui.charts.shared.axis_scale import (
-    Floats,
-    scale_fraction,
-    short_number,
-    tick_step,
-    tick_values,
-)
-from s2rtui.charts.shared.base_map_background import (
-    DIMMED,
-    MapBackground,
-    heat_scale,
-    seen_cells,
-)
+from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
+from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
-from s2rtui.charts.shared.paper import (
-    Box,
-    Page,
-    draw_heading,
-    new_figure,
-    rgb_fractions,
-    style_axes,
-    wrapped_label,
-)
+from s2rtui.charts.shared.paper import Box, Ink, Page, draw_ring, style_plane, wrapped_label
 from s2rtui.charts.shared.points import point_dots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.patheffects import AbstractPathEffect
-
+LegendMark = tuple[str, str, Ink, bool]
+"""Name, marker, colour, and whether the marker is filled."""
 SIDE = 1.75
 """Width of colour bars and legend at the right, inches."""
 LETTER = 0.07
@@ -54,64 +32,52 @@ MANY = 5000
 """Above this number, points are drawn smaller, and one per spot of half a point."""
 
 
-@dataclass(frozen=True, slots=True)
-class Spots:
-    """A grid so fine that one mark per spot looks the same as all of them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class MapSheet:
+    """A map of `area` (metres) on a page, and the upper left corner of its legend.
 
-    frame: MapFrame
-    theme: Theme
+    inches: width and height of the map. spots: a grid so fine that one mark per spot looks the
+    same as all of them.
+    """
 
-    def last(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
+    page: Page
+    axes: Axes
+    area: Bounds
+    inches: tuple[float, float]
+    spots: MapFrame
+    side: tuple[float, float] | None
+
+    def last_per_spot(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
         """Indices into `ids`, ascending: the last one of each spot; all if they are few."""
         if len(ids) <= MANY:
             return np.arange(len(ids))
-        places = point_dots(np.asarray(points), self.frame)
+        places = point_dots(np.asarray(points), self.spots)
         codes = places.codes[ids][::-1]
         _, first = np.unique(codes, return_index=True)
         held = np.sort(len(ids) - 1 - first)
         return held[places.codes[ids[held]] < places.count]
 
-    def thinned(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.intp]:
-        """`ids` reduced to one per spot."""
-        return ids[self.last(points, ids)]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MapSheet:
-    """A map on a figure. inches: its size; side: upper left corner of the legend, inches."""
-
-    figure: Figure
-    page: Page
-    axes: Axes
-    area: Bounds
-    inches: tuple[float, float]
-    spots: Spots
-    side: tuple[float, float] | None
+    def thinned(self, points: Floats, ids: NDArray[np.intp]) -> NDArray[np.float64]:
+        """The `points` (N, 2) of `ids`, reduced to one per spot."""
+        return np.asarray(points, dtype=np.float64)[ids[self.last_per_spot(points, ids)]]
 
     def grid(self, points: float) -> MapFrame:
         """A frame whose cells are `points` (1/72 inch) wide and twice as high."""
         wide, high = (max(1, int(length * 72 / points)) for length in self.inches)
-        return fit_frame(self.area, wide, high + high % 2, self.spots.frame.y_down)
+        return fit_frame(self.area, wide, high + high % 2, self.spots.y_down)
 
 
-def map_sheet(
-    ground: MapBackground, area: Bounds, page: Page, title: str, subtitle: str
-) -> MapSheet:
-    """A new figure with a map as large as the page allows."""
-    figure = new_figure(page)
-    top = draw_heading(figure, page, title, subtitle)
-    wide, _ = page.inches
-    side = SIDE if wide > 4.5 else 0.0
-    room = (max(wide - 0.75 - side - 0.2, 0.3), max(top - 0.6, 0.3))
+def map_sheet(ground: MapBackground, area: Bounds, page: Page) -> MapSheet:
+    """A map as large as the page allows."""
+    side = SIDE if page.inches[0] > 4.5 else 0.0
+    room = (max(page.inches[0] - 0.75 - side - 0.2, 0.3), max(page.top - 0.6, 0.3))
     scale = min(room[0] / area.width, room[1] / area.height)
     inches = area.width * scale, area.height * scale
-    left = 0.75
-    corner = (left + inches[0] + 0.3, top) if side else None
-    return map_panel(figure, page, ground, area, (left, top - inches[1], *inches), corner)
+    corner = (0.75 + inches[0] + 0.3, page.top) if side else None
+    return map_panel(page, ground, area, (0.75, page.top - inches[1], *inches), corner)
 
 
 def map_panel(
-    figure: Figure,
     page: Page,
     ground: MapBackground,
     area: Bounds,
@@ -119,224 +85,144 @@ def map_panel(
     side: tuple[float, float] | None = None,
 ) -> MapSheet:
     """Draw a map in a rectangle of the area's shape: left, bottom, width, height in inches."""
-    inches = box[2], box[3]
-    axes = figure.add_axes(page.box(*box))
-    _picture(axes, ground, page, inches[0])
-    _axes(axes, ground, area, page, inches)
-    _rooms(axes, ground, page.theme, inches[0] / area.width)
-    _scale(axes, area, ground.y_down, page.theme)
+    inches, axes = box[2:], page.axes(*box)
+    _draw_background(axes, ground, page, inches[0])
+    ends = (area.y1, area.y0) if ground.y_down else (area.y0, area.y1)
+    style_plane(axes, page, (area.x0, area.x1, *ends), inches)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    _draw_rooms(axes, ground, page, inches[0] / area.width)
+    _draw_scale_bar(axes, area, ground.y_down, page)
     points = [max(1, int(length * 72)) for length in inches]
-    fine = fit_frame(area, points[0], points[1], ground.y_down)
-    return MapSheet(figure, page, axes, area, inches, Spots(fine, page.theme), side)
+    spots = fit_frame(area, points[0], points[1], ground.y_down)
+    return MapSheet(page, axes, area, inches, spots, side)
 
 
-def marker_legend(
-    sheet: MapSheet, marks: list[tuple[str, str, Rgb, bool]], corner: tuple[float, float]
-) -> None:
-    """Name, marker, colour and whether it is filled, one under the other from `corner`."""
+def marker_legend(page: Page, marks: list[LegendMark], corner: tuple[float, float]) -> None:
+    """Draw the marks with their names, one under the other from `corner` (inches)."""
     from matplotlib.lines import Line2D
 
     if not marks:
         return
     handles = [
         Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=marker,
-            markersize=6,
-            color=rgb_fractions(ink),
-            markerfacecolor=rgb_fractions(ink) if filled else "none",
-            label=wrapped_label(name),
+            [], [], linestyle="none", marker=marker, markersize=6, color=ink,
+            markerfacecolor=ink if filled else "none", label=wrapped_label(name),
         )
         for name, marker, ink, filled in marks
-    ]
-    inches = sheet.page.inches
-    legend = sheet.figure.legend(
-        handles=handles,
-        loc="upper left",
+    ]  # fmt: skip
+    inches = page.inches
+    page.figure.legend(
+        handles=handles, loc="upper left", frameon=False, fontsize=9, handletextpad=0.3,
         bbox_to_anchor=((corner[0] - 0.12) / inches[0], (corner[1] - 0.05) / inches[1]),
-        frameon=False,
-        fontsize=9,
-        handletextpad=0.3,
-        borderaxespad=0,
-    )
-    for text in legend.get_texts():
-        text.set_color(rgb_fractions(sheet.page.theme.text))
+        borderaxespad=0, labelcolor=page.inks.text,
+    )  # fmt: skip
 
 
-def _picture(axes: Axes, ground: MapBackground, page: Page, inches: float) -> None:
+def _draw_background(axes: Axes, ground: MapBackground, page: Page, inches: float) -> None:
     """Pale floor plan with heat; unseen floor dimmed."""
     theme, bounds = page.theme, ground.bounds
     if bounds.width <= 0 or bounds.height <= 0:
         return
-    extent = (bounds.x0, bounds.x1, bounds.y0, bounds.y1)
+
+    def show(layer: NDArray[np.generic], interpolation: str = "nearest") -> None:
+        extent = (bounds.x0, bounds.x1, bounds.y0, bounds.y1)
+        axes.imshow(
+            layer, extent=extent, origin="lower", interpolation=interpolation, aspect="auto"
+        )
+
     if ground.floor_plan is not None:
-        limit = max(16, int(inches * page.dpi))
+        limit = max(16, int(inches * page.figure.dpi))
         rows, columns = ground.floor_plan.shape[:2]
         shrink = min(1.0, limit / max(rows, columns))
         floor = resample(ground.floor_plan, int(rows * shrink), int(columns * shrink))
         grey = np.repeat((luma(floor) * 255)[..., None], 3, axis=-1)
-        muted = 0.5 * floor + 0.5 * grey
-        picture = mix(np.array(theme.background), muted, 0.5)
-        if not ground.y_down:
-            picture = picture[::-1]
-        axes.imshow(
-            picture, extent=extent, origin="lower", interpolation="antialiased", aspect="auto"
-        )
+        pale = mix(np.array(theme.background), 0.5 * floor + 0.5 * grey, 0.5)
+        show(pale if ground.y_down else pale[::-1], "antialiased")
     if ground.heat is not None and (scale := heat_scale(ground)) is not None:
         shares = scale_fraction(ground.heat, scale)
         opacity = np.where(np.isfinite(shares), 0.15 + 0.7 * np.nan_to_num(shares) ** 0.7, 0.0)
-        layer = np.dstack([turbo(shares) / 255.0, opacity])
-        axes.imshow(layer, extent=extent, origin="lower", interpolation="nearest", aspect="auto")
+        show(np.dstack([turbo(shares) / 255.0, opacity]))
     if ground.clip is not None:
         hidden = DIMMED * (1 - seen_cells(np.asarray(ground.clip)))
-        layer = np.dstack(
-            [np.broadcast_to(rgb_fractions(theme.background), (*hidden.shape, 3)), hidden]
-        )
-        axes.imshow(layer, extent=extent, origin="lower", interpolation="nearest", aspect="auto")
+        show(np.dstack([np.broadcast_to(page.inks.background, (*hidden.shape, 3)), hidden]))
 
 
-def _axes(
-    axes: Axes, ground: MapBackground, area: Bounds, page: Page, inches: tuple[float, float]
-) -> None:
-    style_axes(axes, page.theme)
-    axes.set_xlim(area.x0, area.x1)
-    axes.set_ylim((area.y1, area.y0) if ground.y_down else (area.y0, area.y1))
-    axes.set_xticks(tick_values(area.x0, area.x1, max(2, int(inches[0] / 0.7))))
-    axes.set_yticks(tick_values(area.y0, area.y1, max(2, int(inches[1] / 0.7))))
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
-    for spine in axes.spines.values():
-        spine.set_visible(True)
-
-
-def _rooms(axes: Axes, ground: MapBackground, theme: Theme, scale: float) -> None:
+def _draw_rooms(axes: Axes, ground: MapBackground, page: Page, scale: float) -> None:
     """Dashed outlines of rooms, with each name once. `scale`: inches per metre."""
     from matplotlib.patches import Rectangle
 
     named: set[str] = set()
+    ink = page.inks.muted
     for room in ground.rooms:
-        outline = Rectangle(
-            (room.x0, room.y0),
-            room.x1 - room.x0,
-            room.y1 - room.y0,
-            fill=False,
-            edgecolor=rgb_fractions(theme.muted),
-            linewidth=0.8,
-            linestyle=(0, (4, 3)),
-            zorder=2.5,
-        )
-        axes.add_patch(outline)
-        if room.room not in named:
-            named.add(room.room)
-            _name(axes, room, room.y0 if ground.y_down else room.y1, theme, scale)
+        wide, high = room.x1 - room.x0, room.y1 - room.y0
+        axes.add_patch(
+            Rectangle(
+                (room.x0, room.y0), wide, high, fill=False, edgecolor=ink, linewidth=0.8,
+                linestyle=(0, (4, 3)), zorder=2.5,
+            )
+        )  # fmt: skip
+        if room.room in named:
+            continue
+        named.add(room.room)
+        is_narrow = len(room.room) * LETTER > wide * scale
+        axes.annotate(
+            room.room.replace(" ", "\n") if is_narrow else room.room,
+            (room.x0, room.y0 if ground.y_down else room.y1), xytext=(4, -4),
+            textcoords="offset points", ha="left", va="top", fontsize=8, color=ink, zorder=6,
+            annotation_clip=True, path_effects=page.halo(2.5),
+        )  # fmt: skip
 
 
-def _name(axes: Axes, room: Room, top: float, theme: Theme, scale: float) -> None:
-    """A room's name in its upper left corner, wrapped where the room is narrow."""
-    from matplotlib import patheffects
-
-    halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=rgb_fractions(theme.background))
-    ]
-    broad = len(room.room) * LETTER > (room.x1 - room.x0) * scale
-    label = axes.annotate(
-        room.room.replace(" ", "\n") if broad else room.room,
-        (room.x0, top),
-        xytext=(4, -4),
-        textcoords="offset points",
-        ha="left",
-        va="top",
-        fontsize=8,
-        color=rgb_fractions(theme.muted),
-        zorder=6,
-        annotation_clip=True,
-    )
-    label.set_path_effects(halo)
-
-
-def _scale(axes: Axes, area: Bounds, y_down: bool, theme: Theme) -> None:
+def _draw_scale_bar(axes: Axes, area: Bounds, y_down: bool, page: Page) -> None:
     """A scale bar of round length in the lower left corner."""
-    from matplotlib import patheffects
-
     length = tick_step(area.width / 5, 1)
     if length > area.width / 3:
         length = tick_step(area.width / 10, 1)
     x = area.x0 + 0.03 * area.width
     y = area.y1 - 0.03 * area.height if y_down else area.y0 + 0.03 * area.height
-    halo: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=4.5, foreground=rgb_fractions(theme.background))
-    ]
+    ink = page.inks.text
     axes.plot(
-        [x, x + length],
-        [y, y],
-        color=rgb_fractions(theme.text),
-        linewidth=2.2,
-        solid_capstyle="butt",
-        zorder=9,
-        path_effects=halo,
-    )
-    label = axes.annotate(
-        f"{short_number(length)} m",
-        (x + length / 2, y),
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        fontsize=8,
-        color=rgb_fractions(theme.text),
-        zorder=9,
-    )
-    halo_text: list[AbstractPathEffect] = [
-        patheffects.withStroke(linewidth=2.5, foreground=rgb_fractions(theme.background))
-    ]
-    label.set_path_effects(halo_text)
+        [x, x + length], [y, y], color=ink, linewidth=2.2, solid_capstyle="butt", zorder=9,
+        path_effects=page.halo(4.5),
+    )  # fmt: skip
+    axes.annotate(
+        f"{short_number(length)} m", (x + length / 2, y), xytext=(0, 4), ha="center", va="bottom",
+        textcoords="offset points", fontsize=8, color=ink, zorder=9, path_effects=page.halo(2.5),
+    )  # fmt: skip
 
 
-def draw_unselected(axes: Axes, truth: Floats, selection: SelectionIndices, spots: Spots) -> None:
+def draw_unselected(sheet: MapSheet, truth: Floats, selection: SelectionIndices) -> None:
     """Draw unselected poses as small grey dots."""
-    others = selection.indices if selection.inverted else _outside(selection)
-    grey = np.asarray(truth, dtype=np.float64)[spots.thinned(truth, others)]
-    ink = rgb_fractions(spots.theme.unselected)
-    axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
-
-
-def _outside(selection: SelectionIndices) -> NDArray[np.intp]:
     inside = selection.base.copy()
     inside[selection.indices] = False
-    return np.flatnonzero(inside)
+    others = selection.indices if selection.inverted else np.flatnonzero(inside)
+    grey = sheet.thinned(truth, others)
+    ink = sheet.page.inks.unselected
+    sheet.axes.scatter(grey[:, 0], grey[:, 1], s=5, color=ink, linewidths=0, zorder=3)
 
 
-def draw_values(axes: Axes, data: MapInput, model: MapModel, spots: Spots) -> None:
-    """Draw the selected points coloured by value, the largest on top."""
+def draw_values(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
+    """Draw the selected points coloured by value, the largest on top; smaller above `MANY`."""
     ids, shares = sorted_by_value(data, model)
-    held = spots.last(data.truth, ids)
-    highlighted, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
-    ink = turbo(shares) / 255.0
-    ink[~np.isfinite(shares)] = rgb_fractions(spots.theme.muted)
-    draw_dots(axes, highlighted, ink, spots)
-
-
-def draw_dots(axes: Axes, points: Floats, ink: NDArray[np.float64], spots: Spots) -> None:
-    """Draw dots with an edge in the page's colour; smaller above `MANY`."""
-    edge = rgb_fractions(spots.theme.background)
-    many = len(points) > MANY
-    size, width = (5, 0.0) if many else (26, 0.6)
-    axes.scatter(
-        points[:, 0], points[:, 1], s=size, c=ink, edgecolors=[edge], linewidths=width, zorder=5
+    held = sheet.last_per_spot(data.truth, ids)
+    points, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
+    colours = turbo(shares) / 255.0
+    colours[~np.isfinite(shares)] = sheet.page.inks.muted
+    size, width = (5, 0.0) if len(points) > MANY else (26, 0.6)
+    edge = [sheet.page.inks.background]
+    sheet.axes.scatter(
+        points[:, 0], points[:, 1], s=size, c=colours, edgecolors=edge, linewidths=width, zorder=5
     )
 
 
-def draw_pose(
-    axes: Axes, points: Floats, headings: Floats | None, iid: int, colour: Rgb, area: Bounds
-) -> None:
+def draw_pose(sheet: MapSheet, points: Floats, headings: Floats | None, iid: int, ink: Ink) -> None:
     """Draw a ring at one of `points` (N, 2), and an arrow where its heading is known."""
     x, y = (float(part) for part in np.asarray(points)[iid])
     if not np.isfinite([x, y]).all():
         return
-    ink, length = rgb_fractions(colour), 0.035 * max(area.width, area.height)
-    axes.scatter([x], [y], s=70, facecolors="none", edgecolors=[ink], linewidths=1.6, zorder=7)
+    axes, length = sheet.axes, 0.035 * max(sheet.area.width, sheet.area.height)
+    draw_ring(axes, x, y, ink, 70, 7)
     if headings is not None and np.isfinite(headings[iid]):
         angle = float(headings[iid])
         tip = (x + length * np.cos(angle), y + length * np.sin(angle))

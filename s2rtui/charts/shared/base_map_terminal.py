@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import Rgb, legible, turbo
-from s2rtui.canvas.marks import Mark, Panel, Point, draw_mark
+from s2rtui.canvas import (
+    Canvas,
+    Mark,
+    Panel,
+    Point,
+    RenderOptions,
+    Rgb,
+    Size,
+    heading_arrow,
+    legible,
+    turbo,
+)
+from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
-from s2rtui.canvas.render_options import RenderOptions, heading_arrow
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,
@@ -57,7 +66,7 @@ class MapLayout:
 
 
 class PointMap(Protocol):
-    """What the inputs of all maps hold: true positions (N, 2), the floor under them, a mark."""
+    """The common fields of all inputs of maps; truth: (N, 2) metres."""
 
     @property
     def truth(self) -> Floats: ...
@@ -82,22 +91,25 @@ def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> Ma
 
 def map_panel(layout: MapLayout) -> Panel:
     """The panel of a map: a plane in metres."""
-    frame = layout.frame
+    return plane_panel("map", layout.x, layout.y, layout.width, layout.height, layout.frame)
+
+
+def plane_panel(name: str, left: int, top: int, width: int, height: int, frame: MapFrame) -> Panel:
+    """The panel of a plane whose corner is the corner of a frame."""
 
     def to_data(column: float, row: float) -> Point:
-        return frame.to_world(column - layout.x - 0.5, row - layout.y - 0.5)
+        return frame.to_world(column - left - 0.5, row - top - 0.5)
 
     def to_cells(x: float, y: float) -> Point:
         column, row = frame.to_cells([[x, y]])[0].tolist()
-        return column + layout.x, row + layout.y
+        return column + left, row + top
 
-    place = layout.x, layout.y, layout.width, layout.height
-    return Panel("map", "plane", *place, to_data, to_cells)
+    return Panel(name, "plane", left, top, width, height, to_data, to_cells)
 
 
-def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None:
+def draw_axes(canvas: Canvas, layout: MapLayout) -> None:
     """Draw ticks in metres along the left and the lower edge."""
-    theme, frame = options.theme, layout.frame
+    theme, frame = canvas.theme, layout.frame
     extent, bottom = frame.extent, layout.height
     count = max(2, layout.width // 12)
     width = tick_step(extent.width, count)
@@ -119,15 +131,13 @@ def draw_axes(canvas: Canvas, layout: MapLayout, options: RenderOptions) -> None
             canvas.text(layout.x - 1, row, tick_text(tick, width)[:4], theme.muted, align="right")
 
 
-def draw_dots(
-    canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, options: RenderOptions, glyph: str = ""
-) -> None:
+def draw_dots(canvas: Canvas, grid: NDArray[np.bool_], colour: Rgb, glyph: str = "") -> None:
     """Draw braille dots (4 rows, 2 columns per cell); in ASCII a glyph per cell."""
-    if not options.ascii:
-        draw_braille(canvas, 0, 0, grid, np.array(colour, dtype=np.uint8))
+    if not canvas.options.ascii:
+        draw_braille(canvas, grid, colour)
         return
     rows, columns = np.nonzero(braille_bits(grid))
-    put_glyphs(canvas, columns, rows, glyph or options.glyphs.unselected, colour, bold=False)
+    put_glyphs(canvas, columns, rows, glyph or canvas.glyphs.unselected, colour, bold=False)
 
 
 def put_glyphs(
@@ -140,32 +150,24 @@ def put_glyphs(
     canvas.fg[rows, columns] = colour
 
 
-def draw_values(
-    canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw the selected points by the largest value per cell, in colours or digits."""
     top = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
     rows, columns = np.nonzero(top >= 0)
     shares = level_shares(top[rows, columns])
     known = np.isfinite(shares)
-    put_glyphs(canvas, columns, rows, options.glyphs.selected, options.theme.text)
-    if (digits := ramp_for_values(options)) is not None:
+    put_glyphs(canvas, columns, rows, canvas.glyphs.selected, canvas.theme.text)
+    if (digits := ramp_for_values(canvas.options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
-    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), options.theme)
+    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), canvas.theme)
 
 
 def draw_pose(
-    canvas: Canvas,
-    points: Floats,
-    headings: Floats | None,
-    iid: int,
-    frame: MapFrame,
-    options: RenderOptions,
-    glyph: str,
-    colour: Rgb,
+    canvas: Canvas, points: Floats, headings: Floats | None, iid: int, frame: MapFrame, role: str
 ) -> None:
-    """Draw a glyph at one of `points` (N, 2), and an arrow where its heading is known."""
+    """Draw the glyph of a role at one of `points` (N, 2), and an arrow if its heading is known."""
+    glyph, colour = canvas.options.role(role)
     place = frame.to_cells(np.asarray(points)[iid])[0]
     if not (np.isfinite(place).all() and (place >= 0).all()):
         return
@@ -175,7 +177,7 @@ def draw_pose(
     one = np.array([column]), np.array([row])
     put_glyphs(canvas, *one, glyph, colour)
     if headings is not None and np.isfinite(headings[iid]):
-        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, options.glyphs)
+        arrow, across, down = heading_arrow(float(headings[iid]), frame.y_down, canvas.glyphs)
         column, row = column + across, row + down
         if 0 <= column < canvas.width and 0 <= row < canvas.height:
             put_glyphs(canvas, np.array([column]), np.array([row]), arrow, colour)
@@ -249,18 +251,18 @@ def draw_point_map(
     draw_selected: Callable[[Canvas], None],
 ) -> Canvas:
     """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
-    canvas = Canvas(*size, theme=options.theme)
-    chart = Canvas(layout.width, layout.height, options.theme)
-    draw_background(chart, data.ground, layout.frame, options)
+    canvas = Canvas(*size, options)
+    chart = Canvas(layout.width, layout.height, options)
+    draw_background(chart, data.ground, layout.frame)
     dots = unselected_dots(data.truth, selection, layout.frame)
-    draw_dots(chart, dots, options.theme.unselected, options)
-    draw_room_names(chart, data.ground.rooms, layout.frame, options)
+    draw_dots(chart, dots, options.theme.unselected)
+    draw_room_names(chart, data.ground.rooms, layout.frame)
     draw_selected(chart)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
-        draw_axes(canvas, layout, options)
+        draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
-    draw_mark(canvas, map_panel(layout), data.mark, options)
+    draw_mark(canvas, map_panel(layout), data.mark)
     return canvas
 
 
@@ -272,16 +274,13 @@ def draw_value_map(
     layout = layout_of_points(data, model, size, viewport, options)
 
     def draw_selected(chart: Canvas) -> None:
-        draw_values(chart, data, model, layout.frame, options)
-        draw_cursor(chart, data, model.cursor, layout.frame, options)
+        draw_values(chart, data, model, layout.frame)
+        draw_cursor(chart, data, model.cursor, layout.frame)
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)
 
 
-def draw_cursor(
-    canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame, options: RenderOptions
-) -> None:
+def draw_cursor(canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame) -> None:
     """The true pose of the cursor's instance."""
     if cursor is not None:
-        glyph, colour = options.glyphs.cursor, options.theme.cursor
-        draw_pose(canvas, data.truth, data.headings, cursor, frame, options, glyph, colour)
+        draw_pose(canvas, data.truth, data.headings, cursor, frame, "cursor")

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.canvas.colour import NO_DEPTH, Pixels, depth_tint, diverging, mix, turbo
+from s2rstore.reader import Store
+from s2rtui.canvas import Pixels, diverging, mix, turbo
+from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, Interval, non_empty, percentile_range
+from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
+from s2rtui.session.state import HeatChoice
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +50,7 @@ class InstanceInput:
     """One instance, sim beside real.
 
     `kind` (and `mode`) name the heat, `signed` makes its scale diverge about 0, `heat_range`
-    fixes it (default: from both sides together), `over` is the row of pictures that the heat
+    fixes it (default: from both sides together), `over` is the row of images that the heat
     lies on. `truth`: x, y in metres, heading in radians. `notes`: further lines, label and value.
     """
 
@@ -60,7 +65,7 @@ class InstanceInput:
     heat_range: Interval | None = None
     over: Literal["rgb", "depth", "both"] = "rgb"
     depth_range: Interval | None = None
-    notes: tuple[tuple[str, str], ...] = field(default=())
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +89,20 @@ class InstanceModel:
     poses: tuple[PoseLine, ...]
 
 
+_ZERO = (236, 236, 236)
+"""The colour of signed heat at 0."""
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
+
+
+def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, Any]:
+    """The fields of `InstanceInput` that describe a heat; none without heat."""
+    if heat is None:
+        return {}
+    row = "both" if heat.mode == "rgbd" else "depth" if ray_of(heat) == "depth" else "rgb"
+    return {
+        "kind": heat.kind.replace("_", " "), "mode": heat.mode, "unit": unit(store, run, heat),
+        "signed": heat.kind in SIGNED, "heat_range": run_range(store, run, heat), "over": row,
+    }  # fmt: skip
 
 
 def instance_model(data: InstanceInput) -> InstanceModel:
@@ -152,12 +170,17 @@ def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, F
     values = np.asarray(heat, dtype=np.float64)
     if signed:
         share = np.clip(values / high, -1, 1)
-        colours = diverging(share, middle=(236, 236, 236))
+        colours = diverging(share, _ZERO)
     else:
         share = np.clip((values - low) / (high - low), 0, 1)
         colours = turbo(share)
     strength = np.nan_to_num(np.abs(share))
     return colours, np.where(np.isfinite(values), 0.78 * strength**0.8, 0.0) * (strength > 0.02)
+
+
+def heat_ramp(signed: bool) -> Callable[[NDArray[np.float64]], Pixels]:
+    """The colours of a heat's scale, from fractions 0 .. 1 of it."""
+    return (lambda shares: diverging(2 * shares - 1, _ZERO)) if signed else turbo
 
 
 def panel_pixels(

@@ -7,19 +7,18 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import DEPTH_SHADES, Pixels, depth_tint, diverging, legible, turbo
-from s2rtui.canvas.raster import draw_picture, draw_shades, resample
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOptions, Size, legible
+from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
+from s2rtui.canvas.raster import draw_image, draw_shades, resample
 from s2rtui.charts.shared.image_pair_model import (
     HEADINGS,
     InstanceInput,
     InstanceModel,
     SideView,
     heat_colours,
+    heat_ramp,
     instance_model,
     panel_pixels,
 )
@@ -32,7 +31,7 @@ HEAT_RAMP = ".123456789"
 
 @dataclass(frozen=True, slots=True)
 class ImagePanel:
-    """The place of an image in cells; `what` is "rgb", "depth" or "heat"."""
+    """The place of an image in cells; `what`: "rgb", "depth" or "heat"."""
 
     what: str
     side: str
@@ -53,10 +52,9 @@ class InstanceLayout:
 
 
 def instance_layout(
-    data: InstanceInput, size: Size, options: RenderOptions | None = None
+    data: InstanceInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> InstanceLayout:
     """Lay out images as large as possible, with colour bars and table below."""
-    options = options or RenderOptions()
     width, height = max(1, size[0]), max(1, size[1])
     model = instance_model(data)
     kinds = _kinds(data, model, options)
@@ -89,7 +87,7 @@ def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) ->
 
 
 def _shape(data: InstanceInput) -> tuple[int, int]:
-    """Rows and columns of the pictures."""
+    """Rows and columns of the images."""
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
     return max(1, rows), max(1, columns)
 
@@ -121,47 +119,38 @@ def _arrange(
     return tuple(panels), top + rows * high
 
 
-def draw_instance(data: InstanceInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_instance(
+    data: InstanceInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     model = instance_model(data)
     layout = instance_layout(data, (canvas.width, canvas.height), options)
     for panel in layout.panels:
-        _panel(canvas, panel, data, model, options)
-    _titles(canvas, layout, data, options)
+        _panel(canvas, panel, data, model)
+    _titles(canvas, layout, data)
     draw_rows(canvas, 0, layout.bars_y, layout.bars)
     if layout.table_y is not None:
-        _table(canvas, layout.table_y, data, model, options)
+        _table(canvas, layout.table_y, data, model)
     return canvas
 
 
-def _panel(
-    canvas: Canvas,
-    panel: ImagePanel,
-    data: InstanceInput,
-    model: InstanceModel,
-    options: RenderOptions,
-) -> None:
+def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: InstanceModel) -> None:
     side = data.sim if panel.side == "sim" else data.real
     if panel.what == "heat":
         _heat_glyphs(canvas, panel, side, data, model)
     elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
-        plain = data if options.supports_images else _without_heat(data)
+        plain = data if canvas.options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
-        draw_picture(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)), options)
-        if options.supports_shading:
+        draw_image(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
+        if canvas.options.supports_shading:
             sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
             key = identity_key((panel.what, *sources, data.over, data.signed))
             true_pixels = partial(pixels, shades=DEPTH_SHADES)
             canvas.images.append(_inline_image(panel, side, true_pixels, key))
     else:
-        canvas.text(
-            panel.x,
-            panel.y + panel.height // 2,
-            "no image" if panel.what == "rgb" else "no depth",
-            options.theme.muted,
-        )
+        text = "no image" if panel.what == "rgb" else "no depth"
+        canvas.text(panel.x, panel.y + panel.height // 2, text, canvas.theme.muted)
 
 
 def _inline_image(
@@ -173,8 +162,7 @@ def _inline_image(
 
 
 def _without_heat(data: InstanceInput) -> InstanceInput:
-    strip = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
-    sim, real = strip
+    sim, real = (SideView(side.rgb, side.depth) for side in (data.sim, data.real))
     return InstanceInput(data.iid, sim, real)
 
 
@@ -193,20 +181,14 @@ def _heat_glyphs(
     )
 
 
-def _titles(
-    canvas: Canvas, layout: InstanceLayout, data: InstanceInput, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
+def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None:
     for panel in layout.panels:
         if panel.y != 1:
             continue
         side = data.sim if panel.side == "sim" else data.real
-        glyph, colour = (
-            (glyphs.sim, theme.sim) if panel.side == "sim" else (glyphs.real, theme.real)
-        )
-        title = side.title or panel.side
-        title = title.encode("ascii", "replace").decode() if options.ascii else title
-        text = f"{glyph} {title}" if panel.what == "rgb" else f"{glyph} {panel.what}"
+        glyph, colour = canvas.options.role(panel.side)
+        title = side.title or panel.side if panel.what == "rgb" else panel.what
+        text = canvas.options.printable(f"{glyph} {title}")
         canvas.text(panel.x, 0, text[: panel.width], colour, bold=True)
 
 
@@ -216,40 +198,27 @@ def _bars(
     parts = []
     length = 12 if width >= 44 else 8
     if model.heat_range is not None:
-
-        def spread(shares: NDArray[np.float64]) -> Pixels:
-            return diverging(2 * shares - 1, (236, 236, 236)) if data.signed else turbo(shares)
-
         ramp = None if options.supports_images else (SIGNED_RAMP if data.signed else HEAT_RAMP)
         name = model.heat_name or "heat"
-        parts.append(
-            colour_bar(name, data.unit, model.heat_range, options, length + 4, spread, ramp, width)
-        )
+        heat = name, data.unit, model.heat_range, options, length + 4, heat_ramp(data.signed)
+        parts.append(colour_bar(*heat, ramp, width))
     if model.depth_range is not None:
         shades = options.glyphs.shades[::-1]
         ramp = None if options.supports_images else (shades if options.theme.dark else shades[::-1])
-        parts.append(
-            colour_bar("depth", "m", model.depth_range, options, length, depth_tint, ramp, width)
-        )
+        depth = "depth", "m", model.depth_range, options, length, depth_tint
+        parts.append(colour_bar(*depth, ramp, width))
     return parts
 
 
-def _table(
-    canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, options: RenderOptions
-) -> None:
-    theme, glyphs = options.theme, options.glyphs
-    roles = {
-        "truth": (glyphs.truth, theme.truth),
-        "sim": (glyphs.sim, theme.sim),
-        "real": (glyphs.real, theme.real),
-    }
+def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) -> None:
+    theme = canvas.theme
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
     for index, heading in enumerate(HEADINGS):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
-        glyph, colour = roles[line.role]
+        glyph, colour = canvas.options.role(line.role)
         canvas.text(0, row, f"{glyph} {line.role}"[: label - 1], colour)
         for index, text in enumerate(line.cells):
             strong = index >= 3
@@ -257,6 +226,4 @@ def _table(
             at = label + (index + 1) * column
             canvas.text(at, row, text, ink, bold=strong, align="right")
     for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
-        text = f"{name} {value}"
-        text = text.encode("ascii", "replace").decode() if options.ascii else text
-        canvas.text(0, row, text, theme.muted)
+        canvas.text(0, row, canvas.options.printable(f"{name} {value}"), theme.muted)

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import ColourMode, Pixels, Rgb, legible, turbo
-from s2rtui.canvas.render_options import DIGITS, RenderOptions
+from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
 from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
 Scale = Callable[[NDArray[np.float64]], Pixels]
@@ -34,6 +32,16 @@ def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
             x = canvas.text(x, y, text, colour)
 
     return LegendPart(sum(cell_len(text) for text, _ in pieces), draw)
+
+
+def role_legend(options: RenderOptions, **texts: str) -> LegendPart:
+    """A part that explains the glyphs of roles such as "sim", each by a text."""
+    pieces: list[tuple[str, Rgb]] = []
+    for role, text in texts.items():
+        glyph, colour = options.role(role)
+        end = "" if role == list(texts)[-1] else "  "
+        pieces += [(f"{glyph} ", colour), (text + end, options.theme.muted)]
+    return text_part(pieces)
 
 
 @lru_cache(64)

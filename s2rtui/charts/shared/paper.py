@@ -17,16 +17,18 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas.colour import LIGHT, Rgb, Theme
-from s2rtui.charts.shared.axis_scale import tick_values
+from s2rtui.canvas import Rgb, Theme
+from s2rtui.charts.shared.axis_scale import Interval, tick_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import AbstractPathEffect
 
 FileFormat = Literal["png", "svg", "pdf"]
 Pixels = tuple[int, int]
 Box = tuple[float, float, float, float]
+Ink = tuple[float, float, float]
 SMALLEST_DPI = 72.0
 LETTER = 0.56 / 72
 """Average width of a letter in inches per point of font size."""
@@ -55,109 +57,143 @@ def figure_format(form: FileFormat = "png", type_size: float = 1.0) -> Iterator[
         _type_size.reset(before[1])
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
-    """The size of a figure in pixels, and its theme.
+def rgb_fractions(colour: Rgb) -> Ink:
+    """Convert uint8 RGB to matplotlib's 0 .. 1."""
+    return colour[0] / 255, colour[1] / 255, colour[2] / 255
 
-    Fonts scale with the page: 10 points are 22 pixels on 1600 x 1200, times `type_size`.
+
+class Inks:
+    """The colours of a theme, by the same names, as matplotlib takes them."""
+
+    def __init__(self, theme: Theme) -> None:
+        self._theme = theme
+
+    def __getattr__(self, name: str) -> Ink:
+        return rgb_fractions(getattr(self._theme, name))
+
+
+@dataclass(slots=True, eq=False)
+class Page:
+    """A figure with a heading; places are in inches from the lower left corner.
+
+    width, height: pixels. inches: (width, height). top: the lower end of the heading.
     """
 
+    figure: Figure
     width: int
     height: int
-    theme: Theme = LIGHT
-    type_size: float = 1.0
-
-    @property
-    def dpi(self) -> float:
-        usual = math.sqrt(self.width * self.height * 4 / 3) / 10
-        return max(SMALLEST_DPI, usual * self.type_size)
+    theme: Theme
+    inks: Inks
+    top: float = 0.0
 
     @property
     def inches(self) -> tuple[float, float]:
-        return self.width / self.dpi, self.height / self.dpi
+        return self.width / self.figure.dpi, self.height / self.figure.dpi
 
-    def box(self, left: float, bottom: float, width: float, height: float) -> Box:
-        """Convert a rectangle in inches to fractions of the page, never empty."""
+    def axes(
+        self, left: float, bottom: float, width: float, height: float, projection: str | None = None
+    ) -> Axes:
+        """New axes in a rectangle, never empty."""
         wide, high = self.inches
-        return left / wide, bottom / high, max(width / wide, 1e-3), max(height / high, 1e-3)
+        size = max(width / wide, 1e-3), max(height / high, 1e-3)
+        return self.figure.add_axes((left / wide, bottom / high, *size), projection=projection)
+
+    def text(self, x: float, y: float, text: str, ink: Ink, size: float, **style: Any) -> None:
+        """Write text at (x, y), by default to the right of it and above it."""
+        wide, high = self.inches
+        self.figure.text(x / wide, y / high, text, color=ink, fontsize=size, **style)
+
+    def halo(self, width: float) -> list[AbstractPathEffect]:
+        """The path effects that set off text from what lies under it; `width` in points."""
+        from matplotlib import patheffects
+
+        return [patheffects.withStroke(linewidth=width, foreground=self.inks.background)]
+
+    def encoded(self) -> bytes:
+        """The file in exactly the page's size, without date and version."""
+        from matplotlib import rc_context
+
+        form, dpi = _form.get(), self.figure.dpi
+        self.figure.set_size_inches((self.width + 0.01) / dpi, (self.height + 0.01) / dpi)
+        stream = BytesIO()
+        with rc_context(_SETTINGS):
+            self.figure.savefig(stream, format=form, dpi=dpi, metadata=EMPTY_METADATA[form])
+        return stream.getvalue()
 
 
-def make_page(size: Pixels, theme: Theme) -> Page:
-    """A page of `size` pixels. Raises RequestError outside 16 .. 20000 pixels a side."""
-    width, height = size
-    if not (16 <= width <= 20000 and 16 <= height <= 20000):
-        raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
-    return Page(int(width), int(height), theme, _type_size.get())
+def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page:
+    """A page of `size` pixels with a heading. Raises RequestError outside 16 .. 20000 pixels.
 
-
-def new_figure(page: Page) -> Figure:
-    """An empty figure on the Agg backend, without pyplot.
-
-    Mathematical text is off, since names may contain dollar signs.
+    The title is wrapped to at most two lines, the subtitle to three; the rest is cut. Fonts scale
+    with the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Mathematical text is
+    off, since names may contain dollar signs.
     """
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    width, height = size
+    if not (16 <= width <= 20000 and 16 <= height <= 20000):
+        raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
     rcParams["text.parse_math"] = False
-    figure = Figure(
-        figsize=page.inches, dpi=page.dpi, facecolor=rgb_fractions(page.theme.background)
-    )
+    dpi = max(SMALLEST_DPI, math.sqrt(width * height * 4 / 3) / 10 * _type_size.get())
+    inks = Inks(theme)
+    figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi, facecolor=inks.background)
     FigureCanvasAgg(figure)
-    return figure
+    page = Page(figure, width, height, theme, inks)
+    wide, y = page.inches
+    y -= 0.2
+    for text, points, weight, ink, drop, most in (
+        (title, 13, "bold", inks.text, 0.29, 2),
+        (subtitle, 9, "normal", inks.muted, 0.2, 3),
+    ):
+        room = max(12, int((wide - 0.45) / (points * LETTER)))
+        for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
+            page.text(0.25, y, line, ink, points, va="top", fontweight=weight)
+            y -= drop
+    page.top = max(0.2, y - 0.1)
+    return page
 
 
-def figure_bytes(figure: Figure, page: Page) -> bytes:
-    """Encode a figure in exactly the page's size, without date and version."""
-    from matplotlib import rc_context
-
-    form = _form.get()
-    figure.set_size_inches((page.width + 0.01) / page.dpi, (page.height + 0.01) / page.dpi)
-    stream = BytesIO()
-    with rc_context(_SETTINGS):
-        figure.savefig(stream, format=form, dpi=page.dpi, metadata=EMPTY_METADATA[form])
-    return stream.getvalue()
-
-
-def rgb_fractions(colour: Rgb) -> tuple[float, float, float]:
-    """Convert uint8 RGB to matplotlib's 0 .. 1."""
-    return colour[0] / 255, colour[1] / 255, colour[2] / 255
-
-
-def style_axes(axes: Axes, theme: Theme, grid: bool = False) -> None:
+def style_axes(axes: Axes, page: Page, grid: bool = False) -> None:
     """Style spines, ticks and labels in the theme's colours."""
-    axes.set_facecolor(rgb_fractions(theme.background))
+    inks = page.inks
+    axes.set_facecolor(inks.background)
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(rgb_fractions(theme.faint))
+        spine.set_color(inks.faint)
         spine.set_linewidth(0.8)
-    axes.tick_params(colors=rgb_fractions(theme.muted), labelsize=8, width=0.8, length=3)
+    axes.tick_params(colors=inks.muted, labelsize=8, width=0.8, length=3)
     for label in (axes.xaxis.label, axes.yaxis.label):
-        label.set_color(rgb_fractions(theme.muted))
-        label.set_fontsize(9)
+        label.set(color=inks.muted, fontsize=9)
     if grid:
-        axes.grid(True, axis="x", color=rgb_fractions(theme.faint), linewidth=0.6)
+        axes.grid(True, axis="x", color=inks.faint, linewidth=0.6)
         axes.set_axisbelow(True)
 
 
-def draw_heading(figure: Figure, page: Page, title: str, subtitle: str = "") -> float:
-    """Write title and subtitle at the upper left; returns the height left below, in inches.
+def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]) -> None:
+    """Style framed axes of `inches` with a tick about every 0.7 inches; limits: x and y ends."""
+    style_axes(axes, page)
+    x0, x1, y0, y1 = limits
+    axes.set_xlim(x0, x1)
+    axes.set_ylim(y0, y1)
+    axes.set_xticks(tick_values(x0, x1, max(2, int(inches[0] / 0.7))))
+    axes.set_yticks(tick_values(min(y0, y1), max(y0, y1), max(2, int(inches[1] / 0.7))))
+    for spine in axes.spines.values():
+        spine.set_visible(True)
 
-    The title is wrapped to at most two lines, the subtitle to three; the rest is cut.
-    """
-    y = page.inches[1] - 0.2
-    for text, size, weight, colour, drop, most in (
-        (title, 13, "bold", page.theme.text, 0.29, 2),
-        (subtitle, 9, "normal", page.theme.muted, 0.2, 3),
-    ):
-        room = max(12, int((page.inches[0] - 0.45) / (size * LETTER)))
-        for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
-            x, top = 0.25 / page.inches[0], y / page.inches[1]
-            label = figure.text(x, top, line, ha="left", va="top", fontsize=size)
-            label.set_fontweight(weight)
-            label.set_color(rgb_fractions(colour))
-            y -= drop
-    return max(0.2, y - 0.1)
+
+def set_panel_title(axes: Axes, text: str, ink: Ink) -> None:
+    """Write the bold title of one of several panels at the left."""
+    axes.set_title(text, loc="left", fontsize=10, pad=6, color=ink, fontweight="bold")
+
+
+def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
+    """Draw a ring of `size` square points around a point."""
+    edge, width = [ink], 1.6
+    axes.scatter(
+        [x], [y], s=size, facecolors="none", edgecolors=edge, linewidths=width, zorder=order
+    )
 
 
 def wrapped_label(label: str) -> str:
@@ -165,24 +201,24 @@ def wrapped_label(label: str) -> str:
     return "\n".join(textwrap.wrap(label, 23, break_long_words=False)) or label
 
 
+def label_with_unit(label: str, unit: str) -> str:
+    """The label of a scale, with its unit in parentheses."""
+    return f"{label} ({unit})" if unit else label
+
+
 def draw_colour_bar(
-    figure: Figure, page: Page, box: Box, scale: tuple[float, float], label: str, colours: Any
+    page: Page, left: float, bottom: float, height: float, scale: Interval, label: str, colours: Any
 ) -> None:
     """Draw a vertical colour bar with its label above and its ticks at the right."""
-    axes = figure.add_axes(box)
-    ramp = np.linspace(0, 1, 256)[:, None]
-    axes.imshow(
-        colours(ramp),
-        aspect="auto",
-        origin="lower",
-        extent=(0, 1, *scale),
-        interpolation="none",
-    )
+    axes = page.axes(left, bottom, 0.16, height)
+    ramp = colours(np.linspace(0, 1, 256)[:, None])
+    extent = (0, 1, *scale)
+    axes.imshow(ramp, aspect="auto", origin="lower", extent=extent, interpolation="none")
     axes.set_xticks([])
     axes.yaxis.tick_right()
-    axes.set_yticks(tick_values(*scale, max(2, int(box[3] * page.inches[1] / 0.27))))
-    axes.tick_params(colors=rgb_fractions(page.theme.muted), labelsize=8, width=0.8, length=3)
+    share = max(height / page.inches[1], 1e-3)
+    axes.set_yticks(tick_values(*scale, max(2, int(share * page.inches[1] / 0.27))))
+    axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    title = axes.set_title(label, loc="left", fontsize=9, pad=6)
-    title.set_color(rgb_fractions(page.theme.text))
+    axes.set_title(label, loc="left", fontsize=9, pad=6, color=page.inks.text)

@@ -9,14 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rtui.analysis.binning import (
-    Bins,
-    Codes,
-    SelectionIndices,
-    count_selected,
-    occupied_bins,
-)
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.binning import Bins, Codes, SelectionIndices, count_selected, occupied_bins
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction
 
@@ -25,36 +19,29 @@ LEVELS = 60
 """Steps of a value's scale; a multiple of ten, so that digits are exact."""
 
 
+@cached_by_identity(16)
 def point_cells(points: Floats, frame: MapFrame) -> Bins:
     """The cell of each point (N, 2) as bins, row by row; no bin outside the frame."""
-    return _cells(ArrayKey(points), frame)
-
-
-def point_dots(points: Floats, frame: MapFrame) -> Bins:
-    """The braille dot of each point (N, 2) as bins, row by row, 4 x 2 dots per cell."""
-    return _dots(ArrayKey(points), frame)
-
-
-@cached_by_identity(16)
-def _cells(points: ArrayKey, frame: MapFrame) -> Bins:
     across, down = frame.width, frame.height // 2
     rows, columns = np.divmod(np.arange(8 * across * down), 2 * across)
     table = np.append(rows // 4 * across + columns // 2, across * down)
-    codes = _dots(points, frame).codes
+    codes = point_dots(points, frame).codes
     if across * down < 1 << 16:
         return Bins(table.astype(np.uint16)[codes], across * down)
     return Bins(table.astype(np.uint32)[codes], across * down)
 
 
 @cached_by_identity(16)
-def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
-    """Computed in pieces that fit into the processor's cache."""
-    places = np.asarray(points.array)
+def point_dots(points: Floats, frame: MapFrame) -> Bins:
+    """The braille dot of each point (N, 2) as bins, row by row, 4 x 2 dots per cell.
+
+    They are computed in pieces that fit into the processor's cache.
+    """
     across, down = 2 * frame.width, frame.height // 2 * 4
     size, sign = across * down, 1 if frame.y_down else -1
-    codes: Codes = np.empty(len(places), dtype=np.uint16 if size < 1 << 16 else np.uint32)
-    for start in range(0, len(places), PIECE):
-        piece = places[start : start + PIECE]
+    codes: Codes = np.empty(len(points), dtype=np.uint16 if size < 1 << 16 else np.uint32)
+    for start in range(0, len(points), PIECE):
+        piece = points[start : start + PIECE]
         column = np.floor((piece[:, 0] - frame.x0) * (2 / frame.pitch))
         row = np.floor((piece[:, 1] - frame.y0) * (2 * sign / frame.pitch))
         inside = (column >= 0) & (column < across) & (row >= 0) & (row < down)
@@ -64,33 +51,12 @@ def _dots(points: ArrayKey, frame: MapFrame) -> Bins:
     return Bins(codes, size)
 
 
+@cached_by_identity(6)
 def selected_cells(
     points: Floats, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.bool_]:
     """(rows, columns), read-only: cells with a selected point."""
-    return _lit_cells(ArrayKey(points), selection, frame)
-
-
-def unselected_dots(
-    points: Floats, selection: SelectionIndices, frame: MapFrame
-) -> NDArray[np.bool_]:
-    """(4 rows, 2 columns), read-only: braille dots with an unselected valid point."""
-    return _other_dots(ArrayKey(points), selection, frame)
-
-
-def highest_levels(
-    points: Floats, values: Floats, scale: Interval, selection: SelectionIndices, frame: MapFrame
-) -> NDArray[np.intp]:
-    """(rows, columns), read-only: the largest value of the selected per cell, as a level.
-
-    1 .. LEVELS; 0 for no known value, -1 for no selected point.
-    """
-    return _top_levels(ArrayKey(points), ArrayKey(values), scale, selection, frame)
-
-
-@cached_by_identity(6)
-def _lit_cells(points: ArrayKey, selection: SelectionIndices, frame: MapFrame) -> NDArray[np.bool_]:
-    highlighted = (count_selected(_cells(points, frame), selection)[0] > 0).reshape(
+    highlighted = (count_selected(point_cells(points, frame), selection)[0] > 0).reshape(
         frame.height // 2, frame.width
     )
     highlighted.setflags(write=False)
@@ -98,23 +64,24 @@ def _lit_cells(points: ArrayKey, selection: SelectionIndices, frame: MapFrame) -
 
 
 @cached_by_identity(4)
-def _other_dots(
-    points: ArrayKey, selection: SelectionIndices, frame: MapFrame
+def unselected_dots(
+    points: Floats, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.bool_]:
-    highlighted, total = count_selected(_dots(points, frame), selection)
+    """(4 rows, 2 columns), read-only: braille dots with an unselected valid point."""
+    highlighted, total = count_selected(point_dots(points, frame), selection)
     others = (total > highlighted).reshape(frame.height // 2 * 4, frame.width * 2)
     others.setflags(write=False)
     return others
 
 
 @cached_by_identity(4)
-def _top_levels(
-    points: ArrayKey,
-    values: ArrayKey,
-    scale: Interval,
-    selection: SelectionIndices,
-    frame: MapFrame,
+def highest_levels(
+    points: Floats, values: Floats, scale: Interval, selection: SelectionIndices, frame: MapFrame
 ) -> NDArray[np.intp]:
+    """(rows, columns), read-only: the largest value of the selected per cell, as a level.
+
+    1 .. LEVELS; 0 for no known value, -1 for no selected point.
+    """
     levels = _cell_levels(points, values, scale, frame)
     highlighted, _ = count_selected(levels.codes, selection)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
@@ -139,10 +106,8 @@ class _CellLevels:
 
 
 @cached_by_identity(4)
-def _cell_levels(
-    points: ArrayKey, values: ArrayKey, scale: Interval, frame: MapFrame
-) -> _CellLevels:
-    places = _cells(points, frame)
+def _cell_levels(points: Floats, values: Floats, scale: Interval, frame: MapFrame) -> _CellLevels:
+    places = point_cells(points, frame)
     steps = np.uint32(LEVELS + 1)
     wide = places.codes.astype(np.uint32) * steps + _levels(values, scale)
     np.minimum(wide, places.count * steps, out=wide)
@@ -152,8 +117,8 @@ def _cell_levels(
 
 
 @cached_by_identity(8)
-def _levels(values: ArrayKey, scale: Interval) -> NDArray[np.uint8]:
-    steps = np.minimum(scale_fraction(np.asarray(values.array), scale) * LEVELS, LEVELS - 1) + 1
+def _levels(values: Floats, scale: Interval) -> NDArray[np.uint8]:
+    steps = np.minimum(scale_fraction(values, scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)
 
 
@@ -167,14 +132,16 @@ def true_positions(store: Store) -> NDArray[np.float64]:
     return stacked_points(store.instances.x, store.instances.y)
 
 
+@cached_by_identity(24)
 def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Stack two columns to (N, 2); the same columns give the same array, so caches keep working."""
-    return _stacked(ArrayKey(x), ArrayKey(y))
+    return np.stack([x, y], axis=1)
 
 
-@cached_by_identity(24)
-def _stacked(x: ArrayKey, y: ArrayKey) -> NDArray[np.float64]:
-    return np.stack([np.asarray(x.array), np.asarray(y.array)], axis=1)
+def valid_cursor(cursor: int | None, valid: NDArray[np.bool_]) -> int | None:
+    """The cursor if it is a valid iid, else None."""
+    is_valid = cursor is not None and 0 <= cursor < len(valid) and valid[cursor]
+    return cursor if is_valid else None
 
 
 def known_point(points: NDArray[np.floating[Any]], iid: int | None) -> tuple[float, float] | None:

@@ -12,17 +12,18 @@ from s2rstore.records import Bounds
 from s2rtui.analysis.binning import (
     Bins,
     Bools,
+    Codes,
     SelectionIndices,
     bin_values,
     count_selected,
     joint_bins,
     selection_indices,
 )
-from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas.marks import Mark
+from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
-from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points
+from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points, valid_cursor
 from s2rtui.session.state import State
 
 LEVELS = 20
@@ -36,7 +37,7 @@ _WEIGHTS[0] = 0
 class UmapInput:
     """Embeddings in the plane, sim and real in the same coordinates.
 
-    sim, real: (N, 2), NaN for none. values: (N,) what colours the points, NaN for none (default:
+    sim, real: (N, 2), NaN for none. values: (N,) that colour the points, NaN for none (default:
     the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
     .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
     """
@@ -85,35 +86,24 @@ def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
     scale = value_range(data)
     selection = selection_indices(data.selected, data.valid)
     sim, real = (
-        _layer(ArrayKey(points), ArrayKey(values), scale, frame, selection)
-        for points in (data.sim, data.real)
+        _layer(points, values, scale, frame, selection) for points in (data.sim, data.real)
     )
-    cursor = data.cursor
-    if cursor is not None and not (0 <= cursor < len(data.valid) and data.valid[cursor]):
-        cursor = None
-    return UmapModel(frame, scale, sim, real, cursor)
+    return UmapModel(frame, scale, sim, real, valid_cursor(data.cursor, data.valid))
 
 
 def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:
     """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit_frame(extent(data), columns, 2 * rows, y_down=False)
-
-
-def extent(data: UmapInput) -> Bounds:
-    """The box of all points of both sides with a small margin; the unit square without any."""
-    return _extent(ArrayKey(data.sim), ArrayKey(data.real))
+    return fit_frame(_extent(data.sim, data.real), columns, 2 * rows, y_down=False)
 
 
 def umap_values(data: UmapInput) -> Floats:
     """The values (N,) that colour the points, by default the distance between sim and real."""
-    return (
-        _distance(ArrayKey(data.sim), ArrayKey(data.real)) if data.values is None else data.values
-    )
+    return _distance(data.sim, data.real) if data.values is None else data.values
 
 
 def value_range(data: UmapInput) -> Interval:
     """The scale of the values, from all instances: it does not depend on trajectories in view."""
-    return data.value_range or _percentiles(ArrayKey(umap_values(data)))
+    return data.value_range or _percentiles(umap_values(data))
 
 
 def level_shares() -> NDArray[np.float64]:
@@ -122,10 +112,11 @@ def level_shares() -> NDArray[np.float64]:
 
 
 @cached_by_identity(16)
-def _extent(sim: ArrayKey, real: ArrayKey) -> Bounds:
+def _extent(sim: Floats, real: Floats) -> Bounds:
+    """The box of all points of both sides with a small margin; the unit square without any."""
     ends = []
     for side in (sim, real):
-        x, y = np.asarray(side.array).T
+        x, y = side.T
         finite = np.isfinite(x) & np.isfinite(y)
         if not finite.all():
             x, y = x[finite], y[finite]
@@ -140,43 +131,37 @@ def _extent(sim: ArrayKey, real: ArrayKey) -> Bounds:
 
 
 @cached_by_identity(16)
-def _distance(sim: ArrayKey, real: ArrayKey) -> NDArray[np.float64]:
-    apart = np.asarray(sim.array, dtype=np.float64) - np.asarray(real.array, dtype=np.float64)
+def _distance(sim: Floats, real: Floats) -> NDArray[np.float64]:
+    apart = np.asarray(sim, dtype=np.float64) - np.asarray(real, dtype=np.float64)
     return np.hypot(apart[:, 0], apart[:, 1])
 
 
-@cached_by_identity(16)
-def _percentiles(values: ArrayKey) -> Interval:
-    return percentile_range(np.asarray(values.array))
+_percentiles = cached_by_identity(16)(percentile_range)
 
 
 @cached_by_identity(16)
-def _levels(values: ArrayKey, scale: Interval) -> Bins:
+def _levels(values: Floats, scale: Interval) -> Bins:
     """The level of each instance as bins, 0 for no value."""
-    steps = np.floor(scale_fraction(np.asarray(values.array), scale) * LEVELS)
+    steps = np.floor(scale_fraction(values, scale) * LEVELS)
     return bin_values(np.nan_to_num(np.minimum(steps, LEVELS - 1) + 1, nan=0.0), LEVELS + 1)
 
 
 @cached_by_identity(16)
-def _cells(points: ArrayKey, frame: MapFrame, levels: ArrayKey) -> Bins:
+def _cells(points: Floats, frame: MapFrame, levels: Codes) -> Bins:
     """Cell and level together."""
-    places = point_cells(np.asarray(points.array), frame)
-    return joint_bins(places, Bins(np.asarray(levels.array), LEVELS + 1))
+    places = point_cells(points, frame)
+    return joint_bins(places, Bins(levels, LEVELS + 1))
 
 
 def _layer(
-    points: ArrayKey,
-    values: ArrayKey,
-    scale: Interval,
-    frame: MapFrame,
-    selection: SelectionIndices,
+    points: Floats, values: Floats, scale: Interval, frame: MapFrame, selection: SelectionIndices
 ) -> UmapLayer:
     rows, columns, depth = frame.height // 2, frame.width, LEVELS + 1
-    coloured = _cells(points, frame, ArrayKey(_levels(values, scale).codes))
+    coloured = _cells(points, frame, _levels(values, scale).codes)
     highlighted, total = count_selected(coloured, selection)
     table = highlighted.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, ArrayKey(selection.base)).reshape(rows, 4, columns, 2)
+    held = _population(points, frame, selection.base).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
     return UmapLayer(level, grey, int(highlighted.sum()), int(total.sum()))
 
@@ -190,14 +175,10 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
 
 
 @cached_by_identity(16)
-def _population(points: ArrayKey, frame: MapFrame, base: ArrayKey) -> Bools:
+def _population(points: Floats, frame: MapFrame, base: Bools) -> Bools:
     """Braille dots with any valid instance."""
-    nothing_selected = SelectionIndices(
-        np.asarray(base.array), np.empty(0, dtype=np.intp), inverted=False
-    )
-    return np.asarray(
-        count_selected(point_dots(np.asarray(points.array), frame), nothing_selected)[1] > 0
-    )
+    nothing_selected = SelectionIndices(base, np.empty(0, dtype=np.intp), inverted=False)
+    return np.asarray(count_selected(point_dots(points, frame), nothing_selected)[1] > 0)
 
 
 def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:

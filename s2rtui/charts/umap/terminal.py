@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas.canvas import Canvas, Size
-from s2rtui.canvas.colour import legible, turbo
-from s2rtui.canvas.marks import Panel, Point, draw_mark
-from s2rtui.canvas.raster import draw_braille
-from s2rtui.canvas.render_options import RenderOptions
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, legible, turbo
+from s2rtui.canvas.marks import draw_mark
+from s2rtui.canvas.raster import cells_with_dots, draw_braille
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
+from s2rtui.charts.shared.base_map_terminal import plane_panel
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
@@ -63,75 +61,56 @@ def umap_layout(data: UmapInput, size: Size) -> UmapLayout:
 
 
 def umap_panels(
-    data: UmapInput, size: Size, options: RenderOptions | None = None
+    data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
     layout = umap_layout(data, size)
     return tuple(
-        Panel(
-            name,
-            "plane",
-            x,
-            y,
-            layout.width,
-            layout.height,
-            partial(_to_data, layout.frame, (x, y)),
-            partial(_to_cells, layout.frame, (x, y)),
-        )
-        for name, (x, y) in zip(("sim", "real"), layout.corners, strict=False)
+        plane_panel(name, *corner, layout.width, layout.height, layout.frame)
+        for name, corner in zip(("sim", "real"), layout.corners, strict=False)
     )
 
 
-def _to_data(frame: MapFrame, corner: tuple[int, int], column: float, row: float) -> Point:
-    return frame.to_world(column - corner[0] - 0.5, row - corner[1] - 0.5)
-
-
-def _to_cells(frame: MapFrame, corner: tuple[int, int], x: float, y: float) -> Point:
-    column, row = frame.to_cells([[x, y]])[0]
-    return float(column) + corner[0], float(row) + corner[1]
-
-
-def draw_umap(data: UmapInput, size: Size, options: RenderOptions | None = None) -> Canvas:
+def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """The view in `size` (columns, rows)."""
-    options = options or RenderOptions()
-    canvas = Canvas(*size, theme=options.theme)
+    canvas = Canvas(*size, options)
     layout = umap_layout(data, (canvas.width, canvas.height))
     model = umap_model(data, layout.frame)
     panels = umap_panels(data, (canvas.width, canvas.height), options)
     for panel, layer in zip(panels, (model.sim, model.real), strict=False):
-        chart = Canvas(layout.width, layout.height, options.theme)
-        _points(chart, layer, options)
+        chart = Canvas(layout.width, layout.height, options)
+        _points(chart, layer)
         canvas.paste(chart, panel.x, panel.y)
-        _cursor(canvas, panel, data, model, options)
-        draw_mark(canvas, panel, data.mark, options)
+        _cursor(canvas, panel, data, model)
+        draw_mark(canvas, panel, data.mark)
         if layout.header:
-            _header(canvas, panel, data, model, layout, options)
+            _header(canvas, panel, data, model, layout)
         if layout.axes:
-            _axes(canvas, panel, layout, options)
-    _divide(canvas, layout, options)
+            _axes(canvas, panel, layout)
+    _divide(canvas, layout)
     return canvas
 
 
-def _points(chart: Canvas, layer: UmapLayer, options: RenderOptions) -> None:
+def _points(chart: Canvas, layer: UmapLayer) -> None:
     """Draw unselected points as grey dots, cells with selected ones as discs or digits.
 
     Discs show the colour of the mean, which single braille dots would not.
     """
-    theme = options.theme
-    if options.ascii:
-        held = layer.grey.reshape(chart.height, 4, chart.width, 2).any(axis=(1, 3))
-        chart.char[held] = options.glyphs.unselected
+    theme = chart.theme
+    if chart.options.ascii:
+        held = cells_with_dots(layer.grey)
+        chart.char[held] = chart.glyphs.unselected
         chart.fg[held] = theme.unselected
     else:
-        draw_braille(chart, 0, 0, layer.grey, np.array(theme.unselected, dtype=np.uint8))
+        draw_braille(chart, layer.grey, theme.unselected)
     highlighted = layer.level >= 0
     inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
     inks[0] = theme.text
     inks[1:] = legible(turbo(level_shares()), theme)
     ink = inks[np.maximum(layer.level, 0)]
-    digits = ramp_for_values(options)
+    digits = ramp_for_values(chart.options)
     if digits is None:
-        chart.char[highlighted] = options.glyphs.selected
+        chart.char[highlighted] = chart.glyphs.selected
     else:
         names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
         chart.char[highlighted] = names[layer.level[highlighted]]
@@ -139,40 +118,29 @@ def _points(chart: Canvas, layer: UmapLayer, options: RenderOptions) -> None:
     chart.bold[highlighted] = True
 
 
-def _cursor(
-    canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel, options: RenderOptions
-) -> None:
+def _cursor(canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel) -> None:
     if model.cursor is None:
         return
     points = data.sim if panel.name == "sim" else data.real
     x, y = (float(part) for part in points[model.cursor])
     if np.isfinite([x, y]).all():
         column, row = (int(np.floor(part)) for part in panel.to_cells(x, y))
-        canvas.put(column, row, options.glyphs.cursor, options.theme.cursor, bold=True)
+        canvas.put(column, row, *canvas.options.role("cursor"), bold=True)
 
 
 def _header(
-    canvas: Canvas,
-    panel: Panel,
-    data: UmapInput,
-    model: UmapModel,
-    layout: UmapLayout,
-    options: RenderOptions,
+    canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel, layout: UmapLayout
 ) -> None:
     """Name and counts at the left; the colour bar at the right of the second panel."""
-    theme, glyphs = options.theme, options.glyphs
     sim = panel.name == "sim"
     layer = model.sim if sim else model.real
     left, row = panel.x + layout.width - layout.room, panel.y - 1
-    glyph, colour = (glyphs.sim, theme.sim) if sim else (glyphs.real, theme.real)
+    glyph, colour = canvas.options.role(panel.name)
     parts = [text_part(((f"{glyph} {panel.name}", colour),))]
-    if layer.total:
-        counts = f"{layer.selected} of {layer.total}"
-        parts.append(text_part(((counts, theme.muted),)))
-    else:
-        parts.append(text_part((("no coordinates", theme.muted),)))
+    counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
+    parts.append(text_part(((counts, canvas.theme.muted),)))
     free = layout.room
-    bar = None if sim else _bar(data, model, free - parts[0].width - 2, options)
+    bar = None if sim else _bar(data, model, free - parts[0].width - 2, canvas.options)
     if bar is not None:
         free -= bar.width + 2
         bar.draw(canvas, left + layout.room - bar.width, row)
@@ -194,18 +162,16 @@ def _bar(data: UmapInput, model: UmapModel, room: int, options: RenderOptions) -
     )  # fmt: skip
 
 
-def _divide(canvas: Canvas, layout: UmapLayout, options: RenderOptions) -> None:
+def _divide(canvas: Canvas, layout: UmapLayout) -> None:
     """A faint line between panels side by side."""
     level = len({y for _, y in layout.corners}) == 1
     if level and canvas.width > 2 * layout.room:
-        canvas.vline(
-            layout.room, 0, canvas.height - 1, options.glyphs.vertical, options.theme.faint
-        )
+        canvas.vline(layout.room, 0, canvas.height - 1, canvas.glyphs.vertical, canvas.theme.faint)
 
 
-def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout, options: RenderOptions) -> None:
+def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout) -> None:
     """Ticks along the left and the lower edge of a panel."""
-    theme, area = options.theme, layout.frame.extent
+    theme, area = canvas.theme, layout.frame.extent
     width = tick_step(area.width, max(2, panel.width // 10))
     free, stop = panel.x, panel.x + panel.width
     for tick in tick_values(area.x0, area.x1, max(2, panel.width // 10)):

@@ -6,20 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
-from s2rtui.canvas.marks import Mark, Panel, Point
+from s2rtui.canvas import Canvas, Mark, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.points import known_point, nearest_iid
 from s2rtui.charts.umap import terminal
 from s2rtui.charts.umap.model import UmapInput, umap_input
-from s2rtui.charts.view import Pixels, Table, View
-from s2rtui.session import Session
+from s2rtui.charts.view import Pixels, PointsView, Table
 
 
-class UmapView(View):
+class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
@@ -39,9 +35,6 @@ class UmapView(View):
         names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
         return names, list(zip(*(column.tolist() for column in columns), strict=True))
-
-    def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        return (identity_key(self.input(scene)),)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return terminal.draw_umap(self.input(scene), size, options)
@@ -66,18 +59,10 @@ class UmapView(View):
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.umap_panels(self.input(scene), size, options)
 
-    def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
-        return known_point(self._points(scene, panel), scene.state.cursor)
-
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        nearest = nearest_iid(self._points(scene, panel), scene.state.base, point)
-        if nearest is not None:
-            session.set_cursor(nearest)
-
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, f"umap.{panel.name}", f"umap.{panel.name}.lasso")
 
-    def _points(self, scene: Scene, panel: Panel) -> Floats:
+    def points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)
         return view.sim if panel.name == "sim" else view.real
 

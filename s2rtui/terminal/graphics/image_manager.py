@@ -12,8 +12,7 @@ from traceback import print_exception
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import Pixels
+from s2rtui.canvas import Canvas, InlineImage, Pixels, Size
 from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
 from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
@@ -47,14 +46,14 @@ class _ImageRequest:
     key: Key
     image: InlineImage
     size: Size
-    of: object
+    source: object
 
 
 @dataclass(frozen=True, slots=True)
 class _EncodedImage:
     """An encoded image with the digest of its content."""
 
-    of: object
+    source: object
     digest: bytes
     png: bytes
 
@@ -63,7 +62,7 @@ class _EncodedImage:
 class _ShownImage:
     """An image on the screen: its box of cells, content and number."""
 
-    of: object
+    source: object
     cells: Size
     digest: bytes
     number: int
@@ -139,10 +138,10 @@ class KittyImageManager:
     def _number(self, request: _ImageRequest) -> int | None:
         """The number of an image that is shown or encoded; new content gets a new number."""
         key, shown = request.key, self._shown.get(request.key)
-        if shown is not None and shown.of == request.of:
+        if shown is not None and shown.source == request.source:
             return shown.number
         encoded = self._encoded.pop(key, None)
-        if encoded is None or encoded.of != request.of:
+        if encoded is None or encoded.source != request.source:
             return None
         cells = request.image.width, request.image.height
         if shown is not None and shown.digest == encoded.digest:
@@ -151,19 +150,19 @@ class KittyImageManager:
             number = self._free()
             self._numbers.add(number)
             self._write(kitty_protocol.show(number, encoded.png, cells, self._graphics.in_tmux))
-        self._shown[key] = _ShownImage(request.of, cells, encoded.digest, number)
+        self._shown[key] = _ShownImage(request.source, cells, encoded.digest, number)
         return number
 
     def _encode_missing(self, view: str, missing: list[_ImageRequest]) -> None:
         """Encode a view's images in its thread, in place of an earlier request."""
-        ticket = [(request.key, request.of) for request in missing]
+        ticket = [(request.key, request.source) for request in missing]
         if ticket == self._tickets.get(view, []):
             return
         self._tickets[view] = ticket
         if not missing:
             return
         if view not in self._workers:
-            self._workers[view] = LatestOnlyWorker(f"pictures of {view}", self._report_error)
+            self._workers[view] = LatestOnlyWorker(f"images of {view}", self._report_error)
 
         def encode() -> None:
             for request in missing:
@@ -204,14 +203,14 @@ def _encode(request: _ImageRequest) -> _EncodedImage:
     pixels = image.pixels(size)
     cells = image.width, image.height
     digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
-    return _EncodedImage(request.of, digest, _png_within_limit(image, pixels))
+    return _EncodedImage(request.source, digest, _png_within_limit(image, pixels))
 
 
 def _png_within_limit(image: InlineImage, pixels: Pixels) -> bytes:
     """Encode the image, reduced until it has at most `MAX_BYTES`."""
-    picture, size = png(pixels), pixels.shape[:2]
-    while len(picture) > MAX_BYTES:
-        share = 0.98 * (MAX_BYTES / len(picture)) ** 0.5
+    encoded, size = png(pixels), pixels.shape[:2]
+    while len(encoded) > MAX_BYTES:
+        share = 0.98 * (MAX_BYTES / len(encoded)) ** 0.5
         size = int(size[0] * share), int(size[1] * share)
-        picture = png(image.pixels(size))
-    return picture
+        encoded = png(image.pixels(size))
+    return encoded

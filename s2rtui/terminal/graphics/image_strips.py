@@ -30,7 +30,7 @@ class Span:
         return Span(first - start, last - start, self.codes, self.skipped + first - self.start)
 
 
-class PictureStrip(DeltaStrip):
+class ImageStrip(DeltaStrip):
     """A strip whose spans the terminal replaces by images, unless it is restyled."""
 
     __slots__ = ("_spans",)
@@ -47,7 +47,7 @@ class PictureStrip(DeltaStrip):
         if cropped is self or not isinstance(cropped, DeltaStrip):
             return cropped
         spans = (span.cut(start, end) for span in self._spans)
-        return PictureStrip(cropped.runs, [span for span in spans if span is not None])
+        return ImageStrip(cropped.runs, [span for span in spans if span is not None])
 
     def encode(self) -> str:
         parts, at = [], 0
@@ -66,4 +66,4 @@ def with_spans(strip: Strip, spans: Sequence[Span]) -> Strip:
     """Put image spans into a strip of a canvas."""
     if not spans or not isinstance(strip, DeltaStrip):
         return strip
-    return PictureStrip(strip.runs, sorted(spans, key=lambda span: span.start))
+    return ImageStrip(strip.runs, sorted(spans, key=lambda span: span.start))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from s2rtui.canvas.colour import Pixels
+from s2rtui.canvas import Pixels
 
 MOST = 256
 """Colours of a palette at most."""

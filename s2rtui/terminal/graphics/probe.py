@@ -39,8 +39,8 @@ _ON_TMUX = re.compile("kitty|ghostty")
 class Graphics:
     """Whether the terminal draws images, why, and its cell size (width, height) in pixels."""
 
-    pictures: bool
-    told: str
+    supported: bool
+    reason: str
     cell: Size = USUAL_CELL
     in_tmux: bool = False
 
@@ -49,15 +49,15 @@ def probe_terminal(terminal: Terminal, environment: Mapping[str, str] | None = N
     """Ask the terminal, or tmux about its terminal."""
     env = os.environ if environment is None else environment
     if terminal.ascii or not RenderOptions(mode=terminal.mode).supports_shading:
-        return Graphics(False, "pictures need 256 colours or more, and UTF-8")
-    if not _here():
-        return Graphics(False, "no terminal to ask")
+        return Graphics(False, "inline images need 256 colours or more, and UTF-8")
+    if not _has_terminal():
+        return Graphics(False, "no terminal")
     if env.get("TMUX"):
-        return _of_tmux(_ask_tmux())
+        return _parse_tmux_answer(_ask_tmux())
     return parse_answer(_ask_terminal())
 
 
-def _here() -> bool:
+def _has_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
@@ -66,20 +66,20 @@ def parse_answer(answer: bytes) -> Graphics:
     if not _ATTRIBUTES.search(answer):
         return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
     if _DRAWN not in answer:
-        return Graphics(False, "the terminal does not draw pictures by the Kitty protocol")
+        return Graphics(False, "the terminal does not support the Kitty graphics protocol")
     if len(set(_CURSOR.findall(answer))) != 1:
-        told = "the terminal knows the Kitty protocol, but not its placeholders"
-        return Graphics(False, told)
+        reason = "the terminal supports the Kitty graphics protocol, but not its placeholders"
+        return Graphics(False, reason)
     cell = _CELL.search(answer)
     size = (int(cell[2]), int(cell[1])) if cell else USUAL_CELL
-    return Graphics(True, "Kitty protocol, as the terminal answers", cell_pixels(size))
+    return Graphics(True, "Kitty graphics protocol", cell_pixels(size))
 
 
 def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
     """(width, height) of a cell in pixels, or `otherwise` if the system does not know it."""
     with suppress(OSError, ValueError, AttributeError):
-        told = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))  # type: ignore[union-attr]
-        rows, columns, width, height = struct.unpack("HHHH", told)
+        size = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))  # type: ignore[union-attr]
+        rows, columns, width, height = struct.unpack("HHHH", size)
         if rows and columns and width >= columns and height >= rows:
             return width // columns, height // rows
     return otherwise
@@ -118,20 +118,20 @@ def _ask_terminal() -> bytes:
 
 def _ask_tmux() -> str:
     """The terminal that tmux runs in and its passthrough option; empty if tmux does not answer."""
-    what = "#{client_termname} #{client_termtype} #{allow-passthrough}"
-    words = ["tmux", "display-message", "-p", what]
+    variables = "#{client_termname} #{client_termtype} #{allow-passthrough}"
+    command = ["tmux", "display-message", "-p", variables]
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=True)
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout
 
 
-def _of_tmux(answer: str) -> Graphics:
+def _parse_tmux_answer(answer: str) -> Graphics:
     if not answer.strip():
-        return Graphics(False, "tmux does not tell which terminal it is in")
+        return Graphics(False, "tmux did not name its terminal")
     if not _ON_TMUX.search(answer.lower()):
-        return Graphics(False, "inside tmux pictures need kitty or ghostty below it")
+        return Graphics(False, "inside tmux, inline images need kitty or ghostty as its terminal")
     if answer.split()[-1] in ("0", "off"):
-        return Graphics(False, "tmux keeps pictures back: `tmux set -g allow-passthrough on`")
-    return Graphics(True, "Kitty protocol, passed on by tmux", cell_pixels(), in_tmux=True)
+        return Graphics(False, "tmux blocks inline images; run `tmux set -g allow-passthrough on`")
+    return Graphics(True, "Kitty graphics protocol through tmux", cell_pixels(), in_tmux=True)
