@@ -19,7 +19,8 @@ _SHARE = 0.12
 
 def started(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Brush:
     """A new brush around a data point (default: the panel's centre)."""
-    column, row = _centre(panel) if at is None else panel.to_cells(*at)
+    middle = panel.x + panel.width / 2, panel.y + panel.height / 2
+    column, row = middle if at is None else panel.to_cells(*at)
     column = min(max(column, panel.x + 0.5), panel.x + panel.width - 0.5)
     row = min(max(row, panel.y + 0.5), panel.y + panel.height - 0.5)
     centre = panel.to_data(column, row) if at is None else at
@@ -136,10 +137,6 @@ def _area(a: Point, b: Point, c: Point) -> float:
 
 def _with_points(brush: Brush, points: tuple[Point, ...]) -> Brush:
     return replace(brush, mark=replace(brush.mark, points=points))
-
-
-def _centre(panel: Panel) -> Point:
-    return panel.x + panel.width / 2, panel.y + panel.height / 2
 
 
 def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, base_population, evaluation, mask, parse, to_text
@@ -135,33 +135,20 @@ def node_to_load(
     return None if expression_is_loaded(store, target.run, node) else node
 
 
-@dataclass(frozen=True, slots=True)
-class SelectionPlan:
-    """How a selection is made: now with this history, or `deferred` until it is loaded.
-
-    `pending` is what remains to be loaded once the selection is made now.
-    """
-
-    past: tuple[str, ...]
-    future: tuple[str, ...]
-    deferred: PendingTarget | None = None
-    pending: PendingTarget | None = None
-
-
 def plan(
     context: SessionContext, state: State, node: Node, target: PendingTarget | None = None
-) -> SelectionPlan:
-    """Decide whether `node` can be selected now; `target` overrides its place in the history.
+) -> tuple[PendingTarget, PendingTarget | None]:
+    """The target of selecting `node`, and the target that remains pending after it.
 
-    Raises ExpressionError.
+    The first has a `node` if columns have to be loaded before it can be selected. `target`
+    overrides its place in the history. Raises ExpressionError.
     """
     if target is None:
         target = with_expression(state, final_target(state), to_text(node))
-    history = target.past, target.future
     place = current_target(state)
     if (loading := node_to_load(context, state, place, node)) is not None:
-        return SelectionPlan(*history, deferred=replace(target, node=loading))
+        return replace(target, node=loading), None
     if state.pending is None or place_of(state.pending) == place:
-        return SelectionPlan(*history)
+        return target, None
     expanded = expand_saved_names(context, node)
-    return SelectionPlan(*history, pending=replace(place_of(state.pending), node=expanded))
+    return target, replace(place_of(state.pending), node=expanded)

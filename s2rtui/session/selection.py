@@ -30,10 +30,10 @@ def select(
     operator = operator or state.operator
     if operator != "replace":
         node = _combine(parse(pending_target.upcoming(state).expression), operator, node)
-    plan = pending_target.plan(context, state, node, target)
-    if plan.deferred is not None:
-        return defer(replace(state, brush=None, operator="replace"), plan.deferred)
-    return evaluate(context, state, node, (plan.past, plan.future), plan.pending)
+    planned, pending = pending_target.plan(context, state, node, target)
+    if planned.node is not None:
+        return defer(replace(state, brush=None, operator="replace"), planned)
+    return evaluate(context, state, node, (planned.past, planned.future), pending)
 
 
 def _combine(current: Node, operator: Operator, new: Node) -> Node:

@@ -129,25 +129,9 @@ class Session:
         """See `selection.select`."""
         return self.dispatch(selection.select, expression, operator)
 
-    def undo(self) -> State:
-        """See `selection.undo`."""
-        return self.dispatch(selection.undo)
-
-    def redo(self) -> State:
-        """See `selection.redo`."""
-        return self.dispatch(selection.redo)
-
-    def move_cursor(self, steps: int) -> State:
-        """See `navigation.move_cursor`."""
-        return self.dispatch(navigation.move_cursor, steps)
-
     def set_cursor(self, iid: int) -> State:
         """See `navigation.set_cursor`."""
         return self.dispatch(navigation.set_cursor, iid)
-
-    def change_run(self, steps: int) -> State:
-        """See `navigation.change_run`."""
-        return self.dispatch(navigation.change_run, steps)
 
     def set_run(self, run: str) -> State:
         """See `navigation.set_run`."""

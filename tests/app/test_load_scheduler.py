@@ -554,7 +554,7 @@ def test_a_generation_that_cannot_be_entered_changes_nothing(
 def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
-    assert session.change_run(1).run == "b"
+    assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 
