@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
@@ -15,8 +15,10 @@ from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability, Permissions
 from s2rtui.session import (
+    Brush,
     Session,
     adjusting,
+    brush_geometry,
     instance_list,
     navigation,
     selection,
@@ -31,18 +33,7 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
-GROUPS: dict[Group, str] = {
-    "select": "Select",
-    "brush": "Brush",
-    "move": "Move",
-    "heat": "Heat",
-    "map": "Map",
-    "adjust": "Adjust",
-    "review": "Review",
-    "views": "Views",
-    "program": "Program",
-}
-
+GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
 TERMS = {
     "instance": "one recorded pose with its images",
@@ -119,6 +110,10 @@ def _select(expression: str) -> Callable[[Session], object]:
     return _dispatch(selection.select, expression=expression)
 
 
+def _brush(function: Callable[..., Brush], *steps: int) -> Callable[[S2RApp], object]:
+    return lambda app: app.brush.transform(function, *steps)
+
+
 def _select_similar(context: SessionContext, state: State) -> State:
     """Select the present instance and its nearest neighbours in the run's embedding."""
     if state.cursor is None:
@@ -133,22 +128,14 @@ def _select_similar(context: SessionContext, state: State) -> State:
 
 
 _OPERATORS = (
-    Action(
-        "intersect", ("ampersand",), "select", "intersect with the next selection",
-        _dispatch(selection.set_operator, operator="intersect"), "and", "&", "still",
-    ),
-    Action(
-        "union", ("vertical_line",), "select", "add the next selection",
-        _dispatch(selection.set_operator, operator="union"), "", "|", "still",
-    ),
-    Action(
-        "subtract", ("minus",), "select", "subtract the next selection",
-        _dispatch(selection.set_operator, operator="subtract"), "", "-", "still",
-    ),
-    Action(
-        "complement", ("exclamation_mark",), "select", "complement: all other instances",
-        _dispatch(selection.complement), "", "!", "still",
-    ),
+    Action("intersect", ("ampersand",), "select", "intersect with the next selection",
+           _dispatch(selection.set_operator, operator="intersect"), "and", "&", "still"),
+    Action("union", ("vertical_line",), "select", "add the next selection",
+           _dispatch(selection.set_operator, operator="union"), "", "|", "still"),
+    Action("subtract", ("minus",), "select", "subtract the next selection",
+           _dispatch(selection.set_operator, operator="subtract"), "", "-", "still"),
+    Action("complement", ("exclamation_mark",), "select", "complement: all other instances",
+           _dispatch(selection.complement), "", "!", "still"),
 )  # fmt: skip
 
 _BRUSHING = (
@@ -165,28 +152,28 @@ _BRUSHING = (
            command=lambda app: app.brush.apply("subtract"), short="less", shown="-",
            when="brushing"),
     Action("brush_left", ("left",), "brush", "move the brush",
-           command=lambda app: app.brush.move(-1, 0), shown="arrows", short="move",
+           command=_brush(brush_geometry.moved, -1, 0), shown="arrows", short="move",
            when="brushing"),
     Action("leave", ("escape",), "brush", "cancel the brush, the operator or the input line",
            short="cancel", when="begun"),
-    Action("brush_right", ("right",), "brush", "", command=lambda app: app.brush.move(1, 0),
+    Action("brush_right", ("right",), "brush", "", command=_brush(brush_geometry.moved, 1, 0),
            when="brushing"),
-    Action("brush_up", ("up",), "brush", "", command=lambda app: app.brush.move(0, -1),
+    Action("brush_up", ("up",), "brush", "", command=_brush(brush_geometry.moved, 0, -1),
            when="brushing"),
-    Action("brush_down", ("down",), "brush", "", command=lambda app: app.brush.move(0, 1),
+    Action("brush_down", ("down",), "brush", "", command=_brush(brush_geometry.moved, 0, 1),
            when="brushing"),
     Action("brush_stretch_left", ("shift+left",), "brush", "move its far corner",
-           command=lambda app: app.brush.stretch(-1, 0), shown="shift+arrows", when="brushing"),
+           command=_brush(brush_geometry.stretched, -1, 0), shown="shift+arrows", when="brushing"),
     Action("brush_stretch_right", ("shift+right",), "brush", "",
-           command=lambda app: app.brush.stretch(1, 0), when="brushing"),
+           command=_brush(brush_geometry.stretched, 1, 0), when="brushing"),
     Action("brush_stretch_up", ("shift+up",), "brush", "",
-           command=lambda app: app.brush.stretch(0, -1), when="brushing"),
+           command=_brush(brush_geometry.stretched, 0, -1), when="brushing"),
     Action("brush_stretch_down", ("shift+down",), "brush", "",
-           command=lambda app: app.brush.stretch(0, 1), when="brushing"),
+           command=_brush(brush_geometry.stretched, 0, 1), when="brushing"),
     Action("brush_shrink", ("z",), "brush", "shrink the brush", short="smaller",
-           command=lambda app: app.brush.scale(-1), when="brushing"),
+           command=_brush(brush_geometry.scaled, -1), when="brushing"),
     Action("brush_grow", ("Z",), "brush", "enlarge the brush", short="larger",
-           command=lambda app: app.brush.scale(1), when="brushing"),
+           command=_brush(brush_geometry.scaled, 1), when="brushing"),
     Action("brush_corner", ("space",), "brush", "set a corner of the lasso",
            command=lambda app: app.brush.set_corner(), when="brushing"),
     Action("brush_panel", ("tab",), "brush", "brush the next panel of the view", short="panel",
@@ -211,12 +198,10 @@ _ADJUSTING = (
     Action("much_more", ("shift+right",), "adjust", "", _dispatch(adjusting.move_slider, steps=5),
            when="adjust"),
     Action("neutral", ("backspace",), "adjust", "reset all sliders to neutral",
-           _dispatch(adjusting.reset_sliders),
-           "neutral", when="adjust"),
+           _dispatch(adjusting.reset_sliders), "neutral", when="adjust"),
     Action("save_run", ("S",), "adjust",
-           "save the adjustments as a run and compute it for all images",
-           short="save run", when="adjust", needs="models",
-           command=lambda app: app.run_save.ask_name()),
+           "save the adjustments as a run and compute it for all images", short="save run",
+           when="adjust", needs="models", command=lambda app: app.run_save.ask_name()),
 )  # fmt: skip
 
 ACTIONS: tuple[Action, ...] = (
@@ -233,11 +218,9 @@ ACTIONS: tuple[Action, ...] = (
     Action("curved", ("j",), "select", "curves (turn of 10 degrees or more)",
            _select("curved"), when="still"),
     Action("alike", ("l",), "select", "instances whose embeddings are most similar to this one",
-           _dispatch(_select_similar),
-           when="still"),
-    Action("all", ("c",), "select", "select all",
-           lambda session: session.select("all", "replace"), "clear",
-           when="still"),
+           _dispatch(_select_similar), when="still"),
+    Action("all", ("c",), "select", "select all", lambda session: session.select("all", "replace"),
+           "clear", when="still"),
     *_OPERATORS,
     *_BRUSHING,
     *_ADJUSTING,
@@ -245,7 +228,8 @@ ACTIONS: tuple[Action, ...] = (
            command=lambda app: app.prompt.edit_expression()),
     Action("undo", ("u",), "select", "undo: the previous expression", _dispatch(selection.undo)),
     Action("redo", ("U",), "select", "redo: the next expression", _dispatch(selection.redo)),
-    Action("copy", ("y",), "select", "copy the expression to the clipboard"),
+    Action("copy", ("y",), "select", "copy the expression to the clipboard",
+           command=lambda app: app.export.copy_expression()),
     Action("save_selection", ("at",), "select", "save the selection under a name", shown="@",
            command=lambda app: app.prompt.save_selection()),
     Action("write_selection", ("F",), "select", "export the selection: CSV, JSON, Parquet",
@@ -271,15 +255,13 @@ ACTIONS: tuple[Action, ...] = (
     Action("next_run", ("r",), "move", "next run", _dispatch(navigation.change_run, steps=1), "run",
            when="still"),
     Action("previous_run", ("R",), "move", "previous run",
-           _dispatch(navigation.change_run, steps=-1),
-           when="still"),
+           _dispatch(navigation.change_run, steps=-1), when="still"),
     Action("run_below", ("down",), "move", "next run", _dispatch(navigation.change_run, steps=1),
            when="elsewhere"),
     Action("run_above", ("up",), "move", "previous run", _dispatch(navigation.change_run, steps=-1),
            when="elsewhere"),
     Action("trajectory", ("t",), "move", "next trajectory, or all",
-           _dispatch(navigation.change_trajectory),
-           when="still"),
+           _dispatch(navigation.change_trajectory), when="still"),
     Action("next_heat", ("h",), "heat", "next heatmap kind",
            _dispatch(view_settings.change_heat, steps=1), "heat"),
     Action("previous_heat", ("H",), "heat", "previous heatmap kind",
@@ -293,8 +275,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("side", ("d",), "heat", "side whose heatmaps are shown: real or sim",
            _dispatch(view_settings.change_side)),
     Action("map_mode", ("m",), "map", "map mode: colour, glyph or full",
-           _dispatch(view_settings.change_map_mode),
-           "map"),
+           _dispatch(view_settings.change_map_mode), "map"),
     Action("zoom_in", ("z", "plus", "equals_sign"), "map", "zoom in at the instance",
            _dispatch(view_settings.zoom, factor=1 / 0.6), when="still"),
     Action("zoom_out", ("Z",), "map", "zoom out", _dispatch(view_settings.zoom, factor=0.6),
@@ -315,8 +296,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("sort", ("full_stop",), "review", "sort the list by the next column",
            _dispatch(instance_list.sort_by_next_column), shown="."),
     Action("reverse", ("comma",), "review", "reverse the order of the list",
-           _dispatch(instance_list.reverse),
-           shown=","),
+           _dispatch(instance_list.reverse), shown=","),
     Action("other_run", ("k",), "review", "compare with the next run",
            _dispatch(view_settings.change_other)),
     Action("note", ("e",), "review", "write a note on this instance",

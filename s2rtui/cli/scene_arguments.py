@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,14 +35,15 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("heatmaps and map")
     group.add_argument("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
     group.add_argument(
-        "--on", choices=("instance", "selection", "run"),
+        "--on", dest="overlay", choices=("instance", "selection", "run"),
         help="instances whose heat is accumulated on the map (default with --heat: run)",
     )  # fmt: skip
     group.add_argument(
         "--aggregate", choices=("mean", "max", "sum", "count"), default="mean",
         help="aggregation of the heat per map cell; count is the number of pixels (default mean)",
     )  # fmt: skip
-    group.add_argument("--mode", choices=("colour", "glyph", "full"), default="colour",
+    group.add_argument("--mode", dest="map_mode", choices=("colour", "glyph", "full"),
+                       default="colour",
                        help="drawing mode of the map (default colour)")  # fmt: skip
     group.add_argument("--clip", action="store_true",
                        help="dim map cells that no selected instance observed")  # fmt: skip
@@ -52,22 +54,7 @@ def scene_options(options: argparse.Namespace) -> SceneOptions:
     """Return the parsed options; drawing options of other commands keep their defaults."""
     from s2rtui.export.load_scene import SceneOptions
 
-    values = vars(options)
-    trajectories = values.get("trajectory")
-    return SceneOptions(
-        select=options.select,
-        run=options.run,
-        trajectories=tuple(trajectories) if trajectories else None,
-        iid=options.iid,
-        other=options.other,
-        side=options.side,
-        sort=options.sort,
-        ascending=options.ascending,
-        history=options.history,
-        heat=values.get("heat"),
-        overlay=values.get("on"),
-        aggregate=values.get("aggregate", "mean"),
-        map_mode=values.get("mode", "colour"),
-        clip=values.get("clip", False),
-        room_names=values.get("room_names", False),
-    )
+    names = {field.name for field in dataclasses.fields(SceneOptions)}
+    values = {name: value for name, value in vars(options).items() if name in names}
+    trajectories = tuple(options.trajectory) if options.trajectory else None
+    return SceneOptions(**values, trajectories=trajectories)

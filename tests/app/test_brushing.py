@@ -543,13 +543,13 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
         await settle(app, pilot)
         with monkeypatch.context() as patch:
             patch.setattr(app.session, "check_for_updates", gone)
-            app.load_results.check_store()
+            app.store_updates.check_store()
             assert app.session.state.message == "the store is out of reach"
             app.session.show_message("what the user does now")
-            app.load_results.check_store()
+            app.store_updates.check_store()
             assert app.session.state.message == "what the user does now"
             app.session.show_message("the store is out of reach", is_error=True)
-        app.load_results.check_store()
+        app.store_updates.check_store()
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 

@@ -473,14 +473,14 @@ async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> N
         app.load_scheduler._workers["lines"].put(lambda: (entered.set(), go_on.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
-        app.load_results.check_store()
+        app.store_updates.check_store()
         assert app.session.store is not before
         assert before.execute("SELECT 1") == [(1,)]
         go_on.set()
         await settle(app, pilot)
         while not app.load_scheduler.idle:
             await pilot.pause()
-        app.load_results.check_store()
+        app.store_updates.check_store()
         with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
             before.execute("SELECT 1")
         assert not before._columns.nbytes
@@ -500,7 +500,7 @@ async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
         await settle(app, pilot)
         while not app.load_scheduler.idle:
             await pilot.pause()
-        app.load_results.check_store()
+        app.store_updates.check_store()
         await pilot.pause()
         gc.collect()
         held = before()

@@ -75,6 +75,7 @@ class Drag:
         return due
 
     def taken(self) -> Stroke:
+        """The stroke so far; later moves post another message."""
         self._is_posted = False
         start, *trail = self._cells
         return Stroke(self._view, start, tuple(trail), self._done)
@@ -120,27 +121,17 @@ class PlotView(Widget, can_focus=False):
         view: str
         cell: Cell
 
+    @dataclass
     class Dragged(Message):
         """The mouse was dragged or released; one message for all moves since the last."""
 
-        def __init__(self, drag: Drag) -> None:
-            super().__init__()
-            self._drag = drag
+        drag: Drag
 
-        def taken(self) -> Stroke:
-            """The stroke so far; later moves post another message."""
-            return self._drag.taken()
-
+    @dataclass
     class Wheeled(Message):
         """The wheel was turned; one message for all turns since the last."""
 
-        def __init__(self, wheel: Wheel) -> None:
-            super().__init__()
-            self._wheel = wheel
-
-        def taken(self) -> Turn:
-            """All turns so far; later turns post another message."""
-            return self._wheel.taken()
+        wheel: Wheel
 
     def __init__(
         self,
@@ -288,13 +279,13 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Dragged(drag))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        self._turn((event.x, event.y), 1)
+        self._turn(event, 1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        self._turn((event.x, event.y), -1)
+        self._turn(event, -1)
 
-    def _turn(self, cell: Cell, steps: int) -> None:
-        if self._wheel.turn(cell, steps):
+    def _turn(self, event: events.MouseEvent, steps: int) -> None:
+        if self._wheel.turn((event.x, event.y), steps):
             self.post_message(self.Wheeled(self._wheel))
 
 

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.formatting import rows
 
@@ -18,8 +19,6 @@ Pixels = tuple[int, int]
 SCREEN = "workbench"
 _SCREEN_SIZE = (2000, 1200)
 _FORMATS = (".png", ".svg", ".pdf")
-
-
 EXAMPLE = "s2r export lab.s2r --view geomap --select worst15 --out map.png"
 
 
@@ -38,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtui.canvas import DARK, LIGHT
     from s2rtui.charts.registry import STORED
 
@@ -62,8 +60,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _size(text: str | None) -> Pixels | None:
-    from s2rstore.errors import RequestError
-
     if text is None:
         return None
     size = re.fullmatch(r"([0-9]{3,5})x([0-9]{3,5})", text)

@@ -8,10 +8,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import s2rstore
+from s2rstore.errors import RequestError
+
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
-
-
 EXAMPLE = "s2r gap lab.s2r --reference reference.json --golden golden.json --details"
 
 
@@ -74,14 +75,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
     from s2rstore.gap_history.gate_status import EXIT_CODES, report_outcome
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
     from s2rtools.gap.report import report
 
     request = _request(options)
-    _check_paths(options)
+    written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
+               "--out": options.out}  # fmt: skip
+    read = {"--reference": options.reference, "--golden": options.golden,
+            "--features": options.features}  # fmt: skip
+    result_files.check_writable(written, read)
     files: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
         evidence = gate.collect_evidence(store, request)
@@ -107,18 +111,7 @@ def execute(options: argparse.Namespace) -> int:
     return EXIT_CODES[report_outcome(result) or ("PASS" if frozen else "INCONCLUSIVE")]
 
 
-def _check_paths(options: argparse.Namespace) -> None:
-    from s2rtools.common import result_files
-
-    written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
-               "--out": options.out}  # fmt: skip
-    read = {"--reference": options.reference, "--golden": options.golden,
-            "--features": options.features}  # fmt: skip
-    result_files.check_writable(written, read)
-
-
 def _request(options: argparse.Namespace) -> GapRequest:
-    from s2rstore.errors import RequestError
     from s2rtools.gap import defaults
     from s2rtools.gap.axis_result import GapSettings
     from s2rtools.gap.gate.gate import GapRequest

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.security.printable_text import printable
+from s2rtui.cli.formatting.progress import reporter
+
 _LISTED_FILES = 5
-
-
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
 
 
@@ -52,18 +56,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import shlex
-
-    from s2rstore.errors import RequestError
-    from s2rstore.security.printable_text import printable
     from s2rtools.datasets import IMPORTERS
     from s2rtools.datasets.build import build
     from s2rtools.datasets.scan import ScanOptions
-    from s2rtui.cli.formatting.progress import reporter
 
     if not 16 <= options.size <= 2048:
         raise RequestError(f"--size {options.size}: must be 16 to 2048")
-    world = _world(options) if options.layout == "world" else {}
+    world: dict[str, Any] = {}
+    if options.layout == "world":
+        from s2rtools.synthetic_world.factors import parse_factors
+
+        world = {"seed": options.seed, "count": options.instances, "survey": options.survey,
+                 "factors": parse_factors(options.factors)}  # fmt: skip
     frame = options.size, options.size
     header = getattr(options, "header", None)
     allow_outside = getattr(options, "allow_outside", False)
@@ -77,33 +81,23 @@ def execute(options: argparse.Namespace) -> int:
     try:
         with reporter() as progress:
             progress.begin("ingest", 2 * views)
-            build(
-                scan, options.store, command, options.strict, progress.advance, progress.say
-            )  # fmt: skip
+            build(scan, options.store, command, options.strict, progress.advance, progress.say)
     except KeyboardInterrupt:
         outcome = "is complete" if options.store.exists() else "was not created"
         print(printable(f"s2r: interrupted; {options.store} {outcome}"), file=sys.stderr)
         return 130
     finally:
         _print_issues(scan.issues)
-    _print_summary(options.store)
+    with s2rstore.open(options.store) as store:
+        domains = ", ".join(store.domains)
+        trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
+        count = len(store.instances)
+    print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}")
     return 0
-
-
-def _world(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of the synthetic world."""
-    from s2rtools.synthetic_world.factors import parse_factors
-
-    return {
-        "seed": options.seed, "count": options.instances, "survey": options.survey,
-        "factors": parse_factors(options.factors),
-    }  # fmt: skip
 
 
 def _print_issues(issues: list[Any]) -> None:
     """Print the number of issues of each kind, with the first files."""
-    from s2rstore.security.printable_text import printable
-
     kinds: dict[str, list[Any]] = {}
     for issue in issues:
         kinds.setdefault(issue.kind, []).append(issue)
@@ -113,12 +107,3 @@ def _print_issues(issues: list[Any]) -> None:
             print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
         if len(members) > _LISTED_FILES:
             print(f"  ... and {len(members) - _LISTED_FILES} more", file=sys.stderr)
-
-
-def _print_summary(path: Path) -> None:
-    import s2rstore
-
-    with s2rstore.open(path) as store:
-        domains = ", ".join(store.domains)
-        trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
-        print(f"{path}: {len(store.instances)} instances in {domains}; trajectories {trajectories}")

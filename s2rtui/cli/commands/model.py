@@ -48,7 +48,5 @@ def _add(options: argparse.Namespace) -> None:
 def _shipped(options: argparse.Namespace) -> None:
     from s2rtools.training import pretrained
 
-    added = pretrained.add_pretrained_models(options.store)
-    print(
-        f"{options.store}: {', '.join(added) or 'no new model'} registered; next: `s2r precompute`"
-    )
+    added = ", ".join(pretrained.add_pretrained_models(options.store)) or "no new model"
+    print(f"{options.store}: {added} registered; next: `s2r precompute`")

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import datetime
+from s2rstore.errors import RequestError
 
+if TYPE_CHECKING:
     from s2rtools.nightly.config import NightlyConfig
     from s2rtools.nightly.run import NightRun
-
-
 EXAMPLE = "s2r nightly nightly.toml"
 
 
@@ -53,10 +52,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _night(text: str | None) -> datetime.date:
-    import datetime
-
-    from s2rstore.errors import RequestError
-
     today = datetime.datetime.now(datetime.UTC).date()
     if text is None:
         return today
@@ -67,10 +62,6 @@ def _night(text: str | None) -> datetime.date:
 
 
 def _date(option: str, text: str) -> datetime.date:
-    import datetime
-
-    from s2rstore.errors import RequestError
-
     try:
         return datetime.date.fromisoformat(text)
     except ValueError as error:
@@ -78,7 +69,6 @@ def _date(option: str, text: str) -> datetime.date:
 
 
 def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtools.nightly.withdraw import withdraw
 
     if options.night is not None:

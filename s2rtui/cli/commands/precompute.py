@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting.progress import STYLES, reporter
 
 EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
@@ -27,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtui.security.restricted_process import end_with_parent
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
@@ -33,8 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.language import evaluation
     from s2rtui.export.rows.selected_instances import selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
@@ -44,9 +44,8 @@ def execute(options: argparse.Namespace) -> int:
         known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:
-                raise RequestError(
-                    f"--trajectory {name}: {options.store} has {', '.join(sorted(known))}"
-                )
+                trajectories = ", ".join(sorted(known))
+                raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
         notes = ReadNotebook(store.dataset.hash).notes
         query = options.expression, run, options.trajectory
         if options.count:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
+from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
-    from s2rtui.cli.formatting.progress import Reporter
-
-
+    pass
 EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
 
 
@@ -37,9 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
-    from s2rtui.cli.formatting.progress import reporter
     from s2rtui.export.report.build_report import render_report
     from s2rtui.export.report.report_request import ReportRequest, selections
     from s2rtui.user_data.notebook import ReadNotebook
@@ -59,18 +56,13 @@ def execute(options: argparse.Namespace) -> int:
         dark=not options.light,
     )
     with reporter() as progress:
-        page = render_report(options.store, request, _step_callback(progress))
+
+        def on_step(done: int, total: int, next_step: str) -> None:
+            if done == 0:
+                progress.begin("report", total)
+            else:
+                progress.advance(1)
+
+        page = render_report(options.store, request, on_step)
     rows.write_file(options.out, page)
     return 0
-
-
-def _step_callback(reporter: Reporter) -> Callable[[int, int, str], None]:
-    """Return a callback (steps done, total steps, next step) that advances one progress stage."""
-
-    def advance(done: int, total: int, next_step: str) -> None:
-        if done == 0:
-            reporter.begin("report", total)
-        else:
-            reporter.advance(1)
-
-    return advance

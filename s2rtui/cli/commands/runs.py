@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import s2rstore
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.records import SIDES
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
@@ -15,8 +17,6 @@ _NAMES = (
     "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TEXT}",
     "sim median m", "real accuracy %", f"real {LEVEL_TEXT}", "real median m", "baseline %", "note",
 )  # fmt: skip
-
-
 EXAMPLE = "s2r runs lab.s2r --format csv"
 
 
@@ -26,9 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
     from s2rstore.metrics import run_metrics
-    from s2rstore.records import SIDES
 
     rows = []
     with s2rstore.open(options.store) as store:

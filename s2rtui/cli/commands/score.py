@@ -8,6 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rtui.cli.formatting.progress import reporter
+
 EXAMPLE = "s2r score world.s2r --instances 48"
 
 
@@ -33,14 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
-    from s2rtui.cli.formatting.progress import reporter
 
     saves = not options.no_keep and not options.run
     if saves:
         _check_writable(options.store)
-    settings = report.ScoreSettings(
-        tuple(options.run), options.trust, options.instances, options.seed
-    )
+    runs = tuple(options.run)
+    settings = report.ScoreSettings(runs, options.trust, options.instances, options.seed)
     with reporter() as progress:
         scores = report.score(options.store, settings, progress)
     if saves:
@@ -55,8 +57,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _check_writable(store: Path) -> None:
     """Raise RequestError, before the work begins, if the score cannot be saved in the store."""
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.index.transaction import check_writable
 
     s2rstore.open(store).close()

@@ -7,8 +7,8 @@ import ipaddress
 import os
 from pathlib import Path
 
-_INSTALL = "install it with `pip install 's2rtui[serve]'`"
-
+import s2rstore
+from s2rstore.errors import RequestError
 
 EXAMPLE = "s2r serve lab.s2r --port 8000"
 
@@ -29,23 +29,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
-
     _check(options)
     s2rstore.open(options.store).close()
     try:
         from s2rtui.web.server import ServerSettings, StoreServer
     except ModuleNotFoundError as error:
         raise RequestError(
-            f"serve: the Python package {error.name} is missing; {_INSTALL}"
+            f"serve: the Python package {error.name} is missing; "
+            "install it with `pip install 's2rtui[serve]'`"
         ) from error
-    _prepare_environment()
-    settings = ServerSettings(
-        options.store, options.host, options.port, options.users, options.public
-    )
+    # The terminal in the page does not depend on this one.
+    os.environ.pop("NO_COLOR", None)
+    os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")
+    address = options.host, options.port
     try:
-        StoreServer(settings).serve()
+        StoreServer(ServerSettings(options.store, *address, options.users, options.public)).serve()
     except OSError as error:
         reason = os.strerror(error.errno or 0)
         raise RequestError(
@@ -55,8 +53,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    from s2rstore.errors import RequestError
-
     if not 1 <= options.port <= 65535:
         raise RequestError(f"--port {options.port}: must be 1 to 65535")
     if options.users < 1:
@@ -73,9 +69,3 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _prepare_environment() -> None:
-    """Describe the terminal in the page, which does not depend on this one."""
-    os.environ.pop("NO_COLOR", None)
-    os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")

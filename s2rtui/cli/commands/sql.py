@@ -6,6 +6,8 @@ import argparse
 import re
 from pathlib import Path
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows as output
 
 DEFAULT_TIMEOUT = 60.0
@@ -32,8 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.index import user_query
 
     size = _MEMORY.match(options.memory)

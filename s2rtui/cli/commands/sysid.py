@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
     from s2rtools.sysid.parameter_space import Range
-
-
 EXAMPLE = "s2r sysid drives/ --simulator planar --out identified/"
 
 
@@ -53,7 +52,6 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.motion_logs import read_drives
     from s2rtools.sysid import SysidSettings, identify, report
     from s2rtools.sysid.residual_training import learn
-    from s2rtui.cli.formatting.progress import reporter
 
     names = None if options.parameters is None else _names(options.parameters)
     settings = SysidSettings(

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+import sys
 from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
 
@@ -25,12 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import shlex
-    import sys
-
-    from s2rstore.errors import RequestError
     from s2rtools.training.train_into_store import TrainingRequest, train_into_store
-    from s2rtui.cli.formatting.progress import percent_callback, reporter
 
     if not 0 < options.minutes <= 10_000 or (options.steps is not None and options.steps < 1):
         raise RequestError("--minutes, --steps: must be more than 0, and --minutes at most 10000")

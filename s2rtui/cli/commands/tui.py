@@ -7,10 +7,8 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
-
-_RESTRICTED_HINT = "this account can only open the application; connect with `ssh -t`"
-
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
 
@@ -39,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtui.security import Permissions
     from s2rtui.security.restricted_process import (
         end_with_parent,
@@ -57,12 +54,13 @@ def execute(options: argparse.Namespace) -> int:
         if is_served():
             end_with_parent(signal.SIGKILL, server_process_id())
         else:
-            refuse_unusable(instead=_RESTRICTED_HINT)
-        permissions = Permissions.for_store(options.store, restricted=True)
-        restrict_process(permissions)
+            hint = "this account can only open the application; connect with `ssh -t`"
+            refuse_unusable(instead=hint)
     else:
         refuse_unusable()
-        permissions = Permissions.for_store(options.store)
+    permissions = Permissions.for_store(options.store, options.restricted)
+    if options.restricted:
+        restrict_process(permissions)
     terminal = detect(options.colour, options.ascii)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import probe_terminal
