@@ -145,12 +145,8 @@ def wait_until_idle(timeout: float) -> bool:
     return not _running
 
 
-def _wait_at_exit() -> None:
-    """Give work time to end in programs that do not call `end_process`."""
-    wait_until_idle(_EXIT_TIMEOUT)
-
-
-atexit.register(_wait_at_exit)
+# Gives work time to end in programs that do not call `end_process`.
+atexit.register(wait_until_idle, _EXIT_TIMEOUT)
 
 
 def end_process(code: int) -> int:

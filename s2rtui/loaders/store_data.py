@@ -57,11 +57,8 @@ def other_key(store: Store, state: State) -> Key | None:
 
 def read_other(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the compared run."""
-    pending_target.load_columns(
-        store,
-        replace(pending_target.current_target(state), run=str(other_run(state))),
-        context.is_wanted,
-    )
+    target = replace(pending_target.current_target(state), run=str(other_run(state)))
+    pending_target.load_columns(store, target, context.is_wanted)
     return {}
 
 
@@ -126,33 +123,22 @@ def grid_key(store: Store, state: State) -> Key | None:
 
 
 def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
-    grid = _grid(store, state, context)
-    return {
-        "floor_heat": grid,
-        "floor_heat_source": None if grid is None else heat_provenance(state),
-    }
-
-
-def _grid(store: Store, state: State, context: LoadContext) -> NDArray[np.float32] | None:
+    """The heat of the run, of the instance, or of at most `MAX_GATHERED` selected instances."""
     assert state.heat is not None
-    if state.overlay == "run":
-        return heatmaps.run_grid(store, state.run, state.heat, state.aggregate)
-    if state.overlay == "instance":
-        if state.cursor is None:
-            return None
-        return heatmaps.instance_grid(store, state.run, state.heat, state.cursor)
+    grid, heat = None, (store, state.run, state.heat)
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
-    if not iids.size:
-        return None
-    return heatmaps.selection_grid(
-        store, state.run, state.heat, iids, state.aggregate, context.report_progress
-    )
+    if state.overlay == "run":
+        grid = heatmaps.run_grid(*heat, state.aggregate)
+    elif state.overlay == "instance" and state.cursor is not None:
+        grid = heatmaps.instance_grid(*heat, state.cursor)
+    elif state.overlay == "selection" and iids.size:
+        grid = heatmaps.selection_grid(*heat, iids, state.aggregate, context.report_progress)
+    source = None if grid is None else heat_provenance(state)
+    return {"floor_heat": grid, "floor_heat_source": source}
 
 
 def seen_key(store: Store, state: State) -> Key | None:
-    if not state.clip:
-        return None
-    return visible_floor_key(state)
+    return visible_floor_key(state) if state.clip else None
 
 
 def read_seen(store: Store, state: State, context: LoadContext) -> Fields:

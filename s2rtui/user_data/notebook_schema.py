@@ -66,9 +66,8 @@ Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], U
 
 def is_notebook(content: Any, dataset_hash: str) -> bool:
     """Return whether parsed JSON is a notebook of a data set in the supported version."""
-    if not isinstance(content, dict):
-        return False
-    return content.get("version") == VERSION and content.get("dataset") == dataset_hash
+    found = (content.get("version"), content.get("dataset")) if isinstance(content, dict) else ()
+    return found == (VERSION, dataset_hash)
 
 
 def decode(content: dict[str, Any]) -> Content:

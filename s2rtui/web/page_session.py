@@ -47,21 +47,11 @@ class PageSession:
             **os.environ, "TEXTUAL_DRIVER": WEB_DRIVER, "TEXTUAL_COLOR_SYSTEM": "truecolor",
             SERVER_VARIABLE: str(os.getpid()), "COLUMNS": str(size[0]), "ROWS": str(size[1]),
         }  # fmt: skip
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "s2rtui",
-            "tui",
-            "--restricted",
-            str(store.absolute()),
-        ]
-        return cls(
-            await asyncio.create_subprocess_exec(
-                *command, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment,
-                start_new_session=True,
-            )
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(store.absolute()),
+            stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment, start_new_session=True,
         )  # fmt: skip
+        return cls(process)
 
     async def _read_errors(self, errors: asyncio.StreamReader) -> None:
         while chunk := await errors.read(4096):

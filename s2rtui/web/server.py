@@ -21,13 +21,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
-from s2rtui.web.protocol import (
-    MAX_MESSAGE_BYTES,
-    MessageError,
-    Ping,
-    initial_size,
-    read_message,
-)
+from s2rtui.web.protocol import MAX_MESSAGE_BYTES, MessageError, Ping, initial_size, read_message
 from s2rtui.web.request_check import LOOPBACK, RequestCheck, url_host
 
 _FONT_SIZES = range(6, 49)
@@ -186,11 +180,9 @@ class StoreServer:
             text = f"all {self._settings.users} sessions are in use; try again later\n"
             raise web.HTTPServiceUnavailable(text=text)
         socket = web.WebSocketResponse(
-            heartbeat=_HEARTBEAT_SECONDS,
-            max_msg_size=MAX_MESSAGE_BYTES,
-            compress=False,
+            heartbeat=_HEARTBEAT_SECONDS, max_msg_size=MAX_MESSAGE_BYTES, compress=False,
             timeout=0.5,
-        )
+        )  # fmt: skip
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="not a WebSocket\n")
         # A separate task ends its session even if the request is cancelled.
