@@ -11,7 +11,7 @@ from s2rstore.errors import S2RError
 from s2rstore.reader import Store
 from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import LatestOnlyWorker
-from s2rtui.loaders import LOADERS, Fields, Key, Loader
+from s2rtui.loaders import LOADERS, Fields, Key, LoadContext, Loader
 from s2rtui.session.state import State
 from s2rtui.terminal.textual_compat import call_after
 
@@ -134,8 +134,8 @@ class LoadScheduler:
         return True
 
 
-class _RequestContext:
-    """The `LoadContext` of one request, used in the loader's thread."""
+class _RequestContext(LoadContext):
+    """One request, used in the loader's thread."""
 
     def __init__(self, scheduler: LoadScheduler, loader: Loader, ticket: int) -> None:
         self._scheduler, self._loader, self._ticket = scheduler, loader, ticket

@@ -9,7 +9,7 @@ from textual.geometry import Region, Size
 
 from s2rtui.app import layout
 from s2rtui.app.actions import footer
-from s2rtui.app.layout import MIN_SIZE, PaneRectangle, SizeClass
+from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
 from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.panes import Panes
@@ -99,7 +99,7 @@ class Renderer:
         plots = [self.plot(view.name) for view in VIEWS]
         return [(str(plot.id), plot.region) for plot in plots if plot.placed and plot.region.area]
 
-    def pane_rectangles(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
+    def pane_rectangles(self, width: int, height: int) -> Mapping[str, Region]:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
         rows = BY_NAME["overview"].height(self.scene, width) + 1

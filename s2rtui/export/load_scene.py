@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.records import Side
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
-from s2rtui.loaders import LOADERS, Fields
+from s2rtui.loaders import LOADERS, Fields, LoadContext
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import Aggregate, MapMode, Overlay
@@ -66,7 +66,7 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
     fields: Fields = {}
     for loader in LOADERS:
         if loader.name in needed and loader.request_key(store, state) is not None:
-            fields |= loader.read(store, state, _UncancelledContext())
+            fields |= loader.read(store, state, LoadContext())
     if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         label = state.heat.label if state.heat else ""
         raise RequestError(
@@ -126,16 +126,3 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
         option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
         raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")
     return HeatChoice(*matches[0], options.side or state.side)
-
-
-class _UncancelledContext:
-    """Load context that is never cancelled and ignores progress."""
-
-    def is_wanted(self) -> bool:
-        return True
-
-    def report_progress(self, share: float) -> bool:
-        return True
-
-    def publish(self, fields: Fields) -> None:
-        return None

@@ -79,7 +79,6 @@ class LatestOnlyWorker:
         return work
 
     def _try(self, work: Work) -> None:
-        """Run work and report its exception."""
         try:
             _run_tracked(work)
         except Exception as error:

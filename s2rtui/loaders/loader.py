@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from s2rstore.reader import Store
 from s2rtui.session.state import State
@@ -13,14 +13,16 @@ Key = tuple[object, ...]
 Fields = dict[str, Any]
 
 
-class LoadContext(Protocol):
-    """The request that a loader works for."""
+class LoadContext:
+    """The request that a loader works for; by default one that nothing cancels or follows."""
 
     def is_wanted(self) -> bool:
         """Whether no newer request has replaced this one."""
+        return True
 
     def report_progress(self, share: float) -> bool:
         """Report the share (0 .. 1) of the work that is done; False if it should stop."""
+        return True
 
     def publish(self, fields: Fields) -> None:
         """Show a part of the result ahead of the rest."""

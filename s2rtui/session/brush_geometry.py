@@ -120,7 +120,6 @@ def _outer_edges(start: Point, end: Point) -> tuple[Point, Point]:
 
 
 def _turning_points(points: list[Point]) -> list[Point]:
-    """The points of a closed line where it changes direction."""
     if len(points) < 4:
         return points
     return [
@@ -131,7 +130,6 @@ def _turning_points(points: list[Point]) -> list[Point]:
 
 
 def _area(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of a triangle."""
     return abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
 
 
@@ -151,7 +149,6 @@ def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
 
 
 def _is_on_panel(panel: Panel, points: tuple[Point, ...]) -> bool:
-    """Whether the centre of a mark is on its panel."""
     if panel.shape == "turn":
         return True
     cells = [panel.to_cells(*point) for point in points]

@@ -102,7 +102,6 @@ class PageSession:
             pass
 
     def _kill(self) -> None:
-        """Kill the process group if the process still runs."""
         if self._process.returncode is None:
             self._killed = True
             with suppress(ProcessLookupError, PermissionError):

@@ -152,7 +152,6 @@ _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "fac
 
 
 def _check_same_options(options: argparse.Namespace, store: Path, **counts: int | None) -> None:
-    """Raise RequestError if the store was created with other options."""
     from s2rstore.files.input_files import parse_json
 
     recipe = _read(store, lambda opened: opened.provenance("world").get("recipe"))
@@ -202,7 +201,6 @@ def _is_complete(store: Store) -> bool:
 
 
 def _training_summary(store: Store) -> str:
-    """Return the errors of the model that was trained by the demo, in one line."""
     from s2rstore.metrics.run_metrics import side_metrics
 
     real, sim = (side_metrics(store, QUICK, side) for side in ("real", "sim"))

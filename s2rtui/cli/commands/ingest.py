@@ -97,7 +97,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _print_issues(issues: list[Any]) -> None:
-    """Print the number of issues of each kind, with the first files."""
     kinds: dict[str, list[Any]] = {}
     for issue in issues:
         kinds.setdefault(issue.kind, []).append(issue)

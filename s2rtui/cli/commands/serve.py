@@ -32,7 +32,7 @@ def execute(options: argparse.Namespace) -> int:
     _check(options)
     s2rstore.open(options.store).close()
     try:
-        from s2rtui.web.server import ServerSettings, StoreServer
+        from s2rtui.web.server import StoreServer
     except ModuleNotFoundError as error:
         raise RequestError(
             f"serve: the Python package {error.name} is missing; "
@@ -43,7 +43,7 @@ def execute(options: argparse.Namespace) -> int:
     os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")
     address = options.host, options.port
     try:
-        StoreServer(ServerSettings(options.store, *address, options.users, options.public)).serve()
+        StoreServer(options.store, *address, options.users, options.public).serve()
     except OSError as error:
         reason = os.strerror(error.errno or 0)
         raise RequestError(

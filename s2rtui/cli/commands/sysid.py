@@ -81,7 +81,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _check_conclusive(drives: str, identification: Identification) -> None:
-    """Raise InconclusiveError for estimates that cannot be trusted."""
     if identification.at_ends:
         raise InconclusiveError(
             f"{drives}: {', '.join(identification.at_ends)} at a bound of the search range; "

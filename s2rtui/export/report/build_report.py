@@ -94,7 +94,6 @@ class _Steps:
 def _runs(
     session: Session, request: ReportRequest, selection: RequestedSelection
 ) -> tuple[str, ...]:
-    """Return the runs in which a selection is reported."""
     for run in request.runs:
         if session.store.run(run).key is None:
             raise RequestError(f"--run {run}: has no results; run `s2r precompute`")
@@ -107,7 +106,6 @@ def _runs(
 def _set_state(
     session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
-    """Put the session into the state that shows a selection in a run."""
     session.set_state(replace(session.state, trajectories=request.trajectories))
     session.select("all")
     session.set_run(run)
@@ -120,7 +118,6 @@ def _set_state(
 
 
 def _scene(session: Session, *names: str) -> Scene:
-    """Load the scene of some views, without a cursor."""
     views = [BY_NAME[name] for name in names]
     return load_scene(session, *views, cursor=False)
 

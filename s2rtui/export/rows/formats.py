@@ -29,8 +29,9 @@ def csv_text(
     precedes text that could begin a formula.
     """
     buffer = io.StringIO()
-    quoting = csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL
-    writer = csv.writer(buffer, lineterminator="\n", quoting=quoting)
+    writer = csv.writer(
+        buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL
+    )
     for key, value in (metadata or {}).items():
         comment = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
         if safe:
