@@ -145,7 +145,7 @@ class Probe:
 
         def work() -> None:
             step()
-            steps.numbers(self.app.scene)
+            steps.numbers(self.app.renderer.scene)
 
         return _clocked(work)
 
@@ -154,7 +154,7 @@ class Probe:
 
         def work() -> None:
             step()
-            self.app.refresh_views()
+            self.app.renderer.refresh()
             screen = self.app.screen
             screen._compositor.update_widgets(set(self.app.query(PlotView)))
             screen._compositor_refresh()

@@ -46,7 +46,7 @@ TERMS = {
     "accuracy": "1 - error / scale of the data set, at least 0",
     "generation": "one published, unchangeable state of the store",
 }
-"""The project's own terms on the screen, for the help."""
+"""Terms of the project, explained in the help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class Action:
 
     @property
     def all_keys(self) -> str:
-        """All keys, as `z  +  =`; a label for a group of keys stands alone."""
+        """All keys, as `z  +  =`; a label for a group of keys replaces all names."""
         if " " in self.shown:
             return self.shown
         return "  ".join([self.key, *(key_label(name) for name in self.keys[1:])])

@@ -48,7 +48,7 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import Resources
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
@@ -130,7 +130,7 @@ class S2RApp(GuardedApp):
 
     def on_mount(self) -> None:
         self._set_size(self.size)
-        self.refresh_views()
+        self.renderer.refresh()
         self.call_after_refresh(self.renderer.start_loading)
         # A key may open another screen before the first drawing.
         call_after(self, _FIRST_DRAWING_SECONDS, self.renderer.start_loading)
@@ -159,7 +159,7 @@ class S2RApp(GuardedApp):
         if event.size != self._drawn_size:
             self.brush.drop_drag()
         self._set_size(event.size)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def _set_size(self, size: Size) -> None:
         self._drawn_size = size
@@ -168,27 +168,14 @@ class S2RApp(GuardedApp):
     # --- services for the controllers --------------------------------------------------------
 
     @property
-    def scene(self) -> Scene:
-        """What the views are drawn from now."""
-        return self.renderer.scene
-
-    @property
     def query_line(self) -> QueryInput:
         """The input line at the foot."""
         return self.query_one(QueryInput)
 
-    def refresh_views(self) -> None:
-        """Draw the state and request the data it needs."""
-        self.renderer.refresh()
-
-    def status_text(self) -> str:
-        """The status line in plain text."""
-        return self.renderer.status_text()
-
     def show_error(self, text: str) -> None:
         """Show an error in the message line."""
         self.session.show_message(text, is_error=True)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def post(self, message: Message) -> None:
         """Post a message from any thread; ignored once the application has ended."""
@@ -208,7 +195,7 @@ class S2RApp(GuardedApp):
     # --- messages ----------------------------------------------------------------------------
 
     def on_panes_arranged(self) -> None:
-        self.refresh_views()
+        self.renderer.refresh()
 
     def on_load_completed(self, message: LoadCompleted) -> None:
         self.load_results.on_completed(message)
@@ -261,7 +248,7 @@ class S2RApp(GuardedApp):
             action.do(self.session)
         except S2RError as error:
             self.session.show_message(str(error), is_error=True)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def action_view(self, name: str) -> None:
         self.navigation.show_view(name)
@@ -286,7 +273,7 @@ class S2RApp(GuardedApp):
         else:
             self.brush.drop_drag()
             self.session.dispatch(view_settings.cancel_input)
-            self.refresh_views()
+            self.renderer.refresh()
 
     def action_doctor(self) -> None:
         self.push_screen(DoctorScreen(self.render_options, self.terminal))

@@ -11,7 +11,7 @@ SizeClass = Literal["tiny", "narrow", "medium", "wide"]
 MIN_SIZE = (40, 12)
 _GUTTER = 2
 _SHARES = {"umap": 5, "orientation": 4, "rooms": 4, "errors": 4}
-"""Rows of the left column beside the overview, in proportion."""
+"""Shares of the rows of the left column below the overview."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +61,11 @@ def _wide(width: int, height: int, request: LayoutRequest) -> dict[str, Region]:
     left = max(46, round(width * 0.27))
     right = max(46, round(width * 0.3))
     top = min(request.overview_rows, height * 2 // 5)
+    column = "instance" if request.tab in _SHARES else request.tab
     rectangles = {
         "overview": Region(0, 0, left, top),
         request.centre: Region(left + _GUTTER, 0, width - left - right - 2 * _GUTTER, height),
-        _column(request): Region(width - right, 0, right, height),
+        column: Region(width - right, 0, right, height),
     }
     y, rows = top, height - top
     names = _stacked(request, rows)
@@ -74,11 +75,6 @@ def _wide(width: int, height: int, request: LayoutRequest) -> dict[str, Region]:
         rectangles[name] = Region(0, y + 1, left, share - 1)
         y += share
     return rectangles
-
-
-def _column(request: LayoutRequest) -> str:
-    """The view of the right column: the tab, unless it is in the left column."""
-    return "instance" if request.tab in _SHARES else request.tab
 
 
 def _stacked(request: LayoutRequest, rows: int) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 DEBOUNCE_SECONDS = 0.15
 """Delay before a debounced loader starts, so that it waits for repeated keys."""
 RELEASE_SECONDS = 120.0
-"""How long what a loader holds is kept after it was last requested."""
+"""Delay after the last request until the resources of a loader are released."""
 
 
 class LoadScheduler:
@@ -89,7 +89,7 @@ class LoadScheduler:
         self._debounce[loader.name] = call_after(self.app, self.debounce_seconds, start)
 
     def _release_later(self, loader: Loader) -> None:
-        """Release what a loader holds unless it is requested again soon."""
+        """Release the resources of a loader unless it is requested again soon."""
         if loader.release is not None and self._workers[loader.name].was_used:
             release = partial(self._workers[loader.name].put, loader.release)
             self._release[loader.name] = call_after(self.app, self.release_seconds, release)
@@ -97,7 +97,7 @@ class LoadScheduler:
     def _read(self, loader: Loader, ticket: int, store: Store, state: State) -> None:
         """Runs in the loader's thread."""
         context = _RequestContext(self, loader, ticket)
-        if not context.is_wanted():
+        if not context.is_current():
             return
         try:
             fields = loader.read(store, state, context)
@@ -140,16 +140,16 @@ class _RequestContext(LoadContext):
     def __init__(self, scheduler: LoadScheduler, loader: Loader, ticket: int) -> None:
         self._scheduler, self._loader, self._ticket = scheduler, loader, ticket
 
-    def is_wanted(self) -> bool:
+    def is_current(self) -> bool:
         return self._scheduler.is_newest(self._loader.name, self._ticket)
 
     def report_progress(self, share: float) -> bool:
-        is_wanted = self.is_wanted()
-        if is_wanted and share < 1:
+        is_current = self.is_current()
+        if is_current and share < 1:
             self._scheduler.app.post(LoadProgressed(self._loader.name, self._ticket, share))
-        return is_wanted
+        return is_current
 
     def publish(self, fields: Fields) -> None:
-        if self._loader.shows_outdated or self.is_wanted():
+        if self._loader.shows_outdated or self.is_current():
             message = LoadCompleted(self._loader.name, self._ticket, fields, partial=True)
             self._scheduler.app.post(message)

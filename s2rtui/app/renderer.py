@@ -82,7 +82,7 @@ class Renderer:
 
     @property
     def scene(self) -> Scene:
-        """What the views are drawn from now."""
+        """The present input of all views."""
         session = self._app.session
         return Scene(session.store, session.state, self._app.resources, session.notes)
 

@@ -1,4 +1,4 @@
-"""Run the application on a terminal, and report what it leaves unfinished."""
+"""Run the application on a terminal, and report unfinished work at its end."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Save adjustments as a run: register it and compute it in a subprocess.
 
 The subprocess is `s2r precompute`, so the run equals one made on the command line, and a later
-precompute continues what it has finished. It ends with the application, also when that is killed.
+precompute continues it. It ends with the application, also when that is killed.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ LOADERS: tuple[Loader, ...] = (
         ("floor_heat", "floor_heat_source"),
     ),
     Loader(
-        "what was seen", store_data.seen_key, store_data.read_seen,
+        "seen floor", store_data.seen_key, store_data.read_seen,
         ("seen_floor", "seen_floor_source"),
     ),
     Loader("history", store_data.history_key, store_data.read_history, ("history",)),

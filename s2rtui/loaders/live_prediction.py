@@ -55,10 +55,10 @@ class LivePredictor:
         that moves faster than the model.
         """
         with self._lock:
-            if state.adjust is None or state.cursor is None or not context.is_wanted():
+            if state.adjust is None or state.cursor is None or not context.is_current():
                 return {}
             model = self.model(store, state.run)
-            if not context.is_wanted():
+            if not context.is_current():
                 return {}
             chains = adjusting.adjustment_chains(state.adjust)
             heat = state.heat
@@ -68,7 +68,7 @@ class LivePredictor:
             fields: Fields = {}
 
             def is_cancelled() -> bool:
-                return bool(fields) and not context.is_wanted()
+                return bool(fields) and not context.is_current()
 
             for result in model.steps(state.cursor, chains, kinds, is_cancelled):
                 ready = heat if heat and any(key[0] == heat.kind for key in result.heat) else None

@@ -36,12 +36,12 @@ def read_run(store: Store, state: State, context: LoadContext) -> Fields:
     pending = state.pending
     assert pending is not None
     if pending.generation == store.generation:
-        pending_target.load_columns(store, pending, context.is_wanted)
+        pending_target.load_columns(store, pending, context.is_current)
         return {}
     fresh = s2rstore.open(store.path, INDEX_MEMORY)
     try:
         run = pending.run if pending.run in fresh.runs else fresh.run().run
-        pending_target.load_columns(fresh, replace(pending, run=run), context.is_wanted)
+        pending_target.load_columns(fresh, replace(pending, run=run), context.is_current)
     except BaseException:
         fresh.close()
         raise
@@ -58,7 +58,7 @@ def other_key(store: Store, state: State) -> Key | None:
 def read_other(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the compared run."""
     target = replace(pending_target.current_target(state), run=str(other_run(state)))
-    pending_target.load_columns(store, target, context.is_wanted)
+    pending_target.load_columns(store, target, context.is_current)
     return {}
 
 
@@ -68,7 +68,7 @@ def columns_key(store: Store, state: State) -> Key:
 
 def read_columns(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the present run that views may need next."""
-    pending_target.load_columns(store, pending_target.current_target(state), context.is_wanted)
+    pending_target.load_columns(store, pending_target.current_target(state), context.is_current)
     return {}
 
 

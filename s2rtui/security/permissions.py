@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rtui.user_data.user_data_dir import user_data_dir
 
 Capability = Literal["", "models"]
-"""What an action needs beyond reading the store and writing in the user data folder."""
+"""A right beyond reading the store and writing in the user data folder."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,8 +79,7 @@ def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
         low, high = first[0] - steps * TURN_STEP, last[0] + steps * TURN_STEP
         is_valid = TURN_STEP <= high - low < 360
         return _with_points(brush, ((low, first[1]), (high, last[1]))) if is_valid else brush
-    ends = [panel.to_cells(*point) for point in (first, last)]
-    (x0, y0), (x1, y1) = ends
+    (x0, y0), (x1, y1) = panel.to_cells(*first), panel.to_cells(*last)
     grow = 0 if panel.shape == "steps" else steps
     tall = 0 if panel.shape == "range" else steps
     sign_x, sign_y = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
@@ -140,11 +139,9 @@ def _with_points(brush: Brush, points: tuple[Point, ...]) -> Brush:
 def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
     if panel.shape == "turn":
         return point[0] + TURN_STEP * (across + down), point[1]
-    if panel.shape == "steps":
-        column, row = panel.to_cells(*point)
-        stepped = panel.to_data(column, row + down)
-        return point[0], stepped[1]
     column, row = panel.to_cells(*point)
+    if panel.shape == "steps":
+        return point[0], panel.to_data(column, row + down)[1]
     return panel.to_data(column + across, row + (down if panel.shape == "plane" else 0))
 
 

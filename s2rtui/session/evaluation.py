@@ -29,8 +29,8 @@ def evaluate(
 ) -> State:
     """The state with `node` selected; brush and operator are used up.
 
-    `history` holds the expressions before and after it, `pending` is what is still to be loaded.
-    Raises ExpressionError.
+    `history` holds the expressions before and after it, `pending` is the target that
+    remains to be loaded. Raises ExpressionError.
     """
     store, notes = context.store, context.notes
     masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)

@@ -61,5 +61,5 @@ def heat_provenance(state: State) -> HeatProvenance:
 
 
 def visible_floor_key(state: State) -> tuple[object, ...]:
-    """What the floor seen by the selection depends on."""
+    """Key of everything that the seen floor of the selection depends on."""
     return (state.generation, state.run, state.side, ArrayKey(state.selected))

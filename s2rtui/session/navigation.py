@@ -66,7 +66,7 @@ def change_trajectory(context: SessionContext, state: State) -> State:
 
 
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a target, keeping brush and operator; what has to be loaded first becomes pending.
+    """Show a target, keeping brush and operator; a target that is not loaded becomes pending.
 
     Until then the nearest loaded place is shown: the run, or the trajectories alone.
     """
@@ -89,7 +89,7 @@ def _node_to_load(context: SessionContext, state: State, target: PendingTarget) 
 
 
 def select_shared(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a shared selection at its own run and trajectories, at once or once it is loaded.
+    """Show a shared selection at its run and trajectories, at once or once it is loaded.
 
     Raises RequestError if the expression cannot be evaluated there.
     """
@@ -110,7 +110,7 @@ def complete_pending(context: SessionContext, state: State) -> State:
 
 
 def _with_earlier_message(before: State, after: State) -> State:
-    """`after` with the message of an action before its own."""
+    """`after` with the message of an action in `before` in front of its message."""
     if not (before.keeps_message and before.message):
         return after
     return replace(
@@ -171,12 +171,11 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
 
 
 def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
-    """Evaluate at a target; raises RequestError if its own expression has no meaning there."""
+    """Evaluate at a target; raises RequestError if its expression has no meaning there."""
     run = target.run if target.run in base.runs else base.run
     place = replace(base, run=run, trajectories=target.trajectories, pending=None)
     if target.text:
-        history = target.past, target.future
-        result = evaluate(context, place, parse(target.text), history)
+        result = evaluate(context, place, parse(target.text), (target.past, target.future))
     else:
         result = _evaluate_present(context, place)
     if target.saved is not None:
@@ -188,8 +187,7 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
 def _evaluate_present(context: SessionContext, state: State) -> State:
     """Evaluate the present expression in a new place; select all if it has no meaning there."""
     try:
-        node = parse(state.expression)
-        return evaluate(context, state, node, (state.past, state.future))
+        return evaluate(context, state, parse(state.expression), (state.past, state.future))
     except RequestError as error:
         result = selection.select(context, replace(state, pending=None), "all", "replace")
         message = f"all selected: {state.expression} means nothing here ({error})"

@@ -17,7 +17,7 @@ from s2rtui.session.context import SessionContext
 from s2rtui.session.state import PendingTarget, State
 
 MAX_HISTORY = 100
-"""Expressions of the past that are kept."""
+"""Number of past expressions that can be undone."""
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
@@ -25,7 +25,7 @@ _RUN_COLUMNS = ("shift", "valid")
 _TRUTH_COLUMNS = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
 
-# --- what is loaded --------------------------------------------------------------------------
+# --- loaded columns --------------------------------------------------------------------------
 
 
 def run_is_loaded(store: Store, run: str) -> bool:
@@ -61,13 +61,13 @@ def _field_is_loaded(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_loaded(of, side, [name])
 
 
-def load_columns(store: Store, target: PendingTarget, is_wanted: Callable[[], bool]) -> None:
+def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], bool]) -> None:
     """Read the columns that views draw of a run, and evaluate the target's selection once."""
     columns, truth = store.run_columns(target.run), store.instances
     sides = ((columns.side(side), _SIDE_COLUMNS) for side in SIDES)
     for owner, names in ((truth, _TRUTH_COLUMNS), (columns, _RUN_COLUMNS), *sides):
         for name in names:
-            if not is_wanted():
+            if not is_current():
                 return
             getattr(owner, name)
     with suppress(RequestError):  # the reducer reports an expression without meaning there

@@ -29,7 +29,7 @@ def difference(state: State, count: int, saved: SavedSelection) -> str:
 
 
 def describe_move(state: State, before: State, saved: SavedSelection) -> str:
-    """What changed with a shared selection, and how its result differs from the shared one."""
+    """The changes that a shared selection caused, and how its result differs from it."""
     parts = [state.message] if state.message else []
     if state.run != before.run:
         parts.append(f"run {state.run}")

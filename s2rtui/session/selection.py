@@ -122,7 +122,7 @@ def refresh(context: SessionContext, state: State) -> State:
 
 
 def defer(state: State, target: PendingTarget) -> State:
-    """Make a target pending in place of an earlier one, and say what is being loaded."""
+    """Make a target pending in place of an earlier one, and name it in the message."""
     loading = target.text or state.expression
     if target.generation != state.generation:
         loading = f"run {target.run} of generation {target.generation}"

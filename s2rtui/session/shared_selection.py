@@ -68,7 +68,7 @@ def parse_shared(text: str) -> Shared:
 
 
 def select_text(context: SessionContext, state: State, text: str) -> State:
-    """Select a typed or pasted line, on its own run and trajectories if they exist here.
+    """Select a typed or pasted line, on the run and trajectories in it if they exist here.
 
     The message says how the result differs from the shared one. Raises RequestError for a
     selection of another data set and for an invalid expression.

@@ -23,7 +23,7 @@ _MAX_LINES_BEFORE_START = 10
 _MAX_QUEUED_BYTES = 1 << 18
 """Input that is queued for a busy session; more is dropped."""
 _MAX_ERROR_BYTES = 2000
-"""Standard error of a session that is kept for the message about its failure."""
+"""Size of the end of standard error that the message about a failure is taken from."""
 
 Send = Callable[[bytes], Awaitable[None]]
 

@@ -50,7 +50,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class StoreServer:
-    """Server of pages in a browser, each with its own session on the store.
+    """Server of pages in a browser, each with a separate session on the store.
 
     Addresses in the page derive from the address of the request, so that tunnels work.
     """
@@ -103,8 +103,7 @@ class StoreServer:
         if len(runner.server.connections) >= _MAX_CONNECTIONS + self._users:
             return _RefusedConnection()
         protocol = runner.server()
-        loop = asyncio.get_running_loop()
-        loop.call_later(_REQUEST_TIMEOUT, self._drop_inactive, protocol)
+        asyncio.get_running_loop().call_later(_REQUEST_TIMEOUT, self._drop_inactive, protocol)
         return protocol
 
     def _drop_inactive(self, protocol: web.RequestHandler) -> None:

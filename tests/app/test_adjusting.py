@@ -78,7 +78,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
 def _map_input(app: S2RApp):
     from s2rtui.charts.registry import BY_NAME
 
-    return BY_NAME["map"].input(app.scene)
+    return BY_NAME["map"].input(app.renderer.scene)
 
 
 async def test_neutral_is_the_stored_prediction(computed: Path) -> None:

@@ -376,7 +376,7 @@ async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
-        view = BY_NAME["errors"].input(app.scene)
+        view = BY_NAME["errors"].input(app.renderer.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
         counts = errors_model(view, panel.width).real.total
         cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]

@@ -115,7 +115,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
         text = f"worst(3, real.error)  # {facts}"
         app.session.dispatch(shared_selection.select_text, text)
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.pause()
         state = app.session.state
         assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
@@ -220,7 +220,7 @@ async def test_undo_takes_back_a_selection_that_waits(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     before = app.session.state
     app.session.select("real.loss > 0.001")
-    app.refresh_views()
+    app.renderer.refresh()
     await press(app, pilot, "u")
     lossy.opened.set()
     await settle(app, pilot)
@@ -235,7 +235,7 @@ async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_br
     app.session.select("straight")
     begun(app.session)
     app.session.select("real.loss > 0")
-    app.refresh_views()
+    app.renderer.refresh()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
     brush, _ = begun(app.session)
     lossy.opened.set()
@@ -248,7 +248,7 @@ async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_br
 async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     app.session.select("real.loss > 0")
-    app.refresh_views()
+    app.renderer.refresh()
     await press(app, pilot, "t")
     assert app.session.state.trajectories is not None
     lossy.opened.set()

@@ -103,7 +103,7 @@ class Pair:
 class Wanted:
     """A caller that never loses interest."""
 
-    def is_wanted(self) -> bool:
+    def is_current(self) -> bool:
         return True
 
 

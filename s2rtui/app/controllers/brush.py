@@ -189,15 +189,16 @@ class BrushController:
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
         """Zoom the map or move through the list."""
-        turn = message.wheel.taken()
-        if turn.view not in BY_NAME or not turn.steps:
+        wheel = message.wheel
+        steps = wheel.take_steps()
+        if wheel.view not in BY_NAME or not steps:
             return
-        view, session = BY_NAME[turn.view], self._app.session
-        panel = self._panel_under(view, turn.cell)
+        view, session = BY_NAME[wheel.view], self._app.session
+        panel = self._panel_under(view, wheel.cell)
         if view.name == "map" and panel is not None:
-            point = panel.to_data(turn.cell[0] + 0.5, turn.cell[1] - TITLE_ROWS + 0.5)
-            steps = max(-_MAX_WHEEL_STEPS, min(turn.steps, _MAX_WHEEL_STEPS))
+            point = panel.to_data(wheel.cell[0] + 0.5, wheel.cell[1] - TITLE_ROWS + 0.5)
+            steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
             session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point)
         elif view.name == "list":
-            session.dispatch(instance_list.move, -turn.steps)
+            session.dispatch(instance_list.move, -steps)
         self._app.renderer.refresh()

@@ -97,7 +97,7 @@ class PromptController:
         return complete(text, evaluation.vocabulary(session.store, session.notes.nodes))
 
     def _reload_notes(self) -> None:
-        """Read what another session of this user has saved meanwhile."""
+        """Read the changes of other sessions of this user."""
         if self._app.session.notebook is not None:
             try:
                 self._app.session.notebook.refresh()

@@ -40,7 +40,7 @@ EXAMPLE = "s2r demo --out demo-out --workers 4"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("demo-out"),
-                        help="folder for store and pictures (default demo-out)")  # fmt: skip
+                        help="folder for store and images (default demo-out)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="worker processes (default 1)")
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
     parser.add_argument("--minutes", type=float,
@@ -85,7 +85,7 @@ def execute(options: argparse.Namespace) -> int:
     if timings or not opens:
         began = time.monotonic()
         _export_pictures(options.out, store)
-        timings.append(("pictures", time.monotonic() - began))
+        timings.append(("images", time.monotonic() - began))
     for label, seconds in [*timings, ("total", sum(seconds for _, seconds in timings))]:
         print(f"{seconds:7.1f} s  {label}", file=sys.stderr)
     if not opens:

@@ -1,4 +1,4 @@
-"""`s2r export`: write a figure of a view, or a picture of the screen."""
+"""`s2r export`: write a figure of a view, or an image of the screen."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def execute(options: argparse.Namespace) -> int:
     theme = DARK if options.dark else LIGHT
     scene_options, size = scene_arguments.scene_options(options), _size(options.size)
     if options.view == SCREEN:
-        picture = _screen(options.store, scene_options, size or _SCREEN_SIZE, theme)
+        image = _screen(options.store, scene_options, size or _SCREEN_SIZE, theme)
     else:
         from s2rtui.charts.shared.paper import figure_format
         from s2rtui.export.load_scene import open_scene
 
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene, figure_format(suffix[1:]):
-            picture = view.figure(scene, size or view.figure_size, theme)
-    rows.write_file(options.out, picture)
+            image = view.figure(scene, size or view.figure_size, theme)
+    rows.write_file(options.out, image)
     return 0
 
 

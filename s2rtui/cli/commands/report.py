@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
 from s2rtui.cli.formatting.progress import reporter
 
-if TYPE_CHECKING:
-    pass
 EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
 
 

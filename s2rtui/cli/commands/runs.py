@@ -46,13 +46,13 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _side(headline: SideMetrics) -> list[object]:
+def _side(metrics: SideMetrics) -> list[object]:
     """Return accuracy (percent), its interval and the median error (metres)."""
-    if headline.n < 2:
+    if metrics.n < 2:
         return [None, None, None]
-    accuracy = headline.accuracy
+    accuracy = metrics.accuracy
     interval = f"{100 * accuracy.low:.1f}..{100 * accuracy.high:.1f}"
-    return [round(100 * accuracy.value, 1), interval, round(headline.median_error, 3)]
+    return [round(100 * accuracy.value, 1), interval, round(metrics.median_error, 3)]
 
 
 def _domain_text(domain: str, chain: list[dict[str, object]]) -> str:

@@ -118,8 +118,7 @@ def _set_state(
 
 
 def _scene(session: Session, *names: str) -> Scene:
-    views = [BY_NAME[name] for name in names]
-    return load_scene(session, *views, cursor=False)
+    return load_scene(session, *(BY_NAME[name] for name in names), cursor=False)
 
 
 def _overview_images(session: Session, request: ReportRequest) -> list[ReportImage]:

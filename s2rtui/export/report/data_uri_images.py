@@ -48,9 +48,9 @@ def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> ReportImage:
     return ReportImage(_data_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
 
 
-def _data_uri(picture: Image.Image) -> str:
+def _data_uri(image: Image.Image) -> str:
     """Return the smaller of a lossless and a nearly lossless WebP encoding."""
-    rgb = picture.convert("RGB")
+    rgb = image.convert("RGB")
     encodings = []
     for lossless, quality in ((True, 60), (False, _QUALITY)):
         stream = BytesIO()
