@@ -39,8 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                             help="read only this trajectory (repeatable)")  # fmt: skip
         layout.add_argument("--size", type=int, default=size,
                             help=f"height and width of stored frames (default {size})")  # fmt: skip
-        layout.add_argument("--strict", action="store_true",
-                            help="refuse input that has any issue")  # fmt: skip
+        layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,
                        help="random seed of the building (default 1)")  # fmt: skip

@@ -97,8 +97,7 @@ def _print_result(config: NightlyConfig, result: NightRun) -> None:
     if not result.new:
         print("no new evidence: the night is in the history already", file=sys.stderr)
     elif not result.computed:
-        print("no new recordings: the figures are those of an earlier night",
-              file=sys.stderr)  # fmt: skip
+        print("no new recordings: the figures are those of an earlier night", file=sys.stderr)
 
 
 def _as_dict(config: NightlyConfig, result: NightRun) -> dict[str, object]:

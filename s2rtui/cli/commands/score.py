@@ -26,11 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="instances for the counterfactual tables (default 120)")  # fmt: skip
     scope.add_argument("--seed", type=int, default=1,
                        help="random seed that breaks ties (default 1)")  # fmt: skip
-    scope.add_argument("--trust", action="store_true",
-                       help="allow model formats that execute code")  # fmt: skip
+    scope.add_argument("--trust", action="store_true", help="allow model formats that execute code")
     output = parser.add_argument_group("output")
-    output.add_argument("--no-keep", action="store_true",
-                        help="do not save the score in the store")  # fmt: skip
+    output.add_argument("--no-keep", action="store_true", help="do not save the score in the store")
     output.add_argument("--json", action="store_true", help="print the result as JSON")
     output.add_argument("--quiet", action="store_true", help="print no tables")
 

@@ -33,8 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     search = parser.add_argument_group("search")
     search.add_argument("--seeds", type=int, default=3, help="independent searches (default 3)")
     search.add_argument("--seed", type=int, default=1, help="random seed (default 1)")
-    search.add_argument("--evaluations", type=int,
-                        help="evaluations of the simulator per search")  # fmt: skip
+    search.add_argument("--evaluations", type=int, help="evaluations of the simulator per search")
     search.add_argument("--held-out", type=int, metavar="N",
                         help="drives used for validation only (default: a quarter)")  # fmt: skip
     search.add_argument("--window", type=float, default=3.0, metavar="SECONDS",
