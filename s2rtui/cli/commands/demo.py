@@ -45,18 +45,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
     parser.add_argument("--minutes", type=float,
                         help="time per training (default 2; with --data 1.5)")  # fmt: skip
-    world = parser.add_argument_group("synthetic world")
-    world.add_argument("--seed", type=int, default=_PRETRAINED_SEED,
-                       help="random seed of the building (default 1); for any other seed a model "
-                       "is trained")  # fmt: skip
-    world.add_argument("--instances", type=int,
-                       help=f"instances of each trajectory (default {INSTANCES})")  # fmt: skip
-    world.add_argument("--factors", default="all", help="same as for `s2r ingest world`")
-    world.add_argument("--retrain", choices=(QUICK,),
-                       help="train one more model beside the pretrained ones")  # fmt: skip
-    data = parser.add_argument_group("your images")
-    data.add_argument("--data", type=Path, metavar="DIR",
-                      help="folder in the Sim2RealViz layout (traj1/ ...)")  # fmt: skip
+    add = parser.add_argument_group("synthetic world").add_argument
+    add("--seed", type=int, default=_PRETRAINED_SEED,
+        help="random seed of the building (default 1); for any other seed a model "
+        "is trained")  # fmt: skip
+    add("--instances", type=int, help=f"instances of each trajectory (default {INSTANCES})")
+    add("--factors", default="all", help="same as for `s2r ingest world`")
+    add("--retrain", choices=(QUICK,), help="train one more model beside the pretrained ones")
+    add = parser.add_argument_group("your images").add_argument
+    add("--data", type=Path, metavar="DIR", help="folder in the Sim2RealViz layout (traj1/ ...)")
 
 
 def execute(options: argparse.Namespace) -> int:

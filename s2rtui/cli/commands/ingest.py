@@ -24,14 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
     for layout in (sim2realviz, manifest):
         layout.add_argument("path", type=Path, help="folder or manifest to read")
-        layout.add_argument(
-            "--calibration", "--header", dest="header", type=Path, metavar="FILE",
-            help="TOML or JSON file with bounds, rooms and cameras",
-        )  # fmt: skip
-        layout.add_argument(
-            "--allow-outside", action="store_true",
-            help="allow images outside the folder of the data, and list their folders",
-        )  # fmt: skip
+        layout.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
+                            help="TOML or JSON file with bounds, rooms and cameras")  # fmt: skip
+        layout.add_argument("--allow-outside", action="store_true",
+                            help="allow images outside the folder of the data, and list their "
+                            "folders")  # fmt: skip
     for layout in (sim2realviz, manifest, world):
         size = 128 if layout is world else 256
         layout.add_argument("--store", type=Path, required=True, help="store folder to create")
@@ -47,11 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="instances of each of the two trajectories (default 120)")  # fmt: skip
     group.add_argument("--survey", type=int, default=0, metavar="N",
                        help="add a training set of N random views and one tour")  # fmt: skip
-    group.add_argument(
-        "--factors", default="all", metavar="NAME[=SEVERITY],...",
-        help="differences between the real and the sim side: all (severity 1), none, or a list "
-        "(default all)",
-    )  # fmt: skip
+    group.add_argument("--factors", default="all", metavar="NAME[=SEVERITY],...",
+                       help="differences between the real and the sim side: all (severity 1), "
+                       "none, or a list (default all)")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:

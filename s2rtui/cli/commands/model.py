@@ -19,10 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="architecture: posest or resposenet; with --trust also torchscript or "
                      "module:factory")  # fmt: skip
     add.add_argument("--store", type=Path, required=True, help="store folder")
-    add.add_argument(
-        "--convention", metavar="HEADING[,FRAME]",
-        help="convention of the output: degrees, radians or cos_sin; map or habitat",
-    )  # fmt: skip
+    add.add_argument("--convention", metavar="HEADING[,FRAME]",
+                     help="convention of the output: degrees, radians or cos_sin; "
+                     "map or habitat")  # fmt: skip
     add.add_argument("--trust", action="store_true", help="allow file formats that execute code")
     shipped = actions.add_parser(
         "shipped", help="register the pretrained models of the synthetic world, each with a run"

@@ -20,18 +20,13 @@ EXAMPLE = "s2r nightly nightly.toml"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG.toml", help="configuration file")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    date = parser.add_argument_group("date")
-    date.add_argument(
-        "--night", metavar="YYYY-MM-DD", help="date of the night (default: today, UTC)"
-    )
-    date.add_argument(
-        "--far-night", action="store_true",
-        help="accept a date more than a month before or a year after the newest night",
-    )  # fmt: skip
-    date.add_argument(
-        "--withdraw", metavar="YYYY-MM-DD",
-        help="measure nothing; move this night to the table `withdrawn` of the history",
-    )  # fmt: skip
+    add = parser.add_argument_group("date").add_argument
+    add("--night", metavar="YYYY-MM-DD", help="date of the night (default: today, UTC)")
+    add("--far-night", action="store_true",
+        help="accept a date more than a month before or a year after the newest night")  # fmt: skip
+    add("--withdraw", metavar="YYYY-MM-DD",
+        help="measure nothing; move this night to the table `withdrawn` of the "
+        "history")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -17,20 +17,18 @@ EXAMPLE = "s2r score world.s2r --instances 48"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store of the synthetic world")
-    scope = parser.add_argument_group("scope")
-    scope.add_argument(
-        "--run", action="append", default=[],
-        help="score only this run (repeatable); the result is then not saved in the store",
-    )  # fmt: skip
-    scope.add_argument("--instances", type=int, default=120,
-                       help="instances for the counterfactual tables (default 120)")  # fmt: skip
-    scope.add_argument("--seed", type=int, default=1,
-                       help="random seed that breaks ties (default 1)")  # fmt: skip
-    scope.add_argument("--trust", action="store_true", help="allow model formats that execute code")
-    output = parser.add_argument_group("output")
-    output.add_argument("--no-keep", action="store_true", help="do not save the score in the store")
-    output.add_argument("--json", action="store_true", help="print the result as JSON")
-    output.add_argument("--quiet", action="store_true", help="print no tables")
+    add = parser.add_argument_group("scope").add_argument
+    add("--run", action="append", default=[],
+        help="score only this run (repeatable); the result is then not saved in the "
+        "store")  # fmt: skip
+    add("--instances", type=int, default=120,
+        help="instances for the counterfactual tables (default 120)")  # fmt: skip
+    add("--seed", type=int, default=1, help="random seed that breaks ties (default 1)")
+    add("--trust", action="store_true", help="allow model formats that execute code")
+    add = parser.add_argument_group("output").add_argument
+    add("--no-keep", action="store_true", help="do not save the score in the store")
+    add("--json", action="store_true", help="print the result as JSON")
+    add("--quiet", action="store_true", help="print no tables")
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -15,17 +15,13 @@ EXAMPLE = "s2r serve lab.s2r --port 8000"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
-    network = parser.add_argument_group("network")
-    network.add_argument("--host", default="127.0.0.1",
-                         help="address to listen on (default 127.0.0.1)")  # fmt: skip
-    network.add_argument("--port", type=int, default=8000, help="TCP port (default 8000)")
-    network.add_argument("--users", type=int, default=8,
-                         help="sessions at the same time (default 8)")  # fmt: skip
-    network.add_argument(
-        "--public", action="store_true",
+    add = parser.add_argument_group("network").add_argument
+    add("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1)")
+    add("--port", type=int, default=8000, help="TCP port (default 8000)")
+    add("--users", type=int, default=8, help="sessions at the same time (default 8)")
+    add("--public", action="store_true",
         help="allow an address other than loopback; everybody who has the address with its token "
-        "can read the store, and the connection is not encrypted",
-    )  # fmt: skip
+        "can read the store, and the connection is not encrypted")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:

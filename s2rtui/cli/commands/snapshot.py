@@ -18,13 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
-    screen = parser.add_argument_group("screen")
-    screen.add_argument("--size", default="120x40", metavar="COLUMNSxROWS",
-                        help="size in characters (default 120x40)")  # fmt: skip
-    screen.add_argument("--ascii", action="store_true", help="use ASCII characters only")
-    screen.add_argument("--colour", default="truecolor",
-                        help="truecolor, 256, 16 or none (default truecolor)")  # fmt: skip
-    screen.add_argument("--light", action="store_true", help="use a light background")
+    add = parser.add_argument_group("screen").add_argument
+    add("--size", default="120x40", metavar="COLUMNSxROWS",
+        help="size in characters (default 120x40)")  # fmt: skip
+    add("--ascii", action="store_true", help="use ASCII characters only")
+    add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
+    add("--light", action="store_true", help="use a light background")
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -19,21 +19,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip
     rows.add_safe_csv(parser)
-    terminal = parser.add_argument_group("terminal")
-    terminal.add_argument("--ascii", action="store_true", help="use ASCII characters only")
-    terminal.add_argument(
-        "--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
-        help="colours to use (default: detected from the terminal)",
-    )  # fmt: skip
-    terminal.add_argument(
-        "--graphics", action="store_true",
+    add = parser.add_argument_group("terminal").add_argument
+    add("--ascii", action="store_true", help="use ASCII characters only")
+    add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
+        help="colours to use (default: detected from the terminal)")  # fmt: skip
+    add("--graphics", action="store_true",
         help="draw images of an instance in true pixels: kitty and ghostty, also over SSH, and in "
-        "tmux after `tmux set -g allow-passthrough on`",
-    )  # fmt: skip
-    terminal.add_argument(
-        "--restricted", action="store_true",
-        help="for a shared account: write only in the user data folder, load no model",
-    )  # fmt: skip
+        "tmux after `tmux set -g allow-passthrough on`")  # fmt: skip
+    add("--restricted", action="store_true",
+        help="for a shared account: write only in the user data folder, load no model")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
