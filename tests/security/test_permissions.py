@@ -26,7 +26,7 @@ from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings
 
 MIST = Action(
-    "side", ("d",), "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
+    "side", "d", "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
 )
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
 
