@@ -77,7 +77,7 @@ def rows_key(store: Store, state: State) -> Key:
 
 
 def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
-    """Read run after run, so that one run beside the present one is in memory at a time."""
+    """Read one run after another; one run besides the present one is in memory at a time."""
     results = []
     for run in state.runs:
         results.append(overview_rows(store, [run]))

@@ -45,7 +45,7 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
 
 
 def set_run(context: SessionContext, state: State, run: str) -> State:
-    """Show a run with the selected or pending expression; select all if it means nothing there."""
+    """Show a run with the selected or pending expression, or all if that cannot be evaluated."""
     return go_to(context, state, replace(pending_target.final_target(state), run=run))
 
 
@@ -81,7 +81,7 @@ def go_to(context: SessionContext, state: State, target: PendingTarget) -> State
 
 
 def _node_to_load(context: SessionContext, state: State, target: PendingTarget) -> Node | None:
-    """See `pending_target.node_to_load`; an expression without meaning counts as `all`."""
+    """See `pending_target.node_to_load`; `all` replaces an expression that cannot be evaluated."""
     try:
         return pending_target.node_to_load(context, state, target)
     except RequestError:
@@ -171,7 +171,7 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
 
 
 def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
-    """Evaluate at a target; raises RequestError if its expression has no meaning there."""
+    """Evaluate at a target; raises RequestError if its expression cannot be evaluated."""
     run = target.run if target.run in base.runs else base.run
     place = replace(base, run=run, trajectories=target.trajectories, pending=None)
     if target.text:
@@ -185,10 +185,10 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
 
 
 def _evaluate_present(context: SessionContext, state: State) -> State:
-    """Evaluate the present expression in a new place; select all if it has no meaning there."""
+    """Evaluate the present expression in a new place, or select all if that fails."""
     try:
         return evaluate(context, state, parse(state.expression), (state.past, state.future))
     except RequestError as error:
         result = selection.select(context, replace(state, pending=None), "all", "replace")
-        message = f"all selected: {state.expression} means nothing here ({error})"
+        message = f"all selected: {state.expression} cannot be evaluated here ({error})"
         return replace(result, message=message)

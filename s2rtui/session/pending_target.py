@@ -1,4 +1,4 @@
-"""Targets of the session: a place and a selection that may first have to be loaded."""
+"""Targets of the session: a place and a selection whose columns may have to be loaded first."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], b
             if not is_current():
                 return
             getattr(owner, name)
-    with suppress(RequestError):  # the reducer reports an expression without meaning there
+    with suppress(RequestError):  # the reducer reports an expression that cannot be evaluated
         context = evaluation.context(store, target.run, target.trajectories)
         base_population(context)
         if target.node is not None:

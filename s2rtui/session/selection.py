@@ -75,7 +75,7 @@ def redo(context: SessionContext, state: State) -> State:
 def _walk_history(
     context: SessionContext, state: State, direction: Literal["undo", "redo"]
 ) -> State:
-    """Skip expressions that have no meaning here and name them in the message."""
+    """Skip expressions that cannot be evaluated here and name them in the message."""
     upcoming, backwards = pending_target.upcoming(state), direction == "undo"
     remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
     place = pending_target.place_of(pending_target.final_target(state))

@@ -76,8 +76,8 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     shared, dataset_hash = parse_shared(text), context.store.dataset.hash
     if not dataset_hash.startswith(shared.dataset):
         raise RequestError(
-            f"this was selected on data set {shared.dataset}; "
-            f"the open one is {dataset_hash[:_HASH_LENGTH]}"
+            f"the selection belongs to data set {shared.dataset}; "
+            f"the open store holds {dataset_hash[:_HASH_LENGTH]}"
         )
     if shared.saved is None:
         return selection.select(context, state, shared.expression, "replace")

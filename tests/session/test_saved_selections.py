@@ -58,7 +58,7 @@ def test_a_run_is_reached_though_the_expression_means_nothing(session: Session) 
     session.writable_notebook.forget("gone")
     state = session.dispatch(navigation.change_run, 1)
     assert (state.run, state.expression) == ("dataaug", "all")
-    assert "@gone means nothing here" in state.message
+    assert "@gone cannot be evaluated here" in state.message
     session.set_state(replace(state, expression="@gone"))
     state = session.dispatch(navigation.change_trajectory)
     assert (state.trajectories, state.expression) == (("a",), "all")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TITLE_ROWS = 1
 _WHEEL_ZOOM = 1 / 0.8
 _MAX_WHEEL_STEPS = 100
-"""Wheel steps applied at a time; more than lie between the whole map and the closest view."""
+"""Largest zoom of one message; it leads from the whole map to the closest view."""
 
 
 class BrushController:

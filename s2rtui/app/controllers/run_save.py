@@ -66,7 +66,7 @@ class RunSaveController:
     def _save_adjustments(self, name: str) -> None:
         adjust, name = self._app.session.state.adjust, name.strip()
         if not name:
-            raise RequestError("a run needs a name: type one")
+            raise RequestError("type a name for the run")
         if adjust is not None:
             root, chains = self._app.session.store.path, adjusting.adjustment_chains(adjust)
             self.save(name, partial(save_run, root, name, adjust.run, chains))

@@ -9,6 +9,7 @@ import s2rstore
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rstore.records import SIDES
 from s2rtui.cli.formatting import rows as output
+from s2rtui.session.model_input import chain_text
 
 if TYPE_CHECKING:
     from s2rstore.metrics.run_metrics import SideMetrics
@@ -56,5 +57,4 @@ def _side(metrics: SideMetrics) -> list[object]:
 
 
 def _domain_text(domain: str, chain: list[dict[str, object]]) -> str:
-    steps = [f"{step['name']}={step['value']:g}" for step in chain]
-    return domain + (f" ({', '.join(steps)})" if steps else "")
+    return f"{domain} ({chain_text(chain)})" if chain else domain
