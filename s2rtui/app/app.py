@@ -70,10 +70,8 @@ class S2RApp(GuardedApp):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(",".join(action.keys), action.call, action.description, show=False)
-        for action in ACTIONS
+        Binding(action.key_names, action.call, action.description, show=False) for action in ACTIONS
     ]
-
     brush: BrushController
     prompt: PromptController
     export: ExportController
