@@ -242,10 +242,8 @@ async def _run_to_completion(work: Coroutine[Any, Any, None]) -> None:
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     for name, value in _HEADERS.items():
-        if name == "Server":
+        if name == "Server" or name not in response.headers:
             response.headers[name] = value
-        else:
-            response.headers.setdefault(name, value)
 
 
 def _page_file(name: str) -> str:

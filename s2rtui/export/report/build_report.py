@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import RequestError
@@ -51,8 +52,12 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         if selection.saved is None:
             for run in runs:
                 _set_state(session, request, run, selection.expression)
-    steps = _Steps(on_step, 1 + sum(len(runs) for _, runs in plan))
-    steps.next("overview")
+    done, total = count(), 1 + sum(len(runs) for _, runs in plan)
+
+    def begin_step(step: str) -> None:
+        on_step(next(done), total, step)
+
+    begin_step("overview")
     store, state = session.store, session.state
     names = request.trajectories or store.instances.trajectory_names
     trajectories = ("trajectory " if len(names) == 1 else "trajectories ") + ", ".join(names)
@@ -64,8 +69,8 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         ("accuracy", f"1 − error / {store.dataset.accuracy_scale:.4g} m, at least 0"),
     ]
     overview = _overview_images(session, request)
-    sections = [_section(session, request, selection, runs, steps) for selection, runs in plan]
-    steps.next("")
+    sections = [_section(session, request, *planned, begin_step) for planned in plan]
+    begin_step("")
     caption = "All runs, over the instances that are new to each model"
     in_table = tuple(f"  {run}: " for run in store.runs)
     lines = store_summary.summary_lines(store)
@@ -78,17 +83,6 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         images=overview,
         sections=sections,
     )
-
-
-class _Steps:
-    """Counter of the steps that are done; announces the next one."""
-
-    def __init__(self, on_step: StepCallback, total: int) -> None:
-        self._on_step, self._total, self._done = on_step, total, -1
-
-    def next(self, step: str) -> None:
-        self._done += 1
-        self._on_step(self._done, self._total, step)
 
 
 def _runs(
@@ -148,14 +142,14 @@ def _section(
     request: ReportRequest,
     selection: RequestedSelection,
     runs: tuple[str, ...],
-    steps: _Steps,
+    begin_step: Callable[[str], None],
 ) -> Section:
     title = selection.title, selection.expression
     parts: list[RunPart] = []
     facts: list[tuple[str, str]] = []
     table = remarks = None
     for run in runs:
-        steps.next(f"{selection.title} in {run}")
+        begin_step(f"{selection.title} in {run}")
         try:
             _set_state(session, request, run, selection.expression)
         except RequestError as error:
