@@ -62,18 +62,10 @@ def read_other(store: Store, state: State, context: LoadContext) -> Fields:
     return {}
 
 
-def columns_key(store: Store, state: State) -> Key:
-    return (state.generation, state.run)
-
-
 def read_columns(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the present run that views may need next."""
     pending_target.load_columns(store, pending_target.current_target(state), context.is_current)
     return {}
-
-
-def rows_key(store: Store, state: State) -> Key:
-    return (state.generation, state.runs)
 
 
 def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
@@ -85,10 +77,6 @@ def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
             store.drop_run_columns(run)
     baseline = results[0][1] if results else math.nan
     return {"rows": tuple(row for rows, _ in results for row in rows), "baseline": baseline}
-
-
-def lines_key(store: Store, state: State) -> Key:
-    return (state.generation, state.runs, state.side)
 
 
 def read_lines(store: Store, state: State, context: LoadContext) -> Fields:
@@ -137,10 +125,6 @@ def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
     return {"floor_heat": grid, "floor_heat_source": source}
 
 
-def seen_key(store: Store, state: State) -> Key | None:
-    return visible_floor_key(state) if state.clip else None
-
-
 def read_seen(store: Store, state: State, context: LoadContext) -> Fields:
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
     seen = heatmaps.visible_floor(store, state.run, state.side, iids, context.report_progress)
@@ -152,10 +136,6 @@ def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     if iids.size <= most:
         return iids
     return iids[np.linspace(0, iids.size - 1, most).round().astype(np.intp)]
-
-
-def history_key(store: Store, state: State) -> Key | None:
-    return None if state.history is None else (state.history,)
 
 
 def read_history(store: Store, state: State, context: LoadContext) -> Fields:
