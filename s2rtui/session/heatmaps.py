@@ -100,12 +100,12 @@ def selection_grid(
 ) -> NDArray[np.float32]:
     """Project heatmaps of some instances on the floor: (rows, cols), NaN for empty cells.
 
-    Kind `depth` projects every pixel without a heatmap. `report_share` gets the share that is done
+    An empty kind projects every pixel without a heatmap. `report_share` gets the share that is done
     and returns False to stop.
     """
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
-        if heat.kind == "depth":
+        if not heat.kind:
             values = np.zeros((len(chosen), 1, 1), dtype=np.float32)
         else:
             span = block.start, block.stop
@@ -131,7 +131,7 @@ def visible_floor(
     report_share: ReportShare = lambda share: True,
 ) -> NDArray[np.float32]:
     """How often the frames of some instances saw each cell of the floor, NaN for never."""
-    heat = HeatChoice("depth", "depth", side)
+    heat = HeatChoice("", "depth", side)
     return selection_grid(store, run, heat, iids, "count", report_share).astype(np.float32)
 
 
