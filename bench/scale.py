@@ -30,7 +30,7 @@ from bench.budget import BudgetRow
 from s2rtui.app.app import S2RApp
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
-from s2rtui.session import Session
+from s2rtui.session import Session, navigation
 
 SIZES = (1_000, 1_000_000)
 NUMBERS, DRAWN = "selection change, state and all views' numbers", "selection change, drawn"
@@ -101,7 +101,10 @@ class Probe:
             found += _spread(DRAWN, *taken)
             sent = (Sink.received - before) / (_TURNS + 1) / len(taken[1])
             found.append(("selection change, bytes", sent, "bytes"))
-            fresh = [self.drawn(lambda: self.session.change_run(1)) for _ in index_store.RUNS]
+            fresh = [
+                self.drawn(lambda: self.session.dispatch(navigation.change_run, 1))
+                for _ in index_store.RUNS
+            ]
             found.append(("run not seen before, drawn", _middle(fresh[:-1])[0], "ms"))
             await self.settle()
             _, after = await self.measured(steps.moves, self.drawn)
@@ -141,7 +144,7 @@ class Probe:
 
         def work() -> None:
             step()
-            steps.numbers(self.app.scene)
+            steps.numbers(self.app.renderer.scene)
 
         return _clocked(work)
 
@@ -150,7 +153,7 @@ class Probe:
 
         def work() -> None:
             step()
-            self.app.refresh_views()
+            self.app.renderer.refresh()
             screen = self.app.screen
             screen._compositor.update_widgets(set(self.app.query(PlotView)))
             screen._compositor_refresh()

@@ -25,6 +25,7 @@ from s2rtui.session import (
     Brush,
     Session,
     instance_list,
+    navigation,
     run_differences,
     selection,
     view_settings,
@@ -71,8 +72,8 @@ def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
         *steps,
         ("intersection", join("intersect", _room(t + 3))),
         ("union", join("union", _room(t + 5))),
-        ("complement", session.complement),
-        ("undo", session.undo),
+        ("complement", lambda: session.dispatch(selection.complement)),
+        ("undo", lambda: session.dispatch(selection.undo)),
     ]
 
 
@@ -127,11 +128,11 @@ def moves(session: Session, turn: int) -> list[tuple[str, Step]]:
         ("lasso moved on the map", mark("map", "map", True)),
         ("box moved on the embedding", mark("umap", "real", False)),
         ("brush left", lambda: session.dispatch(view_settings.cancel_input)),
-        ("cursor to the next instance", lambda: session.move_cursor(1)),
+        ("cursor to the next instance", lambda: session.dispatch(navigation.move_cursor, 1)),
         ("zoom", lambda: session.dispatch(view_settings.zoom, 1 / 0.8)),
         ("pan", lambda: session.dispatch(view_settings.pan, 0.1, 0.0)),
         ("map mode", lambda: session.dispatch(view_settings.change_map_mode)),
-        ("another trajectory", session.change_trajectory),
+        ("another trajectory", lambda: session.dispatch(navigation.change_trajectory)),
         ("list by another column", sort),
-        ("run seen before", lambda: session.change_run((-1) ** turn)),
+        ("run seen before", lambda: session.dispatch(navigation.change_run, (-1) ** turn)),
     ]

@@ -16,11 +16,11 @@ from s2rtui.terminal.textual_compat import QuietApp
 _HARMLESS = frozenset(
     {"bell", "command_palette", "focus", "focus_next", "focus_previous", "help_quit", "quit"}
 )
-"""Textual's own actions that neither write a file nor leave the screen."""
+"""Actions of Textual that neither write a file nor leave the screen."""
 
 
 class GuardedApp(QuietApp):
-    """Checks every action, wherever it is called from; of Textual's own only a list is allowed."""
+    """Checks every action, wherever it is called from; few actions of Textual are allowed."""
 
     access: Permissions
 

@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
@@ -15,8 +15,10 @@ from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
 from s2rtui.security import Capability, Permissions
 from s2rtui.session import (
+    Brush,
     Session,
     adjusting,
+    brush_geometry,
     instance_list,
     navigation,
     selection,
@@ -31,18 +33,7 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
 
-GROUPS: dict[Group, str] = {
-    "select": "Select",
-    "brush": "Brush",
-    "move": "Move",
-    "heat": "Heat",
-    "map": "Map",
-    "adjust": "Adjust",
-    "review": "Review",
-    "views": "Views",
-    "program": "Program",
-}
-
+GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
 TERMS = {
     "instance": "one recorded pose with its images",
@@ -55,7 +46,7 @@ TERMS = {
     "accuracy": "1 - error / scale of the data set, at least 0",
     "generation": "one published, unchangeable state of the store",
 }
-"""The project's own terms on the screen, for the help."""
+"""Terms of the project, explained in the help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +54,13 @@ class Action:
     """One action with a unique `name`.
 
     `do` changes the session, `command` calls a controller of the application; with neither, the
-    application has a method `action_NAME`. `keys` are Textual's names; the first one is displayed
-    (as `shown`). `short` is the label in the footer, if any. `when` is the situation in which the
-    keys mean this action, `needs` the permission that it requires.
+    application has a method `action_NAME`. `key_names` are Textual's names, separated by commas;
+    the first one is displayed (as `shown`). `short` is the label in the footer, if any. `when` is
+    the situation in which the keys mean this action, `needs` the permission that it requires.
     """
 
     name: str
-    keys: tuple[str, ...]
+    key_names: str
     group: Group
     description: str
     do: Callable[[Session], object] | None = None
@@ -80,12 +71,16 @@ class Action:
     command: Callable[[S2RApp], object] | None = None
 
     @property
+    def keys(self) -> list[str]:
+        return self.key_names.split(",")
+
+    @property
     def key(self) -> str:
         return self.shown or key_label(self.keys[0])
 
     @property
     def all_keys(self) -> str:
-        """All keys, as `z  +  =`; a label for a group of keys stands alone."""
+        """All keys, as `z  +  =`; a label for a group of keys replaces all names."""
         if " " in self.shown:
             return self.shown
         return "  ".join([self.key, *(key_label(name) for name in self.keys[1:])])
@@ -111,12 +106,16 @@ class Action:
         }[self.when]
 
 
-def _dispatch(reducer: Reducer, **arguments: Any) -> Callable[[Session], object]:
-    return lambda session: session.dispatch(reducer, **arguments)
+def _do(reducer: Reducer, *arguments: Any) -> Callable[[Session], object]:
+    return lambda session: session.dispatch(reducer, *arguments)
 
 
 def _select(expression: str) -> Callable[[Session], object]:
-    return _dispatch(selection.select, expression=expression)
+    return _do(selection.select, expression)
+
+
+def _brush(function: Callable[..., Brush], *steps: int) -> Callable[[S2RApp], object]:
+    return lambda app: app.brush.transform(function, *steps)
 
 
 def _select_similar(context: SessionContext, state: State) -> State:
@@ -133,217 +132,191 @@ def _select_similar(context: SessionContext, state: State) -> State:
 
 
 _OPERATORS = (
-    Action(
-        "intersect", ("ampersand",), "select", "intersect with the next selection",
-        _dispatch(selection.set_operator, operator="intersect"), "and", "&", "still",
-    ),
-    Action(
-        "union", ("vertical_line",), "select", "add the next selection",
-        _dispatch(selection.set_operator, operator="union"), "", "|", "still",
-    ),
-    Action(
-        "subtract", ("minus",), "select", "subtract the next selection",
-        _dispatch(selection.set_operator, operator="subtract"), "", "-", "still",
-    ),
-    Action(
-        "complement", ("exclamation_mark",), "select", "complement: all other instances",
-        _dispatch(selection.complement), "", "!", "still",
-    ),
+    Action("intersect", "ampersand", "select", "intersect with the next selection",
+           _do(selection.set_operator, "intersect"), "and", "&", "still"),
+    Action("union", "vertical_line", "select", "add the next selection",
+           _do(selection.set_operator, "union"), "", "|", "still"),
+    Action("subtract", "minus", "select", "subtract the next selection",
+           _do(selection.set_operator, "subtract"), "", "-", "still"),
+    Action("complement", "exclamation_mark", "select", "complement: all other instances",
+           _do(selection.complement), "", "!", "still"),
 )  # fmt: skip
 
+
+def _brushing(
+    name: str, key: str, description: str, command: Callable[[S2RApp], object], short: str = "",
+    shown: str = "",
+) -> Action:  # fmt: skip
+    """An action that is available while a brush is drawn."""
+    return Action(name, key, "brush", description, None, short, shown, "brushing", "", command)
+
+
 _BRUSHING = (
-    Action("brush", ("x",), "brush", "start a brush in this view, by keys", short="brush",
+    Action("brush", "x", "brush", "start a brush in this view, by keys", short="brush",
            command=lambda app: app.brush.start(), when="still"),
-    Action("brush_select", ("enter",), "brush", "select the instances inside", short="apply",
-           command=lambda app: app.brush.apply(None), when="brushing"),
-    Action("brush_intersect", ("ampersand",), "brush", "intersect the selection with them",
-           command=lambda app: app.brush.apply("intersect"), short="and", shown="&",
-           when="brushing"),
-    Action("brush_union", ("vertical_line",), "brush", "add them to the selection",
-           command=lambda app: app.brush.apply("union"), short="or", shown="|", when="brushing"),
-    Action("brush_subtract", ("minus",), "brush", "subtract them from the selection",
-           command=lambda app: app.brush.apply("subtract"), short="less", shown="-",
-           when="brushing"),
-    Action("brush_left", ("left",), "brush", "move the brush",
-           command=lambda app: app.brush.move(-1, 0), shown="arrows", short="move",
-           when="brushing"),
-    Action("leave", ("escape",), "brush", "cancel the brush, the operator or the input line",
+    _brushing("brush_select", "enter", "select the instances inside",
+              lambda app: app.brush.apply(None), "apply"),
+    _brushing("brush_intersect", "ampersand", "intersect the selection with them",
+              lambda app: app.brush.apply("intersect"), "and", "&"),
+    _brushing("brush_union", "vertical_line", "add them to the selection",
+              lambda app: app.brush.apply("union"), "or", "|"),
+    _brushing("brush_subtract", "minus", "subtract them from the selection",
+              lambda app: app.brush.apply("subtract"), "less", "-"),
+    _brushing("brush_left", "left", "move the brush", _brush(brush_geometry.moved, -1, 0), "move",
+              "arrows"),
+    Action("leave", "escape", "brush", "cancel the brush, the operator or the input line",
            short="cancel", when="begun"),
-    Action("brush_right", ("right",), "brush", "", command=lambda app: app.brush.move(1, 0),
-           when="brushing"),
-    Action("brush_up", ("up",), "brush", "", command=lambda app: app.brush.move(0, -1),
-           when="brushing"),
-    Action("brush_down", ("down",), "brush", "", command=lambda app: app.brush.move(0, 1),
-           when="brushing"),
-    Action("brush_stretch_left", ("shift+left",), "brush", "move its far corner",
-           command=lambda app: app.brush.stretch(-1, 0), shown="shift+arrows", when="brushing"),
-    Action("brush_stretch_right", ("shift+right",), "brush", "",
-           command=lambda app: app.brush.stretch(1, 0), when="brushing"),
-    Action("brush_stretch_up", ("shift+up",), "brush", "",
-           command=lambda app: app.brush.stretch(0, -1), when="brushing"),
-    Action("brush_stretch_down", ("shift+down",), "brush", "",
-           command=lambda app: app.brush.stretch(0, 1), when="brushing"),
-    Action("brush_shrink", ("z",), "brush", "shrink the brush", short="smaller",
-           command=lambda app: app.brush.scale(-1), when="brushing"),
-    Action("brush_grow", ("Z",), "brush", "enlarge the brush", short="larger",
-           command=lambda app: app.brush.scale(1), when="brushing"),
-    Action("brush_corner", ("space",), "brush", "set a corner of the lasso",
-           command=lambda app: app.brush.set_corner(), when="brushing"),
-    Action("brush_panel", ("tab",), "brush", "brush the next panel of the view", short="panel",
-           command=lambda app: app.brush.next_panel(), when="brushing"),
-    Action("lasso", ("L",), "brush", "brush with a lasso or with a box",
+    _brushing("brush_right", "right", "", _brush(brush_geometry.moved, 1, 0)),
+    _brushing("brush_up", "up", "", _brush(brush_geometry.moved, 0, -1)),
+    _brushing("brush_down", "down", "", _brush(brush_geometry.moved, 0, 1)),
+    _brushing("brush_stretch_left", "shift+left", "move its far corner",
+              _brush(brush_geometry.stretched, -1, 0), shown="shift+arrows"),
+    _brushing("brush_stretch_right", "shift+right", "", _brush(brush_geometry.stretched, 1, 0)),
+    _brushing("brush_stretch_up", "shift+up", "", _brush(brush_geometry.stretched, 0, -1)),
+    _brushing("brush_stretch_down", "shift+down", "", _brush(brush_geometry.stretched, 0, 1)),
+    _brushing("brush_shrink", "z", "shrink the brush", _brush(brush_geometry.scaled, -1),
+              "smaller"),
+    _brushing("brush_grow", "Z", "enlarge the brush", _brush(brush_geometry.scaled, 1), "larger"),
+    _brushing("brush_corner", "space", "set a corner of the lasso",
+              lambda app: app.brush.set_corner()),
+    _brushing("brush_panel", "tab", "brush the next panel of the view",
+              lambda app: app.brush.next_panel(), "panel"),
+    Action("lasso", "L", "brush", "brush with a lasso or with a box",
            command=lambda app: app.brush.toggle_lasso()),
 )  # fmt: skip
 
 _ADJUSTING = (
-    Action("adjust", ("a",), "adjust", "adjust images live", short="adjust", when="plain",
+    Action("adjust", "a", "adjust", "adjust images live", short="adjust", when="plain",
            needs="models", command=lambda app: app.run_save.open_sliders()),
-    Action("slider_up", ("up",), "adjust", "choose another slider",
-           _dispatch(adjusting.choose_slider, steps=-1), shown="up, down", when="adjust"),
-    Action("slider_down", ("down",), "adjust", "", _dispatch(adjusting.choose_slider, steps=1),
-           when="adjust"),
-    Action("less", ("left",), "adjust", "move the slider; with shift by five steps",
-           _dispatch(adjusting.move_slider, steps=-1), "slider", "<- ->", "adjust"),
-    Action("more", ("right",), "adjust", "",
-           _dispatch(adjusting.move_slider, steps=1), when="adjust"),
-    Action("much_less", ("shift+left",), "adjust", "", _dispatch(adjusting.move_slider, steps=-5),
-           when="adjust"),
-    Action("much_more", ("shift+right",), "adjust", "", _dispatch(adjusting.move_slider, steps=5),
-           when="adjust"),
-    Action("neutral", ("backspace",), "adjust", "reset all sliders to neutral",
-           _dispatch(adjusting.reset_sliders),
-           "neutral", when="adjust"),
-    Action("save_run", ("S",), "adjust",
-           "save the adjustments as a run and compute it for all images",
-           short="save run", when="adjust", needs="models",
-           command=lambda app: app.run_save.ask_name()),
+    Action("slider_up", "up", "adjust", "choose another slider",
+           _do(adjusting.choose_slider, -1), shown="up, down", when="adjust"),
+    Action("slider_down", "down", "adjust", "", _do(adjusting.choose_slider, 1), when="adjust"),
+    Action("less", "left", "adjust", "move the slider; with shift by five steps",
+           _do(adjusting.move_slider, -1), "slider", "<- ->", "adjust"),
+    Action("more", "right", "adjust", "", _do(adjusting.move_slider, 1), when="adjust"),
+    Action("much_less", "shift+left", "adjust", "", _do(adjusting.move_slider, -5), when="adjust"),
+    Action("much_more", "shift+right", "adjust", "", _do(adjusting.move_slider, 5), when="adjust"),
+    Action("neutral", "backspace", "adjust", "reset all sliders to neutral",
+           _do(adjusting.reset_sliders), "neutral", when="adjust"),
+    Action("save_run", "S", "adjust",
+           "save the adjustments as a run and compute it for all images", short="save run",
+           when="adjust", needs="models", command=lambda app: app.run_save.ask_name()),
 )  # fmt: skip
 
 ACTIONS: tuple[Action, ...] = (
-    Action("worst_real", ("w",), "select", "worst 15 % in reality (min)", _select("worst15"),
+    Action("worst_real", "w", "select", "worst 15 % in reality (min)", _select("worst15"),
            "worst", when="still"),
-    Action("best_real", ("b",), "select", "best 15 % in reality (max)", _select("best15"),
+    Action("best_real", "b", "select", "best 15 % in reality (max)", _select("best15"),
            "best", when="still"),
-    Action("worst_sim", ("W",), "select", "worst 15 % in simulation",
+    Action("worst_sim", "W", "select", "worst 15 % in simulation",
            _select("worst(15%, sim.error)"), when="still"),
-    Action("best_sim", ("B",), "select", "best 15 % in simulation",
+    Action("best_sim", "B", "select", "best 15 % in simulation",
            _select("best(15%, sim.error)"), when="still"),
-    Action("straight", ("i",), "select", "straight driving (turn below 10 degrees)",
+    Action("straight", "i", "select", "straight driving (turn below 10 degrees)",
            _select("straight"), when="still"),
-    Action("curved", ("j",), "select", "curves (turn of 10 degrees or more)",
+    Action("curved", "j", "select", "curves (turn of 10 degrees or more)",
            _select("curved"), when="still"),
-    Action("alike", ("l",), "select", "instances whose embeddings are most similar to this one",
-           _dispatch(_select_similar),
-           when="still"),
-    Action("all", ("c",), "select", "select all",
-           lambda session: session.select("all", "replace"), "clear",
-           when="still"),
+    Action("alike", "l", "select", "instances whose embeddings are most similar to this one",
+           _do(_select_similar), when="still"),
+    Action("all", "c", "select", "select all", _do(selection.select, "all", "replace"),
+           "clear", when="still"),
     *_OPERATORS,
     *_BRUSHING,
     *_ADJUSTING,
-    Action("edit", ("slash",), "select", "type a selection expression", None, "query", "/", "still",
+    Action("edit", "slash", "select", "type a selection expression", None, "query", "/", "still",
            command=lambda app: app.prompt.edit_expression()),
-    Action("undo", ("u",), "select", "undo: the previous expression", _dispatch(selection.undo)),
-    Action("redo", ("U",), "select", "redo: the next expression", _dispatch(selection.redo)),
-    Action("copy", ("y",), "select", "copy the expression to the clipboard"),
-    Action("save_selection", ("at",), "select", "save the selection under a name", shown="@",
+    Action("undo", "u", "select", "undo: the previous expression", _do(selection.undo)),
+    Action("redo", "U", "select", "redo: the next expression", _do(selection.redo)),
+    Action("copy", "y", "select", "copy the expression to the clipboard",
+           command=lambda app: app.export.copy_expression()),
+    Action("save_selection", "at", "select", "save the selection under a name", shown="@",
            command=lambda app: app.prompt.save_selection()),
-    Action("write_selection", ("F",), "select", "export the selection: CSV, JSON, Parquet",
+    Action("write_selection", "F", "select", "export the selection: CSV, JSON, Parquet",
            command=lambda app: app.export.ask_selection_file()),
-    Action("selections", ("f",), "select", "saved selections and history",
+    Action("selections", "f", "select", "saved selections and history",
            command=lambda app: app.prompt.choose_selection()),
-    Action("next_instance", ("n",), "move", "next instance",
-           _dispatch(navigation.move_cursor, steps=1), when="still"),
-    Action("previous_instance", ("p",), "move", "previous instance",
-           _dispatch(navigation.move_cursor, steps=-1), when="still"),
-    Action("instance_right", ("right",), "move", "next instance",
-           _dispatch(navigation.move_cursor, steps=1), "instance", "->", "plain"),
-    Action("instance_left", ("left",), "move", "previous instance",
-           _dispatch(navigation.move_cursor, steps=-1), "", "<-", "plain"),
-    Action("next_row", ("down",), "move", "next row of the list",
-           _dispatch(instance_list.move, steps=1), when="list"),
-    Action("previous_row", ("up",), "move", "previous row of the list",
-           _dispatch(instance_list.move, steps=-1), when="list"),
-    Action("page_down", ("pagedown",), "move", "next page of the list",
-           _dispatch(instance_list.move, steps=20), when="list"),
-    Action("page_up", ("pageup",), "move", "previous page of the list",
-           _dispatch(instance_list.move, steps=-20), when="list"),
-    Action("next_run", ("r",), "move", "next run", _dispatch(navigation.change_run, steps=1), "run",
-           when="still"),
-    Action("previous_run", ("R",), "move", "previous run",
-           _dispatch(navigation.change_run, steps=-1),
-           when="still"),
-    Action("run_below", ("down",), "move", "next run", _dispatch(navigation.change_run, steps=1),
+    Action("next_instance", "n", "move", "next instance",
+           _do(navigation.move_cursor, 1), when="still"),
+    Action("previous_instance", "p", "move", "previous instance",
+           _do(navigation.move_cursor, -1), when="still"),
+    Action("instance_right", "right", "move", "next instance",
+           _do(navigation.move_cursor, 1), "instance", "->", "plain"),
+    Action("instance_left", "left", "move", "previous instance",
+           _do(navigation.move_cursor, -1), "", "<-", "plain"),
+    Action("next_row", "down", "move", "next row of the list",
+           _do(instance_list.move, 1), when="list"),
+    Action("previous_row", "up", "move", "previous row of the list",
+           _do(instance_list.move, -1), when="list"),
+    Action("page_down", "pagedown", "move", "next page of the list",
+           _do(instance_list.move, 20), when="list"),
+    Action("page_up", "pageup", "move", "previous page of the list",
+           _do(instance_list.move, -20), when="list"),
+    Action("next_run", "r", "move", "next run", _do(navigation.change_run, 1), "run", when="still"),
+    Action("previous_run", "R", "move", "previous run",
+           _do(navigation.change_run, -1), when="still"),
+    Action("run_below", "down", "move", "next run", _do(navigation.change_run, 1),
            when="elsewhere"),
-    Action("run_above", ("up",), "move", "previous run", _dispatch(navigation.change_run, steps=-1),
+    Action("run_above", "up", "move", "previous run", _do(navigation.change_run, -1),
            when="elsewhere"),
-    Action("trajectory", ("t",), "move", "next trajectory, or all",
-           _dispatch(navigation.change_trajectory),
-           when="still"),
-    Action("next_heat", ("h",), "heat", "next heatmap kind",
-           _dispatch(view_settings.change_heat, steps=1), "heat"),
-    Action("previous_heat", ("H",), "heat", "previous heatmap kind",
-           _dispatch(view_settings.change_heat, steps=-1)),
-    Action("mode", ("v",), "heat", "next mode of this heatmap kind",
-           _dispatch(view_settings.change_mode)),
-    Action("overlay", ("o",), "heat", "heat on the map: off, instance, selection, run",
-           _dispatch(view_settings.change_overlay), "on map"),
-    Action("aggregate", ("A",), "heat", "heat on the map: mean, max, sum, count",
-           _dispatch(view_settings.change_aggregate)),
-    Action("side", ("d",), "heat", "side whose heatmaps are shown: real or sim",
-           _dispatch(view_settings.change_side)),
-    Action("map_mode", ("m",), "map", "map mode: colour, glyph or full",
-           _dispatch(view_settings.change_map_mode),
-           "map"),
-    Action("zoom_in", ("z", "plus", "equals_sign"), "map", "zoom in at the instance",
-           _dispatch(view_settings.zoom, factor=1 / 0.6), when="still"),
-    Action("zoom_out", ("Z",), "map", "zoom out", _dispatch(view_settings.zoom, factor=0.6),
-           when="still"),
-    Action("zoom_all", ("0",), "map", "the whole map", _dispatch(view_settings.zoom, factor=0)),
-    Action("pan_left", ("shift+left",), "map", "move the map",
-           _dispatch(view_settings.pan, across=-0.2, down=0), shown="shift+arrows", when="plain"),
-    Action("pan_right", ("shift+right",), "map", "",
-           _dispatch(view_settings.pan, across=0.2, down=0), when="plain"),
-    Action("pan_up", ("shift+up",), "map", "", _dispatch(view_settings.pan, across=0, down=-0.2),
-           when="still"),
-    Action("pan_down", ("shift+down",), "map", "", _dispatch(view_settings.pan, across=0, down=0.2),
-           when="still"),
-    Action("clip", ("C",), "map", "dim the floor that no selected instance has seen",
-           _dispatch(view_settings.toggle_clip)),
-    Action("room_names", ("N",), "map", "show or hide room names",
-           _dispatch(view_settings.toggle_room_names)),
-    Action("sort", ("full_stop",), "review", "sort the list by the next column",
-           _dispatch(instance_list.sort_by_next_column), shown="."),
-    Action("reverse", ("comma",), "review", "reverse the order of the list",
-           _dispatch(instance_list.reverse),
-           shown=","),
-    Action("other_run", ("k",), "review", "compare with the next run",
-           _dispatch(view_settings.change_other)),
-    Action("note", ("e",), "review", "write a note on this instance",
+    Action("trajectory", "t", "move", "next trajectory, or all",
+           _do(navigation.change_trajectory), when="still"),
+    Action("next_heat", "h", "heat", "next heatmap kind",
+           _do(view_settings.change_heat, 1), "heat"),
+    Action("previous_heat", "H", "heat", "previous heatmap kind",
+           _do(view_settings.change_heat, -1)),
+    Action("mode", "v", "heat", "next mode of this heatmap kind", _do(view_settings.change_mode)),
+    Action("overlay", "o", "heat", "heat on the map: off, instance, selection, run",
+           _do(view_settings.change_overlay), "on map"),
+    Action("aggregate", "A", "heat", "heat on the map: mean, max, sum, count",
+           _do(view_settings.change_aggregate)),
+    Action("side", "d", "heat", "side whose heatmaps are shown: real or sim",
+           _do(view_settings.change_side)),
+    Action("map_mode", "m", "map", "map mode: colour, glyph or full",
+           _do(view_settings.change_map_mode), "map"),
+    Action("zoom_in", "z,plus,equals_sign", "map", "zoom in at the instance",
+           _do(view_settings.zoom, 1 / 0.6), when="still"),
+    Action("zoom_out", "Z", "map", "zoom out", _do(view_settings.zoom, 0.6), when="still"),
+    Action("zoom_all", "0", "map", "the whole map", _do(view_settings.zoom, 0)),
+    Action("pan_left", "shift+left", "map", "move the map",
+           _do(view_settings.pan, -0.2, 0), shown="shift+arrows", when="plain"),
+    Action("pan_right", "shift+right", "map", "", _do(view_settings.pan, 0.2, 0), when="plain"),
+    Action("pan_up", "shift+up", "map", "", _do(view_settings.pan, 0, -0.2), when="still"),
+    Action("pan_down", "shift+down", "map", "", _do(view_settings.pan, 0, 0.2), when="still"),
+    Action("clip", "C", "map", "dim the floor that no selected instance has seen",
+           _do(view_settings.toggle_clip)),
+    Action("room_names", "N", "map", "show or hide room names",
+           _do(view_settings.toggle_room_names)),
+    Action("sort", "full_stop", "review", "sort the list by the next column",
+           _do(instance_list.sort_by_next_column), shown="."),
+    Action("reverse", "comma", "review", "reverse the order of the list",
+           _do(instance_list.reverse), shown=","),
+    Action("other_run", "k", "review", "compare with the next run",
+           _do(view_settings.change_other)),
+    Action("note", "e", "review", "write a note on this instance",
            command=lambda app: app.prompt.edit_note()),
-    Action("tag", ("number_sign",), "review", "tag this instance", shown="#",
+    Action("tag", "number_sign", "review", "tag this instance", shown="#",
            command=lambda app: app.prompt.edit_tag()),
     *(
-        Action(f"view('{view.name}')", (view.key,), "views", view.description)
+        Action(f"view('{view.name}')", view.key, "views", view.description)
         for view in VIEWS
         if view.from_store
     ),
-    Action("next_view", ("tab",), "views", "next view", short="view", when="still",
+    Action("next_view", "tab", "views", "next view", short="view", when="still",
            command=lambda app: app.navigation.show_next_view(1)),
-    Action("previous_view", ("shift+tab",), "views", "previous view", when="still",
+    Action("previous_view", "shift+tab", "views", "previous view", when="still",
            command=lambda app: app.navigation.show_next_view(-1)),
-    Action("jump", ("space",), "views", "jump to a view by a letter", when="still",
+    Action("jump", "space", "views", "jump to a view by a letter", when="still",
            command=lambda app: app.navigation.jump()),
-    Action("newest_generation", ("g",), "program", "open the newest generation of the store",
+    Action("newest_generation", "g", "program", "open the newest generation of the store",
            Session.open_newest_generation),
-    Action("snapshot", ("s",), "program", "write the screen as PNG", short="snapshot",
+    Action("snapshot", "s", "program", "write the screen as PNG", short="snapshot",
            command=lambda app: app.export.write_screenshot()),
-    Action("report", ("E",), "program", "write a report of the saved selections (HTML)",
+    Action("report", "E", "program", "write a report of the saved selections (HTML)",
            command=lambda app: app.export.write_report()),
-    Action("doctor", ("D",), "program", "check what this terminal supports"),
-    Action("tour", ("T",), "program", "show the introduction again"),
-    Action("help", ("question_mark",), "program", "list all keys", short="help", shown="?"),
-    Action("quit", ("q",), "program", "quit", short="quit"),
+    Action("doctor", "D", "program", "check what this terminal supports"),
+    Action("tour", "T", "program", "show the introduction again"),
+    Action("help", "question_mark", "program", "list all keys", short="help", shown="?"),
+    Action("quit", "q", "program", "quit", short="quit"),
 )  # fmt: skip
 BY_NAME = {action.name: action for action in ACTIONS}
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from textual import events
 from textual.app import ComposeResult, SystemCommand
@@ -27,6 +27,7 @@ from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.run_save import RunSaveController
+from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.messages import (
     BackgroundFailed,
@@ -47,18 +48,16 @@ from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources, Scene
+from s2rtui.charts.scene import Resources
 from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import BackgroundJobs
 from s2rtui.security import Permissions
-from s2rtui.session import Session, shared_selection, view_settings
+from s2rtui.session import Session, view_settings
 from s2rtui.terminal.ascii_filter import AsciiFilter
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.strips import ImageHost
 from s2rtui.terminal.textual_compat import call_after
 
-CHECK_SECONDS = 2.0
-"""Interval of the checks for a newer generation."""
 _FIRST_DRAWING_SECONDS = 0.5
 """Loading starts after the first drawing, at the latest after this time."""
 _COLOUR_TOLERANCE = {"map": 12, "instance": 12}
@@ -71,16 +70,13 @@ class S2RApp(GuardedApp):
     TITLE = "s2r"
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(",".join(action.keys), action.call, action.description, show=False)
-        for action in ACTIONS
+        Binding(action.key_names, action.call, action.description, show=False) for action in ACTIONS
     ]
-
     brush: BrushController
     prompt: PromptController
     export: ExportController
     run_save: RunSaveController
     navigation: NavigationController
-    renderer: Renderer
 
     def __init__(
         self,
@@ -92,7 +88,11 @@ class S2RApp(GuardedApp):
         """`output_folder` is where files are written (default: the folder of the permissions)."""
         super().__init__(ansi_color=render_options.mode in (ColourMode.ANSI, ColourMode.NONE))
         self.animation_level = "none"
-        self._set_theme(render_options)
+        theme = textual_theme(render_options.theme)
+        self.register_theme(theme)
+        # Before layout: a theme set later restyles every widget.
+        self.set_reactive(S2RApp.theme, theme.name)
+        self.stylesheet.set_variables(self.get_css_variables())
         self.session = session
         session.defers_loading = True
         self.render_options = render_options
@@ -103,11 +103,12 @@ class S2RApp(GuardedApp):
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
         self.prompt = PromptController(self)
-        self.export = ExportController(self, self.prompt)
-        self.run_save = RunSaveController(self, self.prompt)
+        self.export = ExportController(self)
+        self.run_save = RunSaveController(self)
         self.navigation = NavigationController(self)
-        self.load_results = LoadResultController(self, self.load_scheduler, self.run_save)
-        self.renderer = Renderer(self, self.prompt, self.load_scheduler)
+        self.load_results = LoadResultController(self)
+        self.store_updates = StoreUpdateController(self)
+        self.renderer = Renderer(self)
         self.is_first_start = False
         self.terminal: Terminal | None = None
         self.image_host: ImageHost | None = None
@@ -125,20 +126,13 @@ class S2RApp(GuardedApp):
         yield QueryInput()
         yield Bar("keys")
 
-    def _set_theme(self, options: RenderOptions) -> None:
-        """Set the colours before layout; a theme set later restyles every widget."""
-        theme = textual_theme(options.theme)
-        self.register_theme(theme)
-        self.set_reactive(S2RApp.theme, theme.name)
-        self.stylesheet.set_variables(self.get_css_variables())
-
     def on_mount(self) -> None:
         self._set_size(self.size)
-        self.refresh_views()
+        self.renderer.refresh()
         self.call_after_refresh(self.renderer.start_loading)
         # A key may open another screen before the first drawing.
         call_after(self, _FIRST_DRAWING_SECONDS, self.renderer.start_loading)
-        self.set_interval(CHECK_SECONDS, self.load_results.check_store)
+        self.set_interval(CHECK_SECONDS, self.store_updates.check_store)
         if not self.is_headless:
             end_on_signals(self.exit)
         if self.is_first_start:
@@ -163,49 +157,28 @@ class S2RApp(GuardedApp):
         if event.size != self._drawn_size:
             self.brush.drop_drag()
         self._set_size(event.size)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def _set_size(self, size: Size) -> None:
         self._drawn_size = size
         self.default_screen.set_classes(self.renderer.set_size(size))
 
-    # --- the host of the controllers ---------------------------------------------------------
-
-    @property
-    def scene(self) -> Scene:
-        """What the views are drawn from now."""
-        return self.renderer.scene
+    # --- services for the controllers --------------------------------------------------------
 
     @property
     def query_line(self) -> QueryInput:
         """The input line at the foot."""
         return self.query_one(QueryInput)
 
-    def refresh_views(self) -> None:
-        """Draw the state and request the data it needs."""
-        self.renderer.refresh()
-
-    def status_text(self) -> str:
-        """The status line in plain text."""
-        return self.renderer.status_text()
-
     def show_error(self, text: str) -> None:
         """Show an error in the message line."""
         self.session.show_message(text, is_error=True)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def post(self, message: Message) -> None:
         """Post a message from any thread; ignored once the application has ended."""
         with contextlib.suppress(RuntimeError):  # the event loop is closed
             self.post_message(message)
-
-    def open_screen(self, screen: Screen[Any], on_result: Callable[[Any], None]) -> None:
-        """Open a modal screen and call `on_result` with what it returns."""
-        self.push_screen(screen, on_result)
-
-    def run_action_soon(self, action: str) -> None:
-        """Run a Textual action once the present message is handled."""
-        self.call_next(self.run_action, action)
 
     def get_line_filters(self) -> list[LineFilter]:
         """Textual's filters, and ASCII output if requested."""
@@ -220,7 +193,7 @@ class S2RApp(GuardedApp):
     # --- messages ----------------------------------------------------------------------------
 
     def on_panes_arranged(self) -> None:
-        self.refresh_views()
+        self.renderer.refresh()
 
     def on_load_completed(self, message: LoadCompleted) -> None:
         self.load_results.on_completed(message)
@@ -273,7 +246,7 @@ class S2RApp(GuardedApp):
             action.do(self.session)
         except S2RError as error:
             self.session.show_message(str(error), is_error=True)
-        self.refresh_views()
+        self.renderer.refresh()
 
     def action_view(self, name: str) -> None:
         self.navigation.show_view(name)
@@ -298,14 +271,7 @@ class S2RApp(GuardedApp):
         else:
             self.brush.drop_drag()
             self.session.dispatch(view_settings.cancel_input)
-            self.refresh_views()
-
-    def action_copy(self) -> None:
-        session = self.session
-        saved = shared_selection.current_selection(session.state)
-        self.copy_to_clipboard(shared_selection.shared_text(saved, session.store.dataset.hash))
-        session.show_message("copied the expression, with run, generation and count")
-        self.refresh_views()
+            self.renderer.refresh()
 
     def action_doctor(self) -> None:
         self.push_screen(DoctorScreen(self.render_options, self.terminal))

@@ -4,40 +4,31 @@ from __future__ import annotations
 
 import traceback
 from asyncio import TimerHandle
-from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import partial
-
-from textual.app import App
-from textual.message import Message
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import S2RError
 from s2rstore.reader import Store
 from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import LatestOnlyWorker
-from s2rtui.loaders import LOADERS, Fields, Key, Loader
+from s2rtui.loaders import LOADERS, Fields, Key, LoadContext, Loader
 from s2rtui.session.state import State
 from s2rtui.terminal.textual_compat import call_after
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 DEBOUNCE_SECONDS = 0.15
 """Delay before a debounced loader starts, so that it waits for repeated keys."""
 RELEASE_SECONDS = 120.0
-"""How long what a loader holds is kept after it was last requested."""
-
-
-@dataclass
-class RestartedLoads:
-    """The loaders whose request has changed, and the fields to clear."""
-
-    loaders: set[str] = field(default_factory=set)
-    cleared: Fields = field(default_factory=dict)
+"""Delay after the last request until the resources of a loader are released."""
 
 
 class LoadScheduler:
     """Per loader, the request that is being read and the newest one."""
 
-    def __init__(self, app: App[None]) -> None:
-        self._app = app
+    def __init__(self, app: S2RApp) -> None:
+        self.app = app
         self._workers = {
             loader.name: LatestOnlyWorker(loader.name, partial(self._report_failure, loader))
             for loader in LOADERS
@@ -59,14 +50,18 @@ class LoadScheduler:
         """Whether every request is answered."""
         return self._answered == self._ticket
 
-    def request(self, store: Store, state: State) -> RestartedLoads:
-        """Start the loaders whose key differs from their last request."""
-        restarted = RestartedLoads()
+    def request(self, store: Store, state: State) -> tuple[set[str], Fields]:
+        """Start the loaders whose key differs from their last request.
+
+        Returns the names of these loaders, and the fields to clear.
+        """
+        restarted: set[str] = set()
+        cleared: Fields = {}
         for loader in LOADERS:
             key = loader.request_key(store, state)
             if loader.name in self._requested and key == self._requested[loader.name]:
                 continue
-            restarted.loaders.add(loader.name)
+            restarted.add(loader.name)
             self._requested[loader.name] = key
             self._ticket[loader.name] += 1
             for timers in (self._debounce, self._release):
@@ -74,11 +69,11 @@ class LoadScheduler:
                     timers.pop(loader.name).cancel()
             if key is None:
                 self._answered[loader.name] = self._ticket[loader.name]
-                restarted.cleared.update(dict.fromkeys(loader.cleared_fields))
+                cleared |= dict.fromkeys(loader.cleared_fields)
                 self._release_later(loader)
             else:
                 self._start(loader, self._ticket[loader.name], store, state)
-        return restarted
+        return restarted, cleared
 
     def _start(self, loader: Loader, ticket: int, store: Store, state: State) -> None:
         read = partial(self._read, loader, ticket, store, state)
@@ -91,18 +86,18 @@ class LoadScheduler:
                 del self._debounce[loader.name]  # a timer keeps its callback, and so the store
                 self._workers[loader.name].put(read)
 
-        self._debounce[loader.name] = call_after(self._app, self.debounce_seconds, start)
+        self._debounce[loader.name] = call_after(self.app, self.debounce_seconds, start)
 
     def _release_later(self, loader: Loader) -> None:
-        """Release what a loader holds unless it is requested again soon."""
+        """Release the resources of a loader unless it is requested again soon."""
         if loader.release is not None and self._workers[loader.name].was_used:
             release = partial(self._workers[loader.name].put, loader.release)
-            self._release[loader.name] = call_after(self._app, self.release_seconds, release)
+            self._release[loader.name] = call_after(self.app, self.release_seconds, release)
 
     def _read(self, loader: Loader, ticket: int, store: Store, state: State) -> None:
         """Runs in the loader's thread."""
         context = _RequestContext(self, loader, ticket)
-        if not context.is_wanted():
+        if not context.is_current():
             return
         try:
             fields = loader.read(store, state, context)
@@ -110,20 +105,15 @@ class LoadScheduler:
             cleared = dict.fromkeys(loader.cleared_fields)
             reason = str(error) or type(error).__name__
             if not isinstance(error, S2RError | OSError | ValueError):
-                self._app.log.error(traceback.format_exc())
+                self.app.log.error(traceback.format_exc())
                 reason = f"{loader.name}: {reason}"
-            self.post(LoadCompleted(loader.name, ticket, cleared, " ".join(reason.split())))
+            self.app.post(LoadCompleted(loader.name, ticket, cleared, " ".join(reason.split())))
             return
-        self.post(LoadCompleted(loader.name, ticket, fields))
-
-    def post(self, message: Message) -> None:
-        """Post a message to the application from any thread."""
-        with suppress(RuntimeError):  # the event loop is closed
-            self._app.post_message(message)
+        self.app.post(LoadCompleted(loader.name, ticket, fields))
 
     def _report_failure(self, loader: Loader, error: Exception) -> None:
         """Runs in the loader's thread, for errors outside of reading."""
-        self.post(BackgroundFailed(f"{loader.name}: {type(error).__name__}: {error}"))
+        self.app.post(BackgroundFailed(f"{loader.name}: {type(error).__name__}: {error}"))
 
     def is_newest(self, loader: str, ticket: int) -> bool:
         """Whether a ticket is that of the loader's newest request."""
@@ -144,23 +134,22 @@ class LoadScheduler:
         return True
 
 
-class _RequestContext:
-    """The `LoadContext` of one request, used in the loader's thread."""
+class _RequestContext(LoadContext):
+    """One request, used in the loader's thread."""
 
     def __init__(self, scheduler: LoadScheduler, loader: Loader, ticket: int) -> None:
         self._scheduler, self._loader, self._ticket = scheduler, loader, ticket
 
-    def is_wanted(self) -> bool:
+    def is_current(self) -> bool:
         return self._scheduler.is_newest(self._loader.name, self._ticket)
 
     def report_progress(self, share: float) -> bool:
-        is_wanted = self.is_wanted()
-        if is_wanted and share < 1:
-            self._scheduler.post(LoadProgressed(self._loader.name, self._ticket, share))
-        return is_wanted
+        is_current = self.is_current()
+        if is_current and share < 1:
+            self._scheduler.app.post(LoadProgressed(self._loader.name, self._ticket, share))
+        return is_current
 
     def publish(self, fields: Fields) -> None:
-        if self._loader.shows_outdated or self.is_wanted():
-            self._scheduler.post(
-                LoadCompleted(self._loader.name, self._ticket, fields, partial=True)
-            )
+        if self._loader.shows_outdated or self.is_current():
+            message = LoadCompleted(self._loader.name, self._ticket, fields, partial=True)
+            self._scheduler.app.post(message)

@@ -1,4 +1,4 @@
-"""Messages from background threads to the application, named after what happened."""
+"""Messages from background threads to the application."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def is_key(name: str) -> bool:
 
 
 def take_screenshot(app: S2RApp) -> Screenshot:
-    """What the application shows now."""
+    """The present screen of the application."""
     return Screenshot.of(app.screen)
 
 

@@ -9,9 +9,7 @@ from textual.geometry import Region, Size
 
 from s2rtui.app import layout
 from s2rtui.app.actions import footer
-from s2rtui.app.controllers.prompt import PromptController
-from s2rtui.app.layout import MIN_SIZE, PaneRectangle, SizeClass
-from s2rtui.app.load_scheduler import LoadScheduler
+from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
 from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.panes import Panes
@@ -26,10 +24,8 @@ if TYPE_CHECKING:
 class Renderer:
     """Draws what has changed since the last drawing."""
 
-    def __init__(
-        self, app: S2RApp, prompt: PromptController, load_scheduler: LoadScheduler
-    ) -> None:
-        self._app, self._prompt, self._load_scheduler = app, prompt, load_scheduler
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
         self._size_class: SizeClass = "narrow"
         self._is_loading_started = False
 
@@ -47,7 +43,7 @@ class Renderer:
     @property
     def settled(self) -> bool:
         """Whether everything that the state needs is loaded."""
-        return self._is_loading_started and self._load_scheduler.settled
+        return self._is_loading_started and self._app.load_scheduler.settled
 
     def refresh(self) -> None:
         """Draw the state and request the data it needs."""
@@ -60,9 +56,9 @@ class Renderer:
             bars["status"].show(f"the terminal is too small: it needs {columns}x{rows}")
             return
         if self._is_loading_started:
-            restarted = self._load_scheduler.request(app.session.store, state)
-            if restarted.loaders:
-                app.resources = app.resources.with_requested(restarted.loaders, restarted.cleared)
+            restarted, cleared = app.load_scheduler.request(app.session.store, state)
+            if restarted:
+                app.resources = app.resources.with_requested(restarted, cleared)
         panes = app.query_one(Panes)
         panes.place(self.pane_rectangles(*panes.available_size))
         before, expression, after = self._status
@@ -81,12 +77,12 @@ class Renderer:
         """Draw the message line alone."""
         for bar in self._app.query("#message").results(Bar):
             state = self._app.session.state
-            classes = "error" if state.is_error else "whole" if self._prompt.is_open else ""
+            classes = "error" if state.is_error else "whole" if self._app.prompt.is_open else ""
             bar.show(message_text(state, self._app.resources), classes=classes)
 
     @property
     def scene(self) -> Scene:
-        """What the views are drawn from now."""
+        """The present input of all views."""
         session = self._app.session
         return Scene(session.store, session.state, self._app.resources, session.notes)
 
@@ -103,7 +99,7 @@ class Renderer:
         plots = [self.plot(view.name) for view in VIEWS]
         return [(str(plot.id), plot.region) for plot in plots if plot.placed and plot.region.area]
 
-    def pane_rectangles(self, width: int, height: int) -> Mapping[str, PaneRectangle]:
+    def pane_rectangles(self, width: int, height: int) -> Mapping[str, Region]:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
         rows = BY_NAME["overview"].height(self.scene, width) + 1
@@ -116,13 +112,12 @@ class Renderer:
 
     @property
     def _status(self) -> StatusLine:
-        app = self._app
-        width = app.size.width
-        return status_line(app.session.store, app.session.state, width, app.render_options)
+        app, session = self._app, self._app.session
+        return status_line(session.store, session.state, app.size.width, app.render_options)
 
     def _key_pieces(self) -> list[Piece]:
         app = self._app
-        if self._prompt.is_open:
+        if app.prompt.is_open:
             pairs = app.query_line.keys
         else:
             pairs = footer(app.size.width - 2, app.session.state, app.access)

@@ -1,4 +1,4 @@
-"""Run the application on a terminal, and report what it leaves unfinished."""
+"""Run the application on a terminal, and report unfinished work at its end."""
 
 from __future__ import annotations
 
@@ -51,5 +51,4 @@ def run_app(
         for line in app.jobs.unfinished:
             print(f"s2r: {line}", file=sys.stderr)
     if app.fault is not None:
-        fault = f"{type(app.fault).__name__}: {app.fault}"
-        raise S2RError(f"internal error: {fault} (--debug shows where)") from app.fault
+        raise S2RError(f"{type(app.fault).__name__}: {app.fault}") from app.fault

@@ -20,7 +20,7 @@ class Screenshot:
 
     @classmethod
     def of(cls, screen: Screen[Any]) -> Screenshot:
-        """Take what a screen shows now."""
+        """Take the present content of a screen."""
         return cls(tuple(tuple(strip) for strip in screen_strips(screen)))
 
     @property
@@ -30,7 +30,7 @@ class Screenshot:
         return "\n".join(rows) + "\n"
 
     def png(self, options: RenderOptions, size: tuple[int, int] | None = None) -> bytes:
-        """Encode as PNG, in the upper left of an image of `size` pixels if given."""
+        """Encode as PNG, in the upper left of an image of `size` pixels if it is set."""
         from s2rtui.export.rasterizer import rasterize_png
 
         return rasterize_png(self.lines, theme=options.theme, size=size)

@@ -65,7 +65,6 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def _pending_text(state: State) -> str:
-    """What is being loaded, to follow the name of the run."""
     pending = state.pending
     if pending is None:
         return ""

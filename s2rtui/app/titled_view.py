@@ -1,4 +1,4 @@
-"""A view with its title line: what a plot widget draws."""
+"""A view with its title line, as a plot widget draws it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from s2rtui.charts.view import View
 
 
 def truncated(text: str, width: int, options: RenderOptions) -> str:
-    """At most `width` characters; an ellipsis marks what was cut."""
+    """At most `width` characters; an ellipsis marks a cut."""
     return text if len(text) <= width else text[: width - 1] + ("~" if options.ascii else "…")
 
 
@@ -23,7 +23,7 @@ class TitledView:
 
     @property
     def cache_key(self) -> tuple[object, ...] | None:
-        """What the drawing depends on; None draws it always."""
+        """Key of everything the drawing depends on; None draws it always."""
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None

@@ -91,7 +91,7 @@ class Resources:
         """Names the source of the heat on the map where it is not the current one."""
         if state.adjusting and state.overlay == "instance":
             return ""
-        return self.floor_heat_source.told(state) if self.floor_heat_source else ""
+        return self.floor_heat_source.label(state) if self.floor_heat_source else ""
 
     def seen_on_map(self, state: State) -> FloorGrid | None:
         """The part of the floor that the current selection saw."""

@@ -13,6 +13,7 @@ INTERNAL_ERROR = 70
 
 def describe(error: Exception) -> tuple[str, int]:
     """Return the message for an exception and the exit code of the process."""
+    code = INTERNAL_ERROR
     if isinstance(error, S2RError):
         message, code = str(error), error.exit_code
     elif isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("s2r"):
@@ -28,9 +29,9 @@ def describe(error: Exception) -> tuple[str, int]:
         reason = str(error.strerror or error)
         return printable(f"{source}: {reason}" if source else reason), 2
     else:
-        message = f"internal error: {type(error).__name__}: {error}"
-        message += " (--debug shows the traceback)"
-        code = INTERNAL_ERROR
+        message = f"{type(error).__name__}: {error}"
+    if code == INTERNAL_ERROR:
+        message = f"internal error: {message} (--debug shows the traceback)"
     return printable(" ".join(message.split())), code
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,62 +13,39 @@ if TYPE_CHECKING:
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose runs and instances."""
-    group = parser.add_argument_group("selection")
-    group.add_argument("--select", default="all", metavar="EXPR",
-                       help="selection expression (default all)")  # fmt: skip
-    group.add_argument("--run", help="run (default: the first)")
-    group.add_argument("--trajectory", action="append",
-                       help="show only this trajectory (repeatable)")  # fmt: skip
-    group.add_argument("--with", dest="other", metavar="RUN", help="second run of a comparison")
-    group.add_argument("--iid", type=int, help="instance id (default: the worst selected)")
-    group.add_argument("--side", choices=("sim", "real"),
-                       help="side of heatmaps, lines and comparisons")  # fmt: skip
-    group.add_argument("--sort", metavar="COLUMN",
-                       help="sort column of the table view, such as gap")  # fmt: skip
-    group.add_argument("--ascending", action="store_true", help="sort the smallest value first")
-    group.add_argument("--history", type=Path, metavar="FILE",
-                       help="gap history (default: that of the store)")  # fmt: skip
+    add = parser.add_argument_group("selection").add_argument
+    add("--select", default="all", metavar="EXPR", help="selection expression (default all)")
+    add("--run", help="run (default: the first)")
+    add("--trajectory", action="append", help="show only this trajectory (repeatable)")
+    add("--with", dest="other", metavar="RUN", help="second run of a comparison")
+    add("--iid", type=int, help="instance id (default: the worst selected)")
+    add("--side", choices=("sim", "real"), help="side of heatmaps, lines and comparisons")
+    add("--sort", metavar="COLUMN", help="sort column of the table view, such as gap")
+    add("--ascending", action="store_true", help="sort the smallest value first")
+    add("--history", type=Path, metavar="FILE", help="gap history (default: that of the store)")
 
 
 def add_drawing(parser: argparse.ArgumentParser) -> None:
     """Add the options for heatmaps and the map."""
-    group = parser.add_argument_group("heatmaps and map")
-    group.add_argument("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
-    group.add_argument(
-        "--on", choices=("instance", "selection", "run"),
-        help="instances whose heat is accumulated on the map (default with --heat: run)",
-    )  # fmt: skip
-    group.add_argument(
-        "--aggregate", choices=("mean", "max", "sum", "count"), default="mean",
-        help="aggregation of the heat per map cell; count is the number of pixels (default mean)",
-    )  # fmt: skip
-    group.add_argument("--mode", choices=("colour", "glyph", "full"), default="colour",
-                       help="drawing mode of the map (default colour)")  # fmt: skip
-    group.add_argument("--clip", action="store_true",
-                       help="dim map cells that no selected instance observed")  # fmt: skip
-    group.add_argument("--room-names", action="store_true", help="draw rooms with their names")
+    add = parser.add_argument_group("heatmaps and map").add_argument
+    add("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
+    add("--on", dest="overlay", choices=("instance", "selection", "run"),
+        help="instances whose heat is accumulated on the map (default with --heat: "
+        "run)")  # fmt: skip
+    add("--aggregate", choices=("mean", "max", "sum", "count"), default="mean",
+        help="aggregation of the heat per map cell; count is the number of pixels "
+        "(default mean)")  # fmt: skip
+    add("--mode", dest="map_mode", choices=("colour", "glyph", "full"), default="colour",
+        help="drawing mode of the map (default colour)")  # fmt: skip
+    add("--clip", action="store_true", help="dim map cells that no selected instance observed")
+    add("--room-names", action="store_true", help="draw rooms with their names")
 
 
 def scene_options(options: argparse.Namespace) -> SceneOptions:
     """Return the parsed options; drawing options of other commands keep their defaults."""
     from s2rtui.export.load_scene import SceneOptions
 
-    values = vars(options)
-    trajectories = values.get("trajectory")
-    return SceneOptions(
-        select=options.select,
-        run=options.run,
-        trajectories=tuple(trajectories) if trajectories else None,
-        iid=options.iid,
-        other=options.other,
-        side=options.side,
-        sort=options.sort,
-        ascending=options.ascending,
-        history=options.history,
-        heat=values.get("heat"),
-        overlay=values.get("on"),
-        aggregate=values.get("aggregate", "mean"),
-        map_mode=values.get("mode", "colour"),
-        clip=values.get("clip", False),
-        room_names=values.get("room_names", False),
-    )
+    names = {field.name for field in dataclasses.fields(SceneOptions)}
+    values = {name: value for name, value in vars(options).items() if name in names}
+    trajectories = tuple(options.trajectory) if options.trajectory else None
+    return SceneOptions(**values, trajectories=trajectories)

@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.records import Side
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
-from s2rtui.loaders import LOADERS, Fields
+from s2rtui.loaders import LOADERS, Fields, LoadContext
 from s2rtui.session import HeatChoice, Session, State, instance_list
 from s2rtui.session.heatmaps import heatmap_choices
 from s2rtui.session.state import Aggregate, MapMode, Overlay
@@ -64,9 +64,9 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
     state = state if cursor else replace(state, cursor=None)
     needed = {name for view in views for name in view.loads}
     fields: Fields = {}
-    for feed in LOADERS:
-        if feed.name in needed and feed.request_key(store, state) is not None:
-            fields |= feed.read(store, state, _UncancelledContext())
+    for loader in LOADERS:
+        if loader.name in needed and loader.request_key(store, state) is not None:
+            fields |= loader.read(store, state, LoadContext())
     if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         label = state.heat.label if state.heat else ""
         raise RequestError(
@@ -84,41 +84,35 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     session.set_state(replace(session.state, trajectories=options.trajectories))
     state = session.select(options.select)
     overlay = options.overlay or ("run" if options.heat else "off")
-    state = replace(
-        state,
-        heat=_heat(session, state, options),
-        overlay=overlay,
-        aggregate=options.aggregate,
-        map_mode=options.map_mode,
-        clip=options.clip,
-        room_names=options.room_names,
-        cursor=_cursor(state, options.iid),
-        other=_other(state, options.other),
-        descending=not options.ascending,
-        past=(),
-        message="",
-    )
-    if options.sort is not None:
-        known = instance_list.columns(session.notes)
-        if options.sort not in known:
-            raise RequestError(f"--sort {options.sort}: must be one of {', '.join(known)}")
-        state = replace(state, sort=options.sort)
-    return session.set_state(state)
-
-
-def _cursor(state: State, iid: int | None) -> int | None:
-    if iid is None:
-        return state.cursor if state.selected.any() else None
-    if not 0 <= iid < state.base.size:
+    iid, other, sort = options.iid, options.other, options.sort or state.sort
+    if iid is not None and not 0 <= iid < state.base.size:
         raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
-    return iid
-
-
-def _other(state: State, name: str | None) -> str | None:
-    if name is not None and (name not in state.runs or name == state.run):
-        others = ", ".join(run for run in state.runs if run != state.run)
-        raise RequestError(f"--with {name}: must be another run ({others or 'there is none'})")
-    return name
+    others = [run for run in state.runs if run != state.run]
+    if other is not None and other not in others:
+        names = ", ".join(others) or "there is none"
+        raise RequestError(f"--with {other}: must be another run ({names})")
+    columns = instance_list.columns(session.notes)
+    if sort not in columns:
+        raise RequestError(f"--sort {sort}: must be one of {', '.join(columns)}")
+    if iid is None and state.selected.any():
+        iid = state.cursor
+    return session.set_state(
+        replace(
+            state,
+            heat=_heat(session, state, options),
+            overlay=overlay,
+            aggregate=options.aggregate,
+            map_mode=options.map_mode,
+            clip=options.clip,
+            room_names=options.room_names,
+            cursor=iid,
+            other=other,
+            sort=sort,
+            descending=not options.ascending,
+            past=(),
+            message="",
+        )
+    )
 
 
 def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice | None:
@@ -132,16 +126,3 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
         option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
         raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")
     return HeatChoice(*matches[0], options.side or state.side)
-
-
-class _UncancelledContext:
-    """Load context that is never cancelled and ignores progress."""
-
-    def is_wanted(self) -> bool:
-        return True
-
-    def report_progress(self, share: float) -> bool:
-        return True
-
-    def publish(self, fields: Fields) -> None:
-        return None

@@ -20,7 +20,7 @@ _any_started = Event()
 
 
 class LatestOnlyWorker:
-    """A thread that runs one piece of work at a time; of waiting work only the newest is kept."""
+    """A thread that runs one piece of work at a time; newer work replaces waiting work."""
 
     def __init__(self, name: str, report_error: ReportError = traceback.print_exception) -> None:
         """The thread starts with the first work and calls `report_error` for work that raises.
@@ -79,7 +79,6 @@ class LatestOnlyWorker:
         return work
 
     def _try(self, work: Work) -> None:
-        """Run work and report its exception."""
         try:
             _run_tracked(work)
         except Exception as error:
@@ -87,12 +86,12 @@ class LatestOnlyWorker:
 
 
 def run_in_thread(name: str, work: Work) -> None:
-    """Run one piece of work, which must not raise, in a thread of its own."""
+    """Run one piece of work, which must not raise, in a new thread."""
     Thread(target=_run_tracked, args=(work,), name=name, daemon=True).start()
 
 
 class BackgroundJobs:
-    """One-off jobs in threads; each describes what is missing as long as it has not ended."""
+    """One-off jobs in threads, each with a text about its missing result until it has ended."""
 
     def __init__(self, report_failure: Callable[[str], object]) -> None:
         """`report_failure` gets the text for a job that raised; it is called in its thread."""
@@ -102,11 +101,11 @@ class BackgroundJobs:
 
     @property
     def unfinished(self) -> tuple[str, ...]:
-        """What is missing, one line per job that has not ended or failed after `close`."""
+        """The texts of the jobs that have not ended, or failed after `close`."""
         return tuple(self._unfinished.values())
 
     def start(self, work: Callable[[], None], missing: str) -> None:
-        """Run a job; `missing` says what is missing until it has ended."""
+        """Run a job; `missing` describes its missing result."""
         token = object()
         self._unfinished[token] = missing
 
@@ -145,12 +144,8 @@ def wait_until_idle(timeout: float) -> bool:
     return not _running
 
 
-def _wait_at_exit() -> None:
-    """Give work time to end in programs that do not call `end_process`."""
-    wait_until_idle(_EXIT_TIMEOUT)
-
-
-atexit.register(_wait_at_exit)
+# Gives work time to end in programs that do not call `end_process`.
+atexit.register(wait_until_idle, _EXIT_TIMEOUT)
 
 
 def end_process(code: int) -> int:

@@ -1,7 +1,7 @@
 """Save adjustments as a run: register it and compute it in a subprocess.
 
 The subprocess is `s2r precompute`, so the run equals one made on the command line, and a later
-precompute continues what it has finished. It ends with the application, also when that is killed.
+precompute continues it. It ends with the application, also when that is killed.
 """
 
 from __future__ import annotations
@@ -48,9 +48,7 @@ class JobProgress:
         return self.outcome == "running"
 
 
-def save_run(
-    root: Path, name: str, from_run: str, chains: Chains, trust: bool = False
-) -> PrecomputeJob:
+def save_run(root: Path, name: str, from_run: str, chains: Chains) -> PrecomputeJob:
     """Register a run with the model and domains of `from_run` and start computing it.
 
     A side that `chains` does not name keeps the adjustments of `from_run`. Raises RequestError for
@@ -68,7 +66,7 @@ def save_run(
         adjusted = replace(run, sim_adjustments=sim, real_adjustments=real)
         moves_camera = any(run_camera_move(store, adjusted, side) != UNMOVED for side in SIDES)
     try:
-        return PrecomputeJob(root, name, _STAGES + moves_camera, trust)
+        return PrecomputeJob(root, name, _STAGES + moves_camera)
     except OSError:
         drop_run(root, name)
         raise
@@ -77,7 +75,7 @@ def save_run(
 class PrecomputeJob:
     """The computation of one run. Safe to use from any thread."""
 
-    def __init__(self, root: Path, run: str, stages: int, trust: bool) -> None:
+    def __init__(self, root: Path, run: str, stages: int) -> None:
         """Start the subprocess, which will report `stages` stages.
 
         On Linux the subprocess ends with the thread that starts it: that thread must `follow`.
@@ -92,8 +90,8 @@ class PrecomputeJob:
         command = [sys.executable, "-P", "-m", "s2rtui", "precompute", str(root.absolute()),
                    "--run", run, "--progress", "json"]  # fmt: skip
         self._process = subprocess.Popen(
-            command + (["--trust"] if trust else []), stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self._errors,
+            start_new_session=True,
         )  # fmt: skip
         with contextlib.suppress(OSError, AttributeError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)

@@ -2,13 +2,20 @@
 
 from s2rtui.loaders import live_prediction, store_data
 from s2rtui.loaders.loader import Fields, Key, LoadContext, Loader
+from s2rtui.session.loaded_data_origin import visible_floor_key
 
 LOADERS: tuple[Loader, ...] = (
     Loader("run", store_data.run_key, store_data.read_run, is_debounced=False),
     Loader("other run", store_data.other_key, store_data.read_other, is_debounced=False),
-    Loader("columns", store_data.columns_key, store_data.read_columns),
-    Loader("rows", store_data.rows_key, store_data.read_rows, is_debounced=False),
-    Loader("lines", store_data.lines_key, store_data.read_lines, is_debounced=False),
+    Loader("columns", lambda store, state: (state.generation, state.run), store_data.read_columns),
+    Loader(
+        "rows", lambda store, state: (state.generation, state.runs), store_data.read_rows,
+        is_debounced=False,
+    ),
+    Loader(
+        "lines", lambda store, state: (state.generation, state.runs, state.side),
+        store_data.read_lines, is_debounced=False,
+    ),
     Loader(
         "floor plan", store_data.floor_plan_key, store_data.read_floor_plan, ("floor_plan",),
         is_debounced=False,
@@ -22,10 +29,13 @@ LOADERS: tuple[Loader, ...] = (
         ("floor_heat", "floor_heat_source"),
     ),
     Loader(
-        "what was seen", store_data.seen_key, store_data.read_seen,
-        ("seen_floor", "seen_floor_source"),
+        "seen floor", lambda store, state: visible_floor_key(state) if state.clip else None,
+        store_data.read_seen, ("seen_floor", "seen_floor_source"),
     ),
-    Loader("history", store_data.history_key, store_data.read_history, ("history",)),
+    Loader(
+        "history", lambda store, state: (state.history,) if state.history else None,
+        store_data.read_history, ("history",),
+    ),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
         ("live", "live_source", "live_floor_heat"), is_debounced=False, shows_outdated=True,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,34 +21,26 @@ SLOW_KINDS = ("occlusion",)
 """Heat that takes many passes is not computed while a slider moves."""
 
 
-@dataclass(frozen=True, slots=True)
-class _LoadedModel:
-    """A loaded model and its (store path, generation, run)."""
-
-    of: tuple[Path, int, str]
-    model: LiveModel
-
-
 class LivePredictor:
-    """Holds the model of one run."""
+    """Holds the model of one run, with its (store path, generation, run)."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._loaded: _LoadedModel | None = None
+        self._loaded: tuple[tuple[Path, int, str], LiveModel] | None = None
 
     def model(self, store: Store, run: str) -> LiveModel:
         """The live model of a run; loading it takes seconds. Call with the lock held."""
         from s2rtools.interactive import LiveModel
 
-        of = (store.path, store.generation, run)
-        if self._loaded is None or self._loaded.of != of:
+        key = (store.path, store.generation, run)
+        if self._loaded is None or self._loaded[0] != key:
             self._close()
-            self._loaded = _LoadedModel(of, LiveModel(store, run))
-        return self._loaded.model
+            self._loaded = key, LiveModel(store, run)
+        return self._loaded[1]
 
     def _close(self) -> None:
         if self._loaded is not None:
-            self._loaded.model.close()
+            self._loaded[1].close()
             self._loaded = None
 
     def release(self) -> None:
@@ -65,36 +55,31 @@ class LivePredictor:
         that moves faster than the model.
         """
         with self._lock:
-            if state.adjust is None or state.cursor is None or not context.is_wanted():
+            if state.adjust is None or state.cursor is None or not context.is_current():
                 return {}
             model = self.model(store, state.run)
-            if not context.is_wanted():
+            if not context.is_current():
                 return {}
             chains = adjusting.adjustment_chains(state.adjust)
-            kinds = self._kinds(model, state)
+            heat = state.heat
+            if heat is not None and (heat.kind in SLOW_KINDS or heat.kind not in model.kinds):
+                heat = None
+            kinds = () if heat is None else (heat.kind,)
             fields: Fields = {}
-            is_cancelled: Callable[[], bool] = lambda: bool(fields) and not context.is_wanted()  # noqa: E731
+
+            def is_cancelled() -> bool:
+                return bool(fields) and not context.is_current()
+
             for result in model.steps(state.cursor, chains, kinds, is_cancelled):
-                heat = state.heat if state.heat and state.heat.kind in kinds else None
-                ready = heat is not None and any(key[0] == heat.kind for key in result.heat)
-                shown = live_input(store, state, result, heat if ready else None)
+                ready = heat if heat and any(key[0] == heat.kind for key in result.heat) else None
+                grid = ready and model.floor_grid(result, ready.kind, ready.side, ready.mode)
                 fields = {
-                    "live": shown,
+                    "live": live_input(store, state, result, ready),
                     "live_source": instance_provenance(state),
-                    "live_floor_heat": None,
+                    "live_floor_heat": grid,
                 }
-                if ready and heat is not None:
-                    fields["live_floor_heat"] = model.floor_grid(
-                        result, heat.kind, heat.side, heat.mode
-                    )
                 context.publish(fields)
             return fields
-
-    def _kinds(self, model: LiveModel, state: State) -> tuple[str, ...]:
-        heat = state.heat
-        if heat is None or heat.kind in SLOW_KINDS or heat.kind not in model.kinds:
-            return ()
-        return (heat.kind,)
 
 
 _PREDICTOR = LivePredictor()
@@ -118,6 +103,5 @@ def read_live(store: Store, state: State, context: LoadContext) -> Fields:
     try:
         return _PREDICTOR.read(store, state, context)
     except ModuleNotFoundError as error:
-        raise RequestError(
-            f"live adjustments need {error.name}: pip install 's2rtui[tools]'"
-        ) from error
+        message = f"live adjustments need {error.name}: pip install 's2rtui[tools]'"
+        raise RequestError(message) from error

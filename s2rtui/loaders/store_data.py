@@ -36,12 +36,12 @@ def read_run(store: Store, state: State, context: LoadContext) -> Fields:
     pending = state.pending
     assert pending is not None
     if pending.generation == store.generation:
-        pending_target.load_columns(store, pending, context.is_wanted)
+        pending_target.load_columns(store, pending, context.is_current)
         return {}
     fresh = s2rstore.open(store.path, INDEX_MEMORY)
     try:
         run = pending.run if pending.run in fresh.runs else fresh.run().run
-        pending_target.load_columns(fresh, replace(pending, run=run), context.is_wanted)
+        pending_target.load_columns(fresh, replace(pending, run=run), context.is_current)
     except BaseException:
         fresh.close()
         raise
@@ -57,30 +57,19 @@ def other_key(store: Store, state: State) -> Key | None:
 
 def read_other(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the compared run."""
-    pending_target.load_columns(
-        store,
-        replace(pending_target.current_target(state), run=str(other_run(state))),
-        context.is_wanted,
-    )
+    target = replace(pending_target.current_target(state), run=str(other_run(state)))
+    pending_target.load_columns(store, target, context.is_current)
     return {}
-
-
-def columns_key(store: Store, state: State) -> Key:
-    return (state.generation, state.run)
 
 
 def read_columns(store: Store, state: State, context: LoadContext) -> Fields:
     """The columns of the present run that views may need next."""
-    pending_target.load_columns(store, pending_target.current_target(state), context.is_wanted)
+    pending_target.load_columns(store, pending_target.current_target(state), context.is_current)
     return {}
 
 
-def rows_key(store: Store, state: State) -> Key:
-    return (state.generation, state.runs)
-
-
 def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
-    """Read run after run, so that one run beside the present one is in memory at a time."""
+    """Read one run after another; one run besides the present one is in memory at a time."""
     results = []
     for run in state.runs:
         results.append(overview_rows(store, [run]))
@@ -88,10 +77,6 @@ def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
             store.drop_run_columns(run)
     baseline = results[0][1] if results else math.nan
     return {"rows": tuple(row for rows, _ in results for row in rows), "baseline": baseline}
-
-
-def lines_key(store: Store, state: State) -> Key:
-    return (state.generation, state.runs, state.side)
 
 
 def read_lines(store: Store, state: State, context: LoadContext) -> Fields:
@@ -126,33 +111,18 @@ def grid_key(store: Store, state: State) -> Key | None:
 
 
 def read_grid(store: Store, state: State, context: LoadContext) -> Fields:
-    grid = _grid(store, state, context)
-    return {
-        "floor_heat": grid,
-        "floor_heat_source": None if grid is None else heat_provenance(state),
-    }
-
-
-def _grid(store: Store, state: State, context: LoadContext) -> NDArray[np.float32] | None:
+    """The heat of the run, of the instance, or of at most `MAX_GATHERED` selected instances."""
     assert state.heat is not None
-    if state.overlay == "run":
-        return heatmaps.run_grid(store, state.run, state.heat, state.aggregate)
-    if state.overlay == "instance":
-        if state.cursor is None:
-            return None
-        return heatmaps.instance_grid(store, state.run, state.heat, state.cursor)
+    grid, heat = None, (store, state.run, state.heat)
     iids = evenly(np.flatnonzero(state.selected), heatmaps.MAX_GATHERED)
-    if not iids.size:
-        return None
-    return heatmaps.selection_grid(
-        store, state.run, state.heat, iids, state.aggregate, context.report_progress
-    )
-
-
-def seen_key(store: Store, state: State) -> Key | None:
-    if not state.clip:
-        return None
-    return visible_floor_key(state)
+    if state.overlay == "run":
+        grid = heatmaps.run_grid(*heat, state.aggregate)
+    elif state.overlay == "instance" and state.cursor is not None:
+        grid = heatmaps.instance_grid(*heat, state.cursor)
+    elif state.overlay == "selection" and iids.size:
+        grid = heatmaps.selection_grid(*heat, iids, state.aggregate, context.report_progress)
+    source = None if grid is None else heat_provenance(state)
+    return {"floor_heat": grid, "floor_heat_source": source}
 
 
 def read_seen(store: Store, state: State, context: LoadContext) -> Fields:
@@ -166,10 +136,6 @@ def evenly(iids: NDArray[np.intp], most: int) -> NDArray[np.intp]:
     if iids.size <= most:
         return iids
     return iids[np.linspace(0, iids.size - 1, most).round().astype(np.intp)]
-
-
-def history_key(store: Store, state: State) -> Key | None:
-    return None if state.history is None else (state.history,)
 
 
 def read_history(store: Store, state: State, context: LoadContext) -> Fields:

@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rtui.user_data.user_data_dir import user_data_dir
 
 Capability = Literal["", "models"]
-"""What an action needs beyond reading the store and writing in the user data folder."""
+"""A right beyond reading the store and writing in the user data folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +34,9 @@ class Permissions:
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         return cls(store.absolute(), folder, restricted)
 
-    @property
-    def may_load_models(self) -> bool:
-        """Whether models may be loaded, and runs registered and computed."""
-        return not self.restricted
-
     def allows(self, capability: Capability) -> bool:
         """Whether an action that needs a capability is offered."""
-        return capability != "models" or self.may_load_models
+        return capability != "models" or not self.restricted
 
     def may_write(self, path: Path) -> bool:
         """Whether a path may be written."""
@@ -55,7 +50,6 @@ class Permissions:
     def require_writable(self, path: Path) -> Path:
         """Return `path`. Raises RequestError if it may not be written."""
         if not self.may_write(path):
-            raise RequestError(
-                f"{path}: a restricted session can write only in {self.user_data_dir}"
-            )
+            folder = self.user_data_dir
+            raise RequestError(f"{path}: a restricted session can write only in {folder}")
         return path

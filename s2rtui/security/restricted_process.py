@@ -68,9 +68,9 @@ def end_with_parent(number: int = signal.SIGTERM, parent: int | None = None) -> 
         os._exit(1)
 
 
-def server_process_id(environment: MutableMapping[str, str] | None = None) -> int | None:
+def server_process_id() -> int | None:
     """Return the process id of the server of a served session."""
-    text = (os.environ if environment is None else environment).get(SERVER_VARIABLE, "")
+    text = os.environ.get(SERVER_VARIABLE, "")
     return int(text) if text.isdecimal() else None
 
 
@@ -106,12 +106,11 @@ def _audit_hook(permissions: Permissions) -> Callable[[str, tuple[Any, ...]], No
     checks: dict[str, Callable[[tuple[Any, ...]], None]] = {
         "open": partial(_check_open, permissions),
         "import": _check_import,
-        **{
-            event: partial(_check_paths, permissions, count)
-            for event, count in _PATH_EVENTS.items()
-        },
-        **{event: partial(_refuse, event) for event in (*_PROCESS_EVENTS, *_NETWORK_EVENTS)},
     }
+    for event, count in _PATH_EVENTS.items():
+        checks[event] = partial(_check_paths, permissions, count)
+    for event in (*_PROCESS_EVENTS, *_NETWORK_EVENTS):
+        checks[event] = partial(_refuse, event)
 
     def audit(event: str, arguments: tuple[Any, ...]) -> None:
         check = checks.get(event)

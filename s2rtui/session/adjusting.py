@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -40,24 +39,19 @@ def open_sliders(
     context: SessionContext, state: State, sliders: tuple[Slider, ...], reason: str
 ) -> State:
     """Show sliders at the values of the present run."""
-    return replace(state, adjust=_sliders_of_run(context, state, sliders, reason))
+    run = context.store.run(state.run)
+    values = {slider.key: slider.neutral for slider in sliders}
+    steps = [((s, str(step["name"])), step["value"]) for s in SIDES for step in run.adjustments(s)]
+    values |= {key: float(value) for key, value in steps}
+    keys = tuple(key for key, _ in steps)
+    adjust = Adjust(state.run, tuple(values.items()), 0, sliders, reason, run_steps=keys)
+    return replace(state, adjust=adjust)
 
 
 def report_missing_package(context: SessionContext, state: State, package: str) -> State:
     """Show in the panel which package has to be installed."""
     missing = f"live adjustments need {package}: pip install 's2rtui[tools]'"
     return replace(state, adjust=Adjust(state.run, missing=missing))
-
-
-def _sliders_of_run(
-    context: SessionContext, state: State, sliders: Sequence[Slider], reason: str
-) -> Adjust:
-    run = context.store.run(state.run)
-    values = {slider.key: slider.neutral for slider in sliders}
-    steps = [((s, str(step["name"])), step["value"]) for s in SIDES for step in run.adjustments(s)]
-    values |= {key: float(value) for key, value in steps}
-    keys = tuple(key for key, _ in steps)
-    return Adjust(state.run, tuple(values.items()), 0, tuple(sliders), reason, run_steps=keys)
 
 
 def follow_run(context: SessionContext, state: State) -> State:
@@ -109,7 +103,7 @@ def reset_sliders(context: SessionContext, state: State) -> State:
 
 
 def adjustment_chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
-    """The adjustment chain per side that the sliders describe, the run's own steps first.
+    """The adjustment chain per side that the sliders describe, the steps of the run first.
 
     Raises RequestError for a run that applies an adjustment twice, which sliders cannot show.
     """
@@ -117,12 +111,13 @@ def adjustment_chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
 
     chains: dict[Side, list[dict[str, Any]]] = {}
     for side in SIDES:
-        steps = [name for of, name in adjust.run_steps if of == side]
+        steps = [name for step_side, name in adjust.run_steps if step_side == side]
         if len(set(steps)) < len(steps):
             raise RequestError(
                 f"run {adjust.run}: applies an adjustment twice, which sliders cannot show"
             )
-        chain = make_chain(side, {name: value for (of, name), value in adjust.values if of == side})
+        values = {name: value for (owner, name), value in adjust.values if owner == side}
+        chain = make_chain(side, values)
         if steps != [name for name in ADJUSTMENTS if name in steps]:
             first = [step for name in steps for step in chain if step["name"] == name]
             chain = [*first, *(step for step in chain if step["name"] not in steps)]

@@ -19,7 +19,8 @@ _SHARE = 0.12
 
 def started(view: str, panel: Panel, at: Point | None, lasso: bool = False) -> Brush:
     """A new brush around a data point (default: the panel's centre)."""
-    column, row = _centre(panel) if at is None else panel.to_cells(*at)
+    middle = panel.x + panel.width / 2, panel.y + panel.height / 2
+    column, row = middle if at is None else panel.to_cells(*at)
     column = min(max(column, panel.x + 0.5), panel.x + panel.width - 0.5)
     row = min(max(row, panel.y + 0.5), panel.y + panel.height - 0.5)
     centre = panel.to_data(column, row) if at is None else at
@@ -78,8 +79,7 @@ def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
         low, high = first[0] - steps * TURN_STEP, last[0] + steps * TURN_STEP
         is_valid = TURN_STEP <= high - low < 360
         return _with_points(brush, ((low, first[1]), (high, last[1]))) if is_valid else brush
-    ends = [panel.to_cells(*point) for point in (first, last)]
-    (x0, y0), (x1, y1) = ends
+    (x0, y0), (x1, y1) = panel.to_cells(*first), panel.to_cells(*last)
     grow = 0 if panel.shape == "steps" else steps
     tall = 0 if panel.shape == "range" else steps
     sign_x, sign_y = (1 if x1 >= x0 else -1), (1 if y1 >= y0 else -1)
@@ -119,7 +119,6 @@ def _outer_edges(start: Point, end: Point) -> tuple[Point, Point]:
 
 
 def _turning_points(points: list[Point]) -> list[Point]:
-    """The points of a closed line where it changes direction."""
     if len(points) < 4:
         return points
     return [
@@ -130,7 +129,6 @@ def _turning_points(points: list[Point]) -> list[Point]:
 
 
 def _area(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of a triangle."""
     return abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
 
 
@@ -138,23 +136,16 @@ def _with_points(brush: Brush, points: tuple[Point, ...]) -> Brush:
     return replace(brush, mark=replace(brush.mark, points=points))
 
 
-def _centre(panel: Panel) -> Point:
-    return panel.x + panel.width / 2, panel.y + panel.height / 2
-
-
 def _shift(panel: Panel, point: Point, across: int, down: int) -> Point:
     if panel.shape == "turn":
         return point[0] + TURN_STEP * (across + down), point[1]
-    if panel.shape == "steps":
-        column, row = panel.to_cells(*point)
-        stepped = panel.to_data(column, row + down)
-        return point[0], stepped[1]
     column, row = panel.to_cells(*point)
+    if panel.shape == "steps":
+        return point[0], panel.to_data(column, row + down)[1]
     return panel.to_data(column + across, row + (down if panel.shape == "plane" else 0))
 
 
 def _is_on_panel(panel: Panel, points: tuple[Point, ...]) -> bool:
-    """Whether the centre of a mark is on its panel."""
     if panel.shape == "turn":
         return True
     cells = [panel.to_cells(*point) for point in points]

@@ -1,4 +1,4 @@
-"""What reducers read beside the state. A reducer is `(context, state, *arguments) -> state`."""
+"""The context that reducers read. A reducer is `(context, state, *arguments) -> state`."""
 
 from __future__ import annotations
 

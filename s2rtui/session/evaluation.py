@@ -27,10 +27,10 @@ def evaluate(
     history: tuple[tuple[str, ...], tuple[str, ...]],
     pending: PendingTarget | None = None,
 ) -> State:
-    """The state with `node` selected; brush and operator are used up.
+    """The state with `node` selected; brush and pending operator are cleared.
 
-    `history` holds the expressions before and after it, `pending` is what is still to be loaded.
-    Raises ExpressionError.
+    `history` holds the expressions before and after it, `pending` is the target that
+    remains to be loaded. Raises ExpressionError.
     """
     store, notes = context.store, context.notes
     masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)

@@ -64,10 +64,9 @@ def run_range(store: Store, run: str, heat: HeatChoice) -> tuple[float, float] |
     percentiles = recorded.get(":".join(part for part in (heat.kind, heat.mode) if part))
     if not isinstance(percentiles, list) or len(percentiles) != 2:
         return None
-    low, high = percentiles
-    return (
-        (float(low), float(high)) if all(isinstance(v, int | float) for v in percentiles) else None
-    )
+    if not all(isinstance(value, int | float) for value in percentiles):
+        return None
+    return float(percentiles[0]), float(percentiles[1])
 
 
 def ray_of(heat: HeatChoice) -> Ray:
@@ -101,13 +100,17 @@ def selection_grid(
 ) -> NDArray[np.float32]:
     """Project heatmaps of some instances on the floor: (rows, cols), NaN for empty cells.
 
-    `report_share` gets the share that is done and returns False to stop.
+    An empty kind projects every pixel without a heatmap. `report_share` gets the share that is done
+    and returns False to stop.
     """
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
-        record = store.run(run)
-        values = store.heatmaps(run, heat.kind, heat.side, block.start, block.stop, heat.mode)
-        _project(store, record, heat, values[chosen], chosen, block, grid)
+        if not heat.kind:
+            values = np.zeros((len(chosen), 1, 1), dtype=np.float32)
+        else:
+            span = block.start, block.stop
+            values = store.heatmaps(run, heat.kind, heat.side, *span, heat.mode)[chosen]
+        _project(store, store.run(run), heat, values, chosen, block, grid)
         if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
@@ -128,15 +131,8 @@ def visible_floor(
     report_share: ReportShare = lambda share: True,
 ) -> NDArray[np.float32]:
     """How often the frames of some instances saw each cell of the floor, NaN for never."""
-    grid = MapGrid(store.dataset.bounds)
-    heat = HeatChoice("depth", "depth", side)
-    for chosen, block in _blocks(iids):
-        flat = np.zeros((len(chosen), 1, 1), dtype=np.float32)
-        _project(store, store.run(run), heat, flat, chosen, block, grid)
-        if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
-            break
-    counts = np.asarray(grid.aggregates()[AGGREGATES.index("count")])
-    return np.where(counts > 0, counts, np.nan).astype(np.float32)
+    heat = HeatChoice("", "depth", side)
+    return selection_grid(store, run, heat, iids, "count", report_share).astype(np.float32)
 
 
 def _blocks(iids: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], slice]]:

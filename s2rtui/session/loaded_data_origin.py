@@ -22,7 +22,7 @@ class InstanceProvenance:
         """The generation and run that were read."""
         return self.generation, self.run
 
-    def told(self, state: State) -> str:
+    def label(self, state: State) -> str:
         """`41, activation (loss)`, and run and generation if they differ from the state's."""
         parts = [f"{self.iid}", *([self.heat.label] if self.heat else ())]
         parts += [f"run {self.run}"] if self.run != state.run else []
@@ -37,29 +37,29 @@ def instance_provenance(state: State) -> InstanceProvenance:
 
 @dataclass(frozen=True, slots=True)
 class HeatProvenance:
-    """The source of heat on the map: `name` identifies it, `whose` its instance or selection."""
+    """The source of heat on the map: `name` identifies it, `members` its instance or selection."""
 
     name: tuple[object, ...]
-    whose: int | ArrayKey | None
+    members: int | ArrayKey | None
 
-    def told(self, state: State) -> str:
+    def label(self, state: State) -> str:
         """How it differs from the state, as text; empty if it does not."""
         if self == heat_provenance(state):
             return ""
-        return f"of {self.whose}" if isinstance(self.whose, int) else "of an earlier selection"
+        return f"of {self.members}" if isinstance(self.members, int) else "of an earlier selection"
 
 
 def heat_provenance(state: State) -> HeatProvenance:
     """The provenance of heat loaded for a state."""
-    whose: int | ArrayKey | None = None
+    members: int | ArrayKey | None = None
     if state.overlay == "instance":
-        whose = state.cursor
+        members = state.cursor
     elif state.overlay == "selection":
-        whose = ArrayKey(state.selected)
+        members = ArrayKey(state.selected)
     name = (state.generation, state.run, state.heat, state.overlay, state.aggregate)
-    return HeatProvenance(name, whose)
+    return HeatProvenance(name, members)
 
 
 def visible_floor_key(state: State) -> tuple[object, ...]:
-    """What the floor seen by the selection depends on."""
+    """Key of everything that the seen floor of the selection depends on."""
     return (state.generation, state.run, state.side, ArrayKey(state.selected))

@@ -45,7 +45,7 @@ def change_run(context: SessionContext, state: State, steps: int) -> State:
 
 
 def set_run(context: SessionContext, state: State, run: str) -> State:
-    """Show a run with the selected or pending expression; select all if it means nothing there."""
+    """Show a run with the selected or pending expression, or all if that cannot be evaluated."""
     return go_to(context, state, replace(pending_target.final_target(state), run=run))
 
 
@@ -66,7 +66,7 @@ def change_trajectory(context: SessionContext, state: State) -> State:
 
 
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a target, keeping brush and operator; what has to be loaded first becomes pending.
+    """Show a target, keeping brush and operator; a target that is not loaded becomes pending.
 
     Until then the nearest loaded place is shown: the run, or the trajectories alone.
     """
@@ -81,7 +81,7 @@ def go_to(context: SessionContext, state: State, target: PendingTarget) -> State
 
 
 def _node_to_load(context: SessionContext, state: State, target: PendingTarget) -> Node | None:
-    """See `pending_target.node_to_load`; an expression without meaning counts as `all`."""
+    """See `pending_target.node_to_load`; `all` replaces an expression that cannot be evaluated."""
     try:
         return pending_target.node_to_load(context, state, target)
     except RequestError:
@@ -89,7 +89,7 @@ def _node_to_load(context: SessionContext, state: State, target: PendingTarget) 
 
 
 def select_shared(context: SessionContext, state: State, target: PendingTarget) -> State:
-    """Show a shared selection at its own run and trajectories, at once or once it is loaded.
+    """Show a shared selection at its run and trajectories, at once or once it is loaded.
 
     Raises RequestError if the expression cannot be evaluated there.
     """
@@ -110,7 +110,7 @@ def complete_pending(context: SessionContext, state: State) -> State:
 
 
 def _with_earlier_message(before: State, after: State) -> State:
-    """`after` with the message of an action before its own."""
+    """`after` with the message of an action in `before` in front of its message."""
     if not (before.keeps_message and before.message):
         return after
     return replace(
@@ -171,12 +171,11 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
 
 
 def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
-    """Evaluate at a target; raises RequestError if its own expression has no meaning there."""
+    """Evaluate at a target; raises RequestError if its expression cannot be evaluated."""
     run = target.run if target.run in base.runs else base.run
     place = replace(base, run=run, trajectories=target.trajectories, pending=None)
     if target.text:
-        history = target.past, target.future
-        result = evaluate(context, place, parse(target.text), history)
+        result = evaluate(context, place, parse(target.text), (target.past, target.future))
     else:
         result = _evaluate_present(context, place)
     if target.saved is not None:
@@ -186,11 +185,10 @@ def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) ->
 
 
 def _evaluate_present(context: SessionContext, state: State) -> State:
-    """Evaluate the present expression in a new place; select all if it has no meaning there."""
+    """Evaluate the present expression in a new place, or select all if that fails."""
     try:
-        node = parse(state.expression)
-        return evaluate(context, state, node, (state.past, state.future))
+        return evaluate(context, state, parse(state.expression), (state.past, state.future))
     except RequestError as error:
         result = selection.select(context, replace(state, pending=None), "all", "replace")
-        message = f"all selected: {state.expression} means nothing here ({error})"
+        message = f"all selected: {state.expression} cannot be evaluated here ({error})"
         return replace(result, message=message)

@@ -1,10 +1,10 @@
-"""Targets of the session: a place and a selection that may first have to be loaded."""
+"""Targets of the session: a place and a selection whose columns may have to be loaded first."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from s2rstore.errors import RequestError
 from s2rstore.language import Node, base_population, evaluation, mask, parse, to_text
@@ -17,7 +17,7 @@ from s2rtui.session.context import SessionContext
 from s2rtui.session.state import PendingTarget, State
 
 MAX_HISTORY = 100
-"""Expressions of the past that are kept."""
+"""Number of past expressions that can be undone."""
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
@@ -25,7 +25,7 @@ _RUN_COLUMNS = ("shift", "valid")
 _TRUTH_COLUMNS = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
 
-# --- what is loaded --------------------------------------------------------------------------
+# --- loaded columns --------------------------------------------------------------------------
 
 
 def run_is_loaded(store: Store, run: str) -> bool:
@@ -61,16 +61,16 @@ def _field_is_loaded(store: Store, run: str, used: Field) -> bool:
     return path == "iid" or store.has_loaded(of, side, [name])
 
 
-def load_columns(store: Store, target: PendingTarget, is_wanted: Callable[[], bool]) -> None:
+def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], bool]) -> None:
     """Read the columns that views draw of a run, and evaluate the target's selection once."""
     columns, truth = store.run_columns(target.run), store.instances
     sides = ((columns.side(side), _SIDE_COLUMNS) for side in SIDES)
     for owner, names in ((truth, _TRUTH_COLUMNS), (columns, _RUN_COLUMNS), *sides):
         for name in names:
-            if not is_wanted():
+            if not is_current():
                 return
             getattr(owner, name)
-    with suppress(RequestError):  # the reducer reports an expression without meaning there
+    with suppress(RequestError):  # the reducer reports an expression that cannot be evaluated
         context = evaluation.context(store, target.run, target.trajectories)
         base_population(context)
         if target.node is not None:
@@ -135,33 +135,20 @@ def node_to_load(
     return None if expression_is_loaded(store, target.run, node) else node
 
 
-@dataclass(frozen=True, slots=True)
-class SelectionPlan:
-    """How a selection is made: now with this history, or `deferred` until it is loaded.
-
-    `pending` is what remains to be loaded once the selection is made now.
-    """
-
-    past: tuple[str, ...]
-    future: tuple[str, ...]
-    deferred: PendingTarget | None = None
-    pending: PendingTarget | None = None
-
-
 def plan(
     context: SessionContext, state: State, node: Node, target: PendingTarget | None = None
-) -> SelectionPlan:
-    """Decide whether `node` can be selected now; `target` overrides its place in the history.
+) -> tuple[PendingTarget, PendingTarget | None]:
+    """The target of selecting `node`, and the target that remains pending after it.
 
-    Raises ExpressionError.
+    The first has a `node` if columns have to be loaded before it can be selected. `target`
+    overrides its place in the history. Raises ExpressionError.
     """
     if target is None:
         target = with_expression(state, final_target(state), to_text(node))
-    history = target.past, target.future
     place = current_target(state)
     if (loading := node_to_load(context, state, place, node)) is not None:
-        return SelectionPlan(*history, deferred=replace(target, node=loading))
+        return replace(target, node=loading), None
     if state.pending is None or place_of(state.pending) == place:
-        return SelectionPlan(*history)
+        return target, None
     expanded = expand_saved_names(context, node)
-    return SelectionPlan(*history, pending=replace(place_of(state.pending), node=expanded))
+    return target, replace(place_of(state.pending), node=expanded)

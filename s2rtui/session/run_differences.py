@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 from s2rstore.geometry.camera_offset import hfov
 from s2rstore.reader import Store
@@ -58,18 +57,12 @@ def _cameras(one: Domain, two: Domain, width: int) -> str:
 
 def lowered(panel: Panel, rows: int) -> Panel:
     """A panel moved down by some rows of its view."""
-    return replace(
-        panel,
-        y=panel.y + rows,
-        to_data=partial(_data_above, panel, rows),
-        to_cells=partial(_cells_below, panel, rows),
-    )
 
+    def to_data(column: float, row: float) -> Point:
+        return panel.to_data(column, row - rows)
 
-def _data_above(panel: Panel, rows: int, column: float, row: float) -> Point:
-    return panel.to_data(column, row - rows)
+    def to_cells(x: float, y: float) -> Point:
+        column, row = panel.to_cells(x, y)
+        return column, row + rows
 
-
-def _cells_below(panel: Panel, rows: int, x: float, y: float) -> Point:
-    column, row = panel.to_cells(x, y)
-    return column, row + rows
+    return replace(panel, y=panel.y + rows, to_data=to_data, to_cells=to_cells)

@@ -13,12 +13,13 @@ from s2rtui.user_data.notebook import Notes, SavedSelection
 
 def describe_saved_names(node: Node, state: State, context: MaskContext, notes: Notes) -> str:
     """How the saved selections named in an expression differ here; empty if they do not."""
-    names = dict.fromkeys(leaf.name for leaf in leaves(node) if isinstance(leaf, Saved))
-    return "; ".join(
-        f"@{quoted(name)}: {difference(state, _count(name, context), notes.selections[name])}"
-        for name in names
-        if name in notes.selections and not _is_same_place(state, notes.selections[name])
-    )
+    parts = []
+    for leaf in dict.fromkeys(leaf for leaf in leaves(node) if isinstance(leaf, Saved)):
+        saved = notes.selections.get(leaf.name)
+        if saved is not None and not _is_same_place(state, saved):
+            count = int(np.count_nonzero(mask(leaf, context)))
+            parts.append(f"@{quoted(leaf.name)}: {difference(state, count, saved)}")
+    return "; ".join(parts)
 
 
 def difference(state: State, count: int, saved: SavedSelection) -> str:
@@ -28,7 +29,7 @@ def difference(state: State, count: int, saved: SavedSelection) -> str:
 
 
 def describe_move(state: State, before: State, saved: SavedSelection) -> str:
-    """What changed with a shared selection, and how its result differs from the shared one."""
+    """The changes that a shared selection caused, and how its result differs from it."""
     parts = [state.message] if state.message else []
     if state.run != before.run:
         parts.append(f"run {state.run}")
@@ -44,10 +45,6 @@ def summary(saved: SavedSelection) -> str:
     """`9 on vanilla, generation 3, in traj1`."""
     view = f", in {', '.join(saved.trajectories)}" if saved.trajectories else ""
     return f"{saved.count} on {saved.run}, generation {saved.generation}{view}"
-
-
-def _count(name: str, context: MaskContext) -> int:
-    return int(np.count_nonzero(mask(Saved(name), context)))
 
 
 def _is_same_place(state: State, saved: SavedSelection) -> bool:

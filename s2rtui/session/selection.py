@@ -30,10 +30,10 @@ def select(
     operator = operator or state.operator
     if operator != "replace":
         node = _combine(parse(pending_target.upcoming(state).expression), operator, node)
-    plan = pending_target.plan(context, state, node, target)
-    if plan.deferred is not None:
-        return defer(replace(state, brush=None, operator="replace"), plan.deferred)
-    return evaluate(context, state, node, (plan.past, plan.future), plan.pending)
+    planned, pending = pending_target.plan(context, state, node, target)
+    if planned.node is not None:
+        return defer(replace(state, brush=None, operator="replace"), planned)
+    return evaluate(context, state, node, (planned.past, planned.future), pending)
 
 
 def _combine(current: Node, operator: Operator, new: Node) -> Node:
@@ -75,7 +75,7 @@ def redo(context: SessionContext, state: State) -> State:
 def _walk_history(
     context: SessionContext, state: State, direction: Literal["undo", "redo"]
 ) -> State:
-    """Skip expressions that have no meaning here and name them in the message."""
+    """Skip expressions that cannot be evaluated here and name them in the message."""
     upcoming, backwards = pending_target.upcoming(state), direction == "undo"
     remaining, skipped = list(upcoming.past if backwards else upcoming.future), []
     place = pending_target.place_of(pending_target.final_target(state))
@@ -122,7 +122,7 @@ def refresh(context: SessionContext, state: State) -> State:
 
 
 def defer(state: State, target: PendingTarget) -> State:
-    """Make a target pending in place of an earlier one, and say what is being loaded."""
+    """Make a target pending in place of an earlier one, and name it in the message."""
     loading = target.text or state.expression
     if target.generation != state.generation:
         loading = f"run {target.run} of generation {target.generation}"

@@ -42,7 +42,7 @@ class Session:
         """Open a store on a run (default: the first computed one) and select its worst region.
 
         `notebooks` opens the notebook of a data set by its hash; without it nothing is saved.
-        `gap_history` overrides the store's own history file. Set `defers_loading` if background
+        `gap_history` overrides the history file of the store. Set `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, a computed run or the history file does not exist.
         """
@@ -58,8 +58,8 @@ class Session:
             gap_history.resolve() if gap_history else reader.history_path(self.store.path)
         )
         self._state = _initial_state(self.store, run, self._history_file())
-        trouble = self.notebook.error if self.notebook else ""
-        self.dispatch(_select_finding, trouble)
+        error = self.notebook.error if self.notebook else ""
+        self.dispatch(_select_finding, error)
 
     @property
     def state(self) -> State:
@@ -116,7 +116,7 @@ class Session:
         return state
 
     def set_state(self, state: State) -> State:
-        """Replace the state by a given one of this session."""
+        """Replace the state by another one of this session."""
         return self.dispatch(lambda context, present: state)
 
     def show_message(self, text: str, is_error: bool = False) -> State:
@@ -129,25 +129,9 @@ class Session:
         """See `selection.select`."""
         return self.dispatch(selection.select, expression, operator)
 
-    def undo(self) -> State:
-        """See `selection.undo`."""
-        return self.dispatch(selection.undo)
-
-    def redo(self) -> State:
-        """See `selection.redo`."""
-        return self.dispatch(selection.redo)
-
-    def move_cursor(self, steps: int) -> State:
-        """See `navigation.move_cursor`."""
-        return self.dispatch(navigation.move_cursor, steps)
-
     def set_cursor(self, iid: int) -> State:
         """See `navigation.set_cursor`."""
         return self.dispatch(navigation.set_cursor, iid)
-
-    def change_run(self, steps: int) -> State:
-        """See `navigation.change_run`."""
-        return self.dispatch(navigation.change_run, steps)
 
     def set_run(self, run: str) -> State:
         """See `navigation.set_run`."""
@@ -225,10 +209,10 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
     )
 
 
-def _select_finding(context: SessionContext, state: State, trouble: str) -> State:
+def _select_finding(context: SessionContext, state: State, error: str) -> State:
     """Select the first screen's finding, the region with the worst errors in reality.
 
-    `trouble` is shown in place of the finding's description if it is not empty.
+    `error` is shown in place of the finding's description if it is not empty.
     """
     regions = store_summary.worst_rooms(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
@@ -241,4 +225,4 @@ def _select_finding(context: SessionContext, state: State, trouble: str) -> Stat
             f"{worst.sim_median:.2f} m sim ({worst.n} instances the model was not trained on)"
         )
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
-    return replace(state, past=(), message=trouble or message, is_error=bool(trouble))
+    return replace(state, past=(), message=error or message, is_error=bool(error))

@@ -68,7 +68,7 @@ def parse_shared(text: str) -> Shared:
 
 
 def select_text(context: SessionContext, state: State, text: str) -> State:
-    """Select a typed or pasted line, on its own run and trajectories if they exist here.
+    """Select a typed or pasted line, on the run and trajectories in it if they exist here.
 
     The message says how the result differs from the shared one. Raises RequestError for a
     selection of another data set and for an invalid expression.
@@ -76,8 +76,8 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     shared, dataset_hash = parse_shared(text), context.store.dataset.hash
     if not dataset_hash.startswith(shared.dataset):
         raise RequestError(
-            f"this was selected on data set {shared.dataset}; "
-            f"the open one is {dataset_hash[:_HASH_LENGTH]}"
+            f"the selection belongs to data set {shared.dataset}; "
+            f"the open store holds {dataset_hash[:_HASH_LENGTH]}"
         )
     if shared.saved is None:
         return selection.select(context, state, shared.expression, "replace")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -163,8 +163,8 @@ class State:
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False
-    past: tuple[str, ...] = field(default=())
-    future: tuple[str, ...] = field(default=())
+    past: tuple[str, ...] = ()
+    future: tuple[str, ...] = ()
 
     def updated(self, **fields: Any) -> State:
         """A copy after an action; its message, if any, replaces the present one, also an error."""

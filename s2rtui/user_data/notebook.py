@@ -28,23 +28,10 @@ from s2rstore.language.canonical_text import quoted
 from s2rstore.language.syntax_tree import Ids, Saved, leaves
 from s2rstore.security.printable_text import printable
 from s2rtui.user_data import notebook_schema
-from s2rtui.user_data.notebook_schema import (
-    Remark,
-    SavedSelection,
-    UnreadableEntries,
-    valid_name,
-)
+from s2rtui.user_data.notebook_schema import Remark, SavedSelection, UnreadableEntries, valid_name
 from s2rtui.user_data.user_data_dir import user_data_dir
 
-__all__ = [
-    "Notebook",
-    "Notes",
-    "ReadNotebook",
-    "Remark",
-    "SavedSelection",
-    "reference",
-    "valid_name",
-]
+__all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "valid_name"]
 
 _MAX_HISTORY = 500
 _MAX_NOTE_CHARACTERS = 2000
@@ -154,7 +141,7 @@ class Notebook:
         def change(notes: Notes) -> Notes:
             self._check_readable(notes, iid)
             remark = replace(notes.remarks.get(iid, Remark()), note=text)
-            return replace(notes, remarks=_with_remark(notes.remarks, iid, remark))
+            return _with_remarks(notes, {iid: remark})
 
         self._change(change)
 
@@ -169,11 +156,13 @@ class Notebook:
                 raise RequestError(
                     f"{reference(tag)} is a saved selection already; choose another tag"
                 )
-            remarks = notes.remarks
-            tagged = not all(tag in remarks.get(iid, Remark()).tags for iid in iids)
-            for iid in iids:
+            remarks = {iid: notes.remarks.get(iid, Remark()) for iid in iids}
+            tagged = not all(tag in remark.tags for remark in remarks.values())
+            for iid, remark in remarks.items():
                 self._check_readable(notes, iid)
-            return replace(notes, remarks=_with_tag(remarks, iids, tag, tagged))
+                others = tuple(other for other in remark.tags if other != tag)
+                remarks[iid] = replace(remark, tags=(*others, tag) if tagged else others)
+            return _with_remarks(notes, remarks)
 
         self._change(change)
         return tagged
@@ -201,18 +190,13 @@ class Notebook:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with file_lock(self.path, _LOCK_SECONDS):
                 notes = change(self._read())
-                write_file(
-                    self.path,
-                    notebook_schema.encode(
-                        self._hash, notes.selections, notes.remarks, notes.history, notes.unread
-                    ),
-                )
+                content = notes.selections, notes.remarks, notes.history, notes.unread
+                write_file(self.path, notebook_schema.encode(self._hash, *content))
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:
-            raise RequestError(
-                f"{self.path}: is nested too deeply; repair it, or move it away"
-            ) from error
+            message = f"{self.path}: is nested too deeply; repair it, or move it away"
+            raise RequestError(message) from error
         self.notes = notes
 
     def _read(self) -> Notes:
@@ -221,13 +205,11 @@ class Notebook:
         except FileNotFoundError:
             return Notes()
         except OSError as error:
-            raise RequestError(
-                f"{self.path}: cannot be read ({error.strerror}); move it away"
-            ) from error
+            message = f"{self.path}: cannot be read ({error.strerror}); move it away"
+            raise RequestError(message) from error
         except (ValueError, RecursionError) as error:
-            raise RequestError(
-                f"{self.path}: is not JSON ({error}); repair it, or move it away"
-            ) from error
+            message = f"{self.path}: is not JSON ({error}); repair it, or move it away"
+            raise RequestError(message) from error
         if not notebook_schema.is_notebook(content, self._hash):
             raise RequestError(f"{self.path}: is not a notebook of this data set; move it away")
         return Notes(*notebook_schema.decode(content))
@@ -242,9 +224,8 @@ class Notebook:
             if not stat.S_ISREG(status.st_mode):
                 raise RequestError(f"{self.path}: is not a regular file; move it away")
             if status.st_size > _MAX_FILE_BYTES:
-                raise RequestError(
-                    f"{self.path}: larger than {_MAX_FILE_BYTES // 2**20} MB; move it away"
-                )
+                limit = _MAX_FILE_BYTES // 2**20
+                raise RequestError(f"{self.path}: larger than {limit} MB; move it away")
             return file.read(_MAX_FILE_BYTES).decode()
 
 
@@ -276,21 +257,7 @@ def _dependencies(expression: str, notes: Notes) -> set[str]:
     return names
 
 
-def _with_remark(remarks: Mapping[int, Remark], iid: int, remark: Remark) -> dict[int, Remark]:
-    """Return remarks with that of one instance replaced, or removed if it is empty."""
-    changed = {key: value for key, value in remarks.items() if key != iid}
-    return changed if remark == Remark() else {**changed, iid: remark}
-
-
-def _with_tag(
-    remarks: Mapping[int, Remark], iids: list[int], tag: str, tagged: bool
-) -> dict[int, Remark]:
-    """Return remarks with a tag added to some instances or removed from them."""
-    changed = dict(remarks)
-    for iid in iids:
-        remark = changed.get(iid, Remark())
-        others = tuple(other for other in remark.tags if other != tag)
-        changed[iid] = replace(remark, tags=(*others, tag) if tagged else others)
-        if changed[iid] == Remark():
-            del changed[iid]
-    return changed
+def _with_remarks(notes: Notes, changed: Mapping[int, Remark]) -> Notes:
+    """Return notes with some remarks replaced, and those that are empty removed."""
+    remarks = {**notes.remarks, **changed}
+    return replace(notes, remarks={iid: r for iid, r in remarks.items() if r != Remark()})

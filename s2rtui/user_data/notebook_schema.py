@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypeVar
 
+import msgspec
+
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
 
@@ -66,9 +68,8 @@ Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], U
 
 def is_notebook(content: Any, dataset_hash: str) -> bool:
     """Return whether parsed JSON is a notebook of a data set in the supported version."""
-    if not isinstance(content, dict):
-        return False
-    return content.get("version") == VERSION and content.get("dataset") == dataset_hash
+    found = (content.get("version"), content.get("dataset")) if isinstance(content, dict) else ()
+    return found == (VERSION, dataset_hash)
 
 
 def decode(content: dict[str, Any]) -> Content:
@@ -109,7 +110,7 @@ def _entries(
 def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
     if valid_name(name, "name") != name:
         raise ValueError("name: blanks at its ends or a leading @ are not allowed")
-    saved = _converted(entry, SavedSelection)
+    saved = msgspec.convert(entry, SavedSelection, strict=False)
     names = saved.trajectories
     return name, replace(
         saved,
@@ -122,17 +123,10 @@ def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
 def _remark(key: str, entry: Any) -> tuple[int, Remark]:
     if not key.isdecimal() or str(int(key)) != key or int(key) >= 2**31:
         raise ValueError("key: must be the number of an instance")
-    remark = _converted(entry, Remark)
+    remark = msgspec.convert(entry, Remark, strict=False)
     if not {"tags", "note"} <= set(entry) or any(valid_name(t, "tag") != t for t in remark.tags):
         raise ValueError("must have a note, and tags without blanks at their ends")
     return int(key), replace(remark, note=printable(remark.note))
-
-
-def _converted(entry: Any, schema: type[V]) -> V:
-    """Return an entry as a dataclass. Raises ValueError with the key and the allowed type."""
-    import msgspec
-
-    return msgspec.convert(entry, schema, strict=False)
 
 
 def _expression(text: str) -> str:

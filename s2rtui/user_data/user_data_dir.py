@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
 
-def user_data_dir(environment: Mapping[str, str] | None = None) -> Path:
+def user_data_dir() -> Path:
     """Return `$XDG_DATA_HOME/s2rtui`, by default `~/.local/share/s2rtui`."""
-    env = os.environ if environment is None else environment
-    data_home = Path(env.get("XDG_DATA_HOME", ""))
+    data_home = Path(os.environ.get("XDG_DATA_HOME", ""))
     if not data_home.is_absolute():
         data_home = Path.home() / ".local" / "share"
     return data_home / "s2rtui"

@@ -23,7 +23,7 @@ _MAX_LINES_BEFORE_START = 10
 _MAX_QUEUED_BYTES = 1 << 18
 """Input that is queued for a busy session; more is dropped."""
 _MAX_ERROR_BYTES = 2000
-"""Standard error of a session that is kept for the message about its failure."""
+"""Size of the end of standard error that the message about a failure is taken from."""
 
 Send = Callable[[bytes], Awaitable[None]]
 
@@ -47,21 +47,11 @@ class PageSession:
             **os.environ, "TEXTUAL_DRIVER": WEB_DRIVER, "TEXTUAL_COLOR_SYSTEM": "truecolor",
             SERVER_VARIABLE: str(os.getpid()), "COLUMNS": str(size[0]), "ROWS": str(size[1]),
         }  # fmt: skip
-        command = [
-            sys.executable,
-            "-P",
-            "-m",
-            "s2rtui",
-            "tui",
-            "--restricted",
-            str(store.absolute()),
-        ]
-        return cls(
-            await asyncio.create_subprocess_exec(
-                *command, stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment,
-                start_new_session=True,
-            )
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(store.absolute()),
+            stdin=PIPE, stdout=PIPE, stderr=PIPE, env=environment, start_new_session=True,
         )  # fmt: skip
+        return cls(process)
 
     async def _read_errors(self, errors: asyncio.StreamReader) -> None:
         while chunk := await errors.read(4096):
@@ -112,7 +102,6 @@ class PageSession:
             pass
 
     def _kill(self) -> None:
-        """Kill the process group if the process still runs."""
         if self._process.returncode is None:
             self._killed = True
             with suppress(ProcessLookupError, PermissionError):

@@ -1,4 +1,4 @@
-"""Admission of requests: a known host name, an own page as origin, and the token."""
+"""Admission of requests: a known host name, a page of this server as origin, and the token."""
 
 from __future__ import annotations
 

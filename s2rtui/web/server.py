@@ -8,7 +8,6 @@ import logging
 import signal
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -21,13 +20,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
-from s2rtui.web.protocol import (
-    MAX_MESSAGE_BYTES,
-    MessageError,
-    Ping,
-    initial_size,
-    read_message,
-)
+from s2rtui.web.protocol import MAX_MESSAGE_BYTES, MessageError, Ping, initial_size, read_message
 from s2rtui.web.request_check import LOOPBACK, RequestCheck, url_host
 
 _FONT_SIZES = range(6, 49)
@@ -56,30 +49,17 @@ _MAX_CONNECTIONS = 64
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-@dataclass(frozen=True, slots=True)
-class ServerSettings:
-    """Store, address, and number of concurrent sessions.
-
-    `public` accepts requests for any host name of this machine.
-    """
-
-    store: Path
-    host: str
-    port: int
-    users: int
-    public: bool = False
-
-
 class StoreServer:
-    """Server of pages in a browser, each with its own session on the store.
+    """Server of pages in a browser, each with a separate session on the store.
 
     Addresses in the page derive from the address of the request, so that tunnels work.
     """
 
-    def __init__(self, settings: ServerSettings) -> None:
-        self._settings = settings
-        self._title = printable(settings.store.name or str(settings.store.absolute()))
-        hosts = None if settings.public else (*LOOPBACK, url_host(settings.host).lower())
+    def __init__(self, store: Path, host: str, port: int, users: int, public: bool) -> None:
+        """`users` limits the sessions; `public` accepts any host name of this machine."""
+        self._store, self._host, self._port, self._users = store, host, port, users
+        self._title = printable(store.name or str(store.absolute()))
+        hosts = None if public else (*LOOPBACK, url_host(host).lower())
         self._request_check = RequestCheck(hosts)
         self._sessions: set[asyncio.Task[None]] = set()
         self._active_transports: WeakSet[asyncio.BaseTransport] = WeakSet()
@@ -89,8 +69,7 @@ class StoreServer:
     @property
     def address(self) -> str:
         """The address to open, with the token."""
-        host = url_host(self._settings.host)
-        return f"http://{host}:{self._settings.port}/?token={self._request_check.token}"
+        return f"http://{url_host(self._host)}:{self._port}/?token={self._request_check.token}"
 
     def serve(self) -> None:
         """Serve until SIGINT or SIGTERM. Raises OSError if it cannot listen on the port."""
@@ -109,7 +88,7 @@ class StoreServer:
         await runner.setup()
         try:
             listening = await loop.create_server(
-                lambda: self._connection(runner), self._settings.host, self._settings.port
+                lambda: self._connection(runner), self._host, self._port
             )
             print(f"{self._title}: {self.address} (press ctrl+c to stop)", flush=True)
             await stop.wait()
@@ -121,11 +100,10 @@ class StoreServer:
     def _connection(self, runner: web.AppRunner) -> asyncio.Protocol:
         """Return the protocol of a new connection; it is dropped if no request arrives in time."""
         assert runner.server is not None
-        if len(runner.server.connections) >= _MAX_CONNECTIONS + self._settings.users:
+        if len(runner.server.connections) >= _MAX_CONNECTIONS + self._users:
             return _RefusedConnection()
         protocol = runner.server()
-        loop = asyncio.get_running_loop()
-        loop.call_later(_REQUEST_TIMEOUT, self._drop_inactive, protocol)
+        asyncio.get_running_loop().call_later(_REQUEST_TIMEOUT, self._drop_inactive, protocol)
         return protocol
 
     def _drop_inactive(self, protocol: web.RequestHandler) -> None:
@@ -182,15 +160,13 @@ class StoreServer:
         self._request_check.check_token(
             request.match_info.get("token") or request.query.get("token", "")
         )
-        if len(self._sessions) >= self._settings.users:
-            text = f"all {self._settings.users} sessions are in use; try again later\n"
+        if len(self._sessions) >= self._users:
+            text = f"all {self._users} sessions are in use; try again later\n"
             raise web.HTTPServiceUnavailable(text=text)
         socket = web.WebSocketResponse(
-            heartbeat=_HEARTBEAT_SECONDS,
-            max_msg_size=MAX_MESSAGE_BYTES,
-            compress=False,
+            heartbeat=_HEARTBEAT_SECONDS, max_msg_size=MAX_MESSAGE_BYTES, compress=False,
             timeout=0.5,
-        )
+        )  # fmt: skip
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="not a WebSocket\n")
         # A separate task ends its session even if the request is cancelled.
@@ -207,7 +183,7 @@ class StoreServer:
         """Connect a page with a new session until one of them ends; then end both."""
         await socket.prepare(request)
         size = initial_size(request.query.get("width", ""), request.query.get("height", ""))
-        session = await PageSession.start(self._settings.store, size)
+        session = await PageSession.start(self._store, size)
         tasks = [
             asyncio.create_task(session.forward(socket.send_bytes)),
             asyncio.create_task(_listen(socket, session)),
@@ -266,10 +242,8 @@ async def _run_to_completion(work: Coroutine[Any, Any, None]) -> None:
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     for name, value in _HEADERS.items():
-        if name == "Server":
+        if name == "Server" or name not in response.headers:
             response.headers[name] = value
-        else:
-            response.headers.setdefault(name, value)
 
 
 def _page_file(name: str) -> str:

@@ -78,7 +78,7 @@ async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
 def _map_input(app: S2RApp):
     from s2rtui.charts.registry import BY_NAME
 
-    return BY_NAME["map"].input(app.scene)
+    return BY_NAME["map"].input(app.renderer.scene)
 
 
 async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
@@ -153,7 +153,7 @@ async def test_a_taken_name_is_told(computed: Path) -> None:
     app = app_on(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "enter")
-        assert "a run needs a name" in app.session.state.message
+        assert "type a name for the run" in app.session.state.message
         await pilot.press(*"vanilla", "enter")
         await settle(app, pilot)
         assert "already" in app.session.state.message

@@ -376,7 +376,7 @@ async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None
     app = app_on(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
-        view = BY_NAME["errors"].input(app.scene)
+        view = BY_NAME["errors"].input(app.renderer.scene)
         panel = next(p for p in panels(app, "errors") if p.name == "real")
         counts = errors_model(view, panel.width).real.total
         cells = [(panel.x + 3, panel.y + 2), (panel.x + 20, panel.y + 2)]
@@ -543,13 +543,13 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
         await settle(app, pilot)
         with monkeypatch.context() as patch:
             patch.setattr(app.session, "check_for_updates", gone)
-            app.load_results.check_store()
+            app.store_updates.check_store()
             assert app.session.state.message == "the store is out of reach"
             app.session.show_message("what the user does now")
-            app.load_results.check_store()
+            app.store_updates.check_store()
             assert app.session.state.message == "what the user does now"
             app.session.show_message("the store is out of reach", is_error=True)
-        app.load_results.check_store()
+        app.store_updates.check_store()
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 

@@ -209,14 +209,14 @@ def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> Non
 @pytest.mark.parametrize(
     ("name", "feed"),
     [
-        ("history", "history"), ("map", "what was seen"), ("map", "floor plan"),
+        ("history", "history"), ("map", "seen floor"), ("map", "floor plan"),
         ("map", "heat on the map"), ("overview", "rows"), ("instance", "pictures"),
     ],
 )  # fmt: skip
 def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str) -> None:
     view = next(view for view in VIEWS if view.name == name)
     assert feed in view.loads
-    state = replace(session.state, clip=feed == "what was seen", cursor=4)
+    state = replace(session.state, clip=feed == "seen floor", cursor=4)
     failed = Resources(failed={feed: "no luck"})
     keys, texts = [], []
     for resources in (Resources(), failed):

@@ -63,7 +63,7 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
             await settle(app, pilot)
             before = take_screenshot(app).text
             await asyncio.to_thread(week.night, 5)
-            app.load_results.check_store()
+            app.store_updates.check_store()
             await settle(app, pilot)
             return before, take_screenshot(app).text
 

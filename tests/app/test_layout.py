@@ -6,15 +6,16 @@ import itertools
 
 from hypothesis import given
 from hypothesis import strategies as st
+from textual.geometry import Region
 
-from s2rtui.app.layout import MIN_SIZE, LayoutRequest, PaneRectangle, arrange, size_class
+from s2rtui.app.layout import MIN_SIZE, LayoutRequest, arrange, size_class
 from s2rtui.charts.registry import VIEWS
 
 TABS = [view.name for view in VIEWS if view.pane == "tab"]
 CENTRES = [view.name for view in VIEWS if view.pane == "centre"]
 
 
-def cells(place: PaneRectangle) -> set[tuple[int, int]]:
+def cells(place: Region) -> set[tuple[int, int]]:
     return {
         (x, y)
         for x in range(place.x, place.x + place.width)

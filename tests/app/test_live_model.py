@@ -43,7 +43,7 @@ async def test_without_its_panel_the_model_rests_and_goes(
         await asyncio.sleep(0.2)
         assert bench.told == ["read"]
         app.session.dispatch(view_settings.show_view, "instance", "tab")
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.press("n")
         await settle(app, pilot)
         async with asyncio.timeout(10):

@@ -115,7 +115,7 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
         text = f"worst(3, real.error)  # {facts}"
         app.session.dispatch(shared_selection.select_text, text)
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.pause()
         state = app.session.state
         assert (state.run, state.expression, state.message) == ("vanilla", "all", "loading run b")
@@ -220,7 +220,7 @@ async def test_undo_takes_back_a_selection_that_waits(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     before = app.session.state
     app.session.select("real.loss > 0.001")
-    app.refresh_views()
+    app.renderer.refresh()
     await press(app, pilot, "u")
     lossy.opened.set()
     await settle(app, pilot)
@@ -235,7 +235,7 @@ async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_br
     app.session.select("straight")
     begun(app.session)
     app.session.select("real.loss > 0")
-    app.refresh_views()
+    app.renderer.refresh()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
     brush, _ = begun(app.session)
     lossy.opened.set()
@@ -248,7 +248,7 @@ async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_br
 async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> None:
     app, pilot = lossy.app, lossy.pilot
     app.session.select("real.loss > 0")
-    app.refresh_views()
+    app.renderer.refresh()
     await press(app, pilot, "t")
     assert app.session.state.trajectories is not None
     lossy.opened.set()
@@ -473,14 +473,14 @@ async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> N
         app.load_scheduler._workers["lines"].put(lambda: (entered.set(), go_on.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
-        app.load_results.check_store()
+        app.store_updates.check_store()
         assert app.session.store is not before
         assert before.execute("SELECT 1") == [(1,)]
         go_on.set()
         await settle(app, pilot)
         while not app.load_scheduler.idle:
             await pilot.pause()
-        app.load_results.check_store()
+        app.store_updates.check_store()
         with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
             before.execute("SELECT 1")
         assert not before._columns.nbytes
@@ -500,7 +500,7 @@ async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
         await settle(app, pilot)
         while not app.load_scheduler.idle:
             await pilot.pause()
-        app.load_results.check_store()
+        app.store_updates.check_store()
         await pilot.pause()
         gc.collect()
         held = before()
@@ -554,7 +554,7 @@ def test_a_generation_that_cannot_be_entered_changes_nothing(
 def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
-    assert session.change_run(1).run == "b"
+    assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 

@@ -48,7 +48,7 @@ async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 def told(app: S2RApp, view: str) -> str:
-    return BY_NAME[view].subtitle(app.scene)
+    return BY_NAME[view].subtitle(app.renderer.scene)
 
 
 @pytest.mark.parametrize(
@@ -95,9 +95,9 @@ async def test_heat_of_another_instance_says_so(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o")
         before = app.session.state.cursor
-        label = BY_NAME["map"].input(app.scene).heat_label
+        label = BY_NAME["map"].input(app.renderer.scene).heat_label
         await press_and_go_on(app, pilot, "n")
-        shown = BY_NAME["map"].input(app.scene)
+        shown = BY_NAME["map"].input(app.renderer.scene)
         assert shown.heat is not None
         assert shown.heat_label == f"{label}, of {before}"
 
@@ -107,7 +107,7 @@ async def test_heat_of_an_earlier_selection_says_so(tiny_store: Path) -> None:
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "o")
         await press_and_go_on(app, pilot, "w")
-        assert "of an earlier selection" in BY_NAME["map"].input(app.scene).heat_label
+        assert "of an earlier selection" in BY_NAME["map"].input(app.renderer.scene).heat_label
 
 
 @pytest.mark.parametrize("key", ["w", "d", "r"])
@@ -115,9 +115,9 @@ async def test_what_something_else_saw_dims_nothing(tiny_store: Path, key: str) 
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "C")
-        assert BY_NAME["map"].input(app.scene).clip is not None
+        assert BY_NAME["map"].input(app.renderer.scene).clip is not None
         await press_and_go_on(app, pilot, key)
-        assert BY_NAME["map"].input(app.scene).clip is None
+        assert BY_NAME["map"].input(app.renderer.scene).clip is None
         assert "loading what the selection saw" in told(app, "map")
 
 
@@ -148,7 +148,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
         here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
-            return replace(app.scene, resources=found, state=replace(here, **changes))
+            return replace(app.renderer.scene, resources=found, state=replace(here, **changes))
 
         assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
@@ -167,13 +167,13 @@ async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
     app = app_on(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
-        for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
+        for feed, share in (("heat on the map", 0.25), ("seen floor", 0.5)):
             app.on_load_progressed(LoadProgressed(feed, app.load_scheduler._ticket[feed], share))
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
         text = take_screenshot(app).text
-        assert "heat on the map 25%, what was seen 50%" in text
-        app.on_load_completed(_answer(app, "what was seen"))
+        assert "heat on the map 25%, seen floor 50%" in text
+        app.on_load_completed(_answer(app, "seen floor"))
         assert app.resources.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
         assert app.resources.progress == {}

@@ -10,7 +10,7 @@ from textual import events
 
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
-from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Turn, Wheel
+from s2rtui.app.widgets.plot import Drag, PlotView, Stroke, Wheel
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import Session, view_settings
@@ -20,14 +20,14 @@ MOVES = 300
 
 async def test_moves_never_queue_up(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     strokes: list[Stroke] = []
-    taken = PlotView.Dragged.taken
+    taken = Drag.taken
 
-    def slowly(message: PlotView.Dragged) -> Stroke:
-        strokes.append(taken(message))
+    def slowly(drag: Drag) -> Stroke:
+        strokes.append(taken(drag))
         time.sleep(0.02)
         return strokes[-1]
 
-    monkeypatch.setattr(PlotView.Dragged, "taken", slowly)
+    monkeypatch.setattr(Drag, "taken", slowly)
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -117,15 +117,15 @@ async def test_sliders_are_not_brushed(tiny_store: Path) -> None:
 async def test_turns_of_the_wheel_never_queue_up(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turns: list[Turn] = []
-    taken = PlotView.Wheeled.taken
+    turns: list[int] = []
+    take_steps = Wheel.take_steps
 
-    def slowly(message: PlotView.Wheeled) -> Turn:
-        turns.append(taken(message))
+    def slowly(wheel: Wheel) -> int:
+        turns.append(take_steps(wheel))
         time.sleep(0.02)
         return turns[-1]
 
-    monkeypatch.setattr(PlotView.Wheeled, "taken", slowly)
+    monkeypatch.setattr(Wheel, "take_steps", slowly)
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -135,7 +135,7 @@ async def test_turns_of_the_wheel_never_queue_up(
             plot.post_message(turn.stop())
         await settle(app, pilot)
         assert len(turns) < MOVES / 10
-        assert sum(turn.steps for turn in turns) == MOVES
+        assert sum(turns) == MOVES
         view, bounds = app.session.state.viewport, app.session.store.dataset.bounds
         assert view is not None
         assert max(view.width / bounds.width, view.height / bounds.height) == pytest.approx(
@@ -148,6 +148,6 @@ def test_turns_are_summed_until_they_are_taken() -> None:
     assert wheel.turn((1, 1), 1)
     assert not wheel.turn((1, 2), 1)
     assert not wheel.turn((2, 2), -1)
-    assert wheel.taken() == Turn("map", (2, 2), 1)
+    assert (wheel.cell, wheel.take_steps()) == ((2, 2), 1)
     assert wheel.turn((2, 2), -1)
-    assert wheel.taken() == Turn("map", (2, 2), -1)
+    assert (wheel.cell, wheel.take_steps()) == ((2, 2), -1)

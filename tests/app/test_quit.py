@@ -166,4 +166,6 @@ def test_a_fault_is_told_in_one_line(
         sys.path.remove(str(folder))
     begun(screen).press("m")
     assert screen.wait_for_end(20) == 70
-    assert after(screen) == ("s2r: internal error: KeyError: 'no such thing' (--debug shows where)")
+    assert after(screen) == (
+        "s2r: internal error: KeyError: 'no such thing' (--debug shows the traceback)"
+    )

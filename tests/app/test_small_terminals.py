@@ -66,7 +66,7 @@ async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int
         await settle(app, pilot)
         told = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
         app.session.show_message(told, is_error=True)
-        app.refresh_views()
+        app.renderer.refresh()
         await settle(app, pilot)
         words = " ".join(take_screenshot(app).text.split())
         assert told in words

@@ -158,7 +158,7 @@ async def test_every_view_and_screen(
                 await pilot.press("escape")
         app.session.select(f"room:{string(HOSTILE + 'right')}")
         app.session.show_message(HOSTILE)
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.pause()
         seen += shown(app)
         assert app.fault is None

@@ -166,7 +166,7 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
         app.session.select(f'room:"{name}right"')
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.pause()
         segments = [segment for line in take_screenshot(app).lines for segment in line]
         assert f"{name}right" in "".join(segment.text for segment in segments)
@@ -190,9 +190,9 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
-        assert "[ [@click=app.quit].s2r" in app.status_text()
+        assert "[ [@click=app.quit].s2r" in app.renderer.status_text()
         app.session.select('@"[b"')
-        app.refresh_views()
+        app.renderer.refresh()
         await pilot.press("f")
         await pilot.pause()
         await pilot.press("escape", "slash", *"@", "tab", "tab")

@@ -26,7 +26,7 @@ from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings
 
 MIST = Action(
-    "side", ("d",), "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
+    "side", "d", "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
 )
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
 
@@ -61,7 +61,7 @@ def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
 
 def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
     access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
-    assert access.may_load_models
+    assert access.allows("models")
     assert access.require_writable(tmp_path / "a.png") == tmp_path / "a.png"
     assert permitted_actions(access) == list(ACTIONS)
 

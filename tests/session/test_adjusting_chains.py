@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import Run
 from s2rtools.precompute.registration import add_run
-from s2rtui.session import Session, adjusting
+from s2rtui.session import Session, adjusting, navigation
 
 BRIGHT, FLAT = ({"name": name, "value": 0.8} for name in ("brightness", "contrast"))
 
@@ -68,7 +68,7 @@ def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
 def test_what_is_missing_is_so_for_every_run(tiny_store: Path) -> None:
     session = Session(tiny_store)
     session.dispatch(adjusting.report_missing_package, "torch")
-    session.change_run(1)
+    session.dispatch(navigation.change_run, 1)
     adjust = session.dispatch(adjusting.follow_run).adjust
     assert adjust is not None
     assert adjust.run == session.state.run != "vanilla"

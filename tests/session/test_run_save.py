@@ -74,7 +74,7 @@ def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) 
     code = (
         "import sys; from pathlib import Path\n"
         "from s2rtui.jobs.precompute_job import PrecomputeJob\n"
-        "saving = PrecomputeJob(Path(sys.argv[1]), 'saved', 3, False)\n"
+        "saving = PrecomputeJob(Path(sys.argv[1]), 'saved', 3)\n"
         "shown = saving.follow(); next(shown); next(shown)\n"
         "print(saving._process.pid, flush=True); list(shown)"
     )

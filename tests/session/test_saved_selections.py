@@ -12,7 +12,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files.locks import file_lock
-from s2rtui.session import Session, navigation, shared_selection
+from s2rtui.session import Session, navigation, selection, shared_selection
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.shared_lines import shared_line
@@ -29,15 +29,15 @@ def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> 
     session.select("@gone & curved")
     session.select("worst15")
     session.writable_notebook.forget("gone")
-    state = session.undo()
+    state = session.dispatch(selection.undo)
     assert state.expression == "best15"
     assert "left out: @gone & curved" in state.message
-    assert session.redo().expression == "worst15"
+    assert session.dispatch(selection.redo).expression == "worst15"
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone")
-    session.undo()
+    session.dispatch(selection.undo)
     session.writable_notebook.forget("gone")
-    state = session.redo()
+    state = session.dispatch(selection.redo)
     assert (state.expression, state.future) == ("worst15", ())
     assert "nothing to redo; left out: @gone" in state.message
 
@@ -47,7 +47,7 @@ def test_undo_says_where_nothing_is_left(session: Session) -> None:
     session.set_state(replace(session.state, past=("@door",)))
     session.writable_notebook.toggle_tag([1], "door")
     before = session.state.expression
-    state = session.undo()
+    state = session.dispatch(selection.undo)
     assert (state.expression, state.past) == (before, ())
     assert "nothing to undo; left out: @door" in state.message
 
@@ -56,9 +56,9 @@ def test_a_run_is_reached_though_the_expression_means_nothing(session: Session) 
     session.writable_notebook.save("gone", SavedSelection("all", 1, "vanilla", 40))
     session.select("@gone")
     session.writable_notebook.forget("gone")
-    state = session.change_run(1)
+    state = session.dispatch(navigation.change_run, 1)
     assert (state.run, state.expression) == ("dataaug", "all")
-    assert "@gone means nothing here" in state.message
+    assert "@gone cannot be evaluated here" in state.message
     session.set_state(replace(state, expression="@gone"))
     state = session.dispatch(navigation.change_trajectory)
     assert (state.trajectories, state.expression) == (("a",), "all")

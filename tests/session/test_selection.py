@@ -101,12 +101,12 @@ def test_a_wrong_choice_keeps_state_and_operator(session: Session) -> None:
 def test_redo_goes_forward_until_something_new_is_chosen(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
-    session.undo()
-    assert session.redo().expression == "best15"
-    assert session.redo().message == "nothing to redo"
-    session.undo()
+    session.dispatch(selection.undo)
+    assert session.dispatch(selection.redo).expression == "best15"
+    assert session.dispatch(selection.redo).message == "nothing to redo"
+    session.dispatch(selection.undo)
     session.select("none")
-    assert session.redo().message == "nothing to redo"
+    assert session.dispatch(selection.redo).message == "nothing to redo"
 
 
 def test_the_papers_question_in_three_selections(session: Session) -> None:

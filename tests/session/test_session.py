@@ -14,7 +14,7 @@ from s2rstore.language import ExpressionError
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.shared.base_map_model import map_input
-from s2rtui.session import Session, navigation, view_settings
+from s2rtui.session import Session, navigation, selection, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
 
@@ -63,30 +63,30 @@ def test_the_count_is_of_the_base_population(session: Session) -> None:
 
 def test_the_cursor_walks_the_selection_around(session: Session) -> None:
     session.select("ids(3, 7, 20)")
-    seen = [session.move_cursor(1).cursor for _ in range(4)]
+    seen = [session.dispatch(navigation.move_cursor, 1).cursor for _ in range(4)]
     assert set(seen) == {3, 7, 20}
     assert seen[0] == seen[3]
-    assert session.move_cursor(-1).cursor == seen[2]
+    assert session.dispatch(navigation.move_cursor, -1).cursor == seen[2]
     session.select("none")
     assert session.state.message == "nothing is selected"
-    assert session.move_cursor(1).cursor is not None
+    assert session.dispatch(navigation.move_cursor, 1).cursor is not None
 
 
 def test_undo_goes_back_one_expression_at_a_time(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
-    assert session.undo().expression == "worst15"
-    session.undo()
-    assert session.undo().message == "nothing to undo"
+    assert session.dispatch(selection.undo).expression == "worst15"
+    session.dispatch(selection.undo)
+    assert session.dispatch(selection.undo).message == "nothing to undo"
 
 
 def test_runs_turn_and_keep_the_expression(session: Session) -> None:
     session.select("worst15")
     first = np.flatnonzero(session.state.selected)
-    assert session.change_run(1).run == "dataaug"
+    assert session.dispatch(navigation.change_run, 1).run == "dataaug"
     assert session.state.expression == "worst15"
     assert not np.array_equal(np.flatnonzero(session.state.selected), first)
-    assert session.change_run(1).run == "vanilla"
+    assert session.dispatch(navigation.change_run, 1).run == "vanilla"
 
 
 def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:

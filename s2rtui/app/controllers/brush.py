@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.controllers.host import ControllerHost
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
 from s2rtui.canvas.marks import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -14,32 +14,35 @@ from s2rtui.charts.view import View
 from s2rtui.session import brush_geometry, instance_list, view_settings
 from s2rtui.session.state import Brush, Operator
 
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
+
 TITLE_ROWS = 1
 _WHEEL_ZOOM = 1 / 0.8
 _MAX_WHEEL_STEPS = 100
-"""Wheel steps applied at a time; more than lie between the whole map and the closest view."""
+"""Largest zoom of one message; it leads from the whole map to the closest view."""
 
 
 class BrushController:
     """Keys and mouse messages of brushing."""
 
-    def __init__(self, host: ControllerHost) -> None:
-        self._host = host
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
         self._drag_panel: tuple[tuple[str, Cell], Panel] | None = None
         """View and cell where the present stroke began, and the panel there."""
 
     def panels(self, view: View) -> Sequence[Panel]:
         """The panels of a view on the screen; none if it is hidden."""
-        widget = self._host.renderer.plot(view.name)
+        widget = self._app.renderer.plot(view.name)
         width, height = widget.size
         if not widget.placed or height <= TITLE_ROWS:
             return ()
         size = (width, height - TITLE_ROWS)
-        return view.panels(self._host.renderer.scene, size, self._host.render_options)
+        return view.panels(self._app.renderer.scene, size, self._app.render_options)
 
     def _present(self) -> tuple[Brush, Panel] | None:
         """The brush and its panel; None if there is none on the screen."""
-        brush = self._host.session.state.brush
+        brush = self._app.session.state.brush
         if brush is None:
             return None
         panels = self.panels(BY_NAME[brush.view])
@@ -47,28 +50,28 @@ class BrushController:
         return None if panel is None else (brush, panel)
 
     def _show(self, brush: Brush | None) -> None:
-        self._host.session.dispatch(view_settings.set_brush, brush)
-        self._host.renderer.refresh()
+        self._app.session.dispatch(view_settings.set_brush, brush)
+        self._app.renderer.refresh()
 
     # --- keys --------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Start a brush in the active view, on the panel of the shown side or run."""
-        state = self._host.session.state
+        state = self._app.session.state
         view = BY_NAME[state.view]
         panels = self.panels(view)
         if not panels or not view.brushable:
-            self._host.session.show_message(
+            self._app.session.show_message(
                 f"nothing to brush in {view.name}: choose the map or a chart"
             )
-            self._host.renderer.refresh()
+            self._app.renderer.refresh()
             return
         names = (state.side, state.run)
         self._start_on(view, next((p for p in panels if p.name in names), panels[0]))
 
     def _start_on(self, view: View, panel: Panel) -> None:
-        point = view.cursor_point(self._host.renderer.scene, panel)
-        self._show(brush_geometry.started(view.name, panel, point, self._host.session.state.lasso))
+        point = view.cursor_point(self._app.renderer.scene, panel)
+        self._show(brush_geometry.started(view.name, panel, point, self._app.session.state.lasso))
 
     def next_panel(self) -> None:
         """Start the brush again on the next panel of its view."""
@@ -78,20 +81,10 @@ class BrushController:
             at = [panel.name for panel in panels].index(present[1].name)
             self._start_on(view, panels[(at + 1) % len(panels)])
 
-    def move(self, columns: int, rows: int) -> None:
-        """Move the brush by cells."""
+    def transform(self, function: Callable[..., Brush], *steps: int) -> None:
+        """Show the brush after `function(brush, panel, *steps)` of `brush_geometry`."""
         if (present := self._present()) is not None:
-            self._show(brush_geometry.moved(*present, columns, rows))
-
-    def stretch(self, columns: int, rows: int) -> None:
-        """Move the brush's far corner by cells."""
-        if (present := self._present()) is not None:
-            self._show(brush_geometry.stretched(*present, columns, rows))
-
-    def scale(self, steps: int) -> None:
-        """Enlarge (steps > 0) or shrink the brush."""
-        if (present := self._present()) is not None:
-            self._show(brush_geometry.scaled(*present, steps))
+            self._show(function(*present, *steps))
 
     def set_corner(self) -> None:
         """Fix the lasso's loose end as a corner."""
@@ -108,8 +101,8 @@ class BrushController:
 
     def toggle_lasso(self) -> None:
         """Switch between lasso and box."""
-        self._host.session.dispatch(view_settings.toggle_lasso)
-        self._host.renderer.refresh()
+        self._app.session.dispatch(view_settings.toggle_lasso)
+        self._app.renderer.refresh()
 
     def _select(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
         """Whether the mark could be selected; an error is shown, and the brush stays."""
@@ -119,12 +112,12 @@ class BrushController:
                 mark = replace(mark, points=brush_geometry.outline(brush))
                 if len(mark.points) < 3:
                     raise RequestError("a lasso needs three corners: space sets one")
-            expression = view.to_expression(self._host.renderer.scene, panel, mark)
-            self._host.session.select(expression, operator)
+            expression = view.to_expression(self._app.renderer.scene, panel, mark)
+            self._app.session.select(expression, operator)
         except S2RError as error:
-            self._host.show_error(str(error))
+            self._app.show_error(str(error))
             return False
-        self._host.renderer.refresh()
+        self._app.renderer.refresh()
         return True
 
     # --- the mouse ---------------------------------------------------------------------------
@@ -132,14 +125,14 @@ class BrushController:
     @property
     def is_dragging(self) -> bool:
         """Whether the mouse is drawing a mark or moving a slider."""
-        return any(self._host.renderer.plot(view.name).dragging for view in VIEWS)
+        return any(self._app.renderer.plot(view.name).dragging for view in VIEWS)
 
     def drop_drag(self) -> None:
         """End an unfinished mouse stroke without a mark."""
-        dropped = [view for view in VIEWS if self._host.renderer.plot(view.name).abandon()]
+        dropped = [view for view in VIEWS if self._app.renderer.plot(view.name).abandon()]
         self._drag_panel = None
         if dropped:
-            self._host.session.dispatch(view_settings.drop_brush)
+            self._app.session.dispatch(view_settings.drop_brush)
 
     def _panel_under(self, view: View, cell: Cell) -> Panel | None:
         return panel_at(self.panels(view), cell[0], cell[1] - TITLE_ROWS)
@@ -148,16 +141,16 @@ class BrushController:
         """Activate the clicked view and pass it the click."""
         if message.view not in BY_NAME:
             return  # a plot on a modal screen
-        view, session = BY_NAME[message.view], self._host.session
+        view, session = BY_NAME[message.view], self._app.session
         panel = self._panel_under(view, message.cell)
         session.dispatch(view_settings.activate, view.name)
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
             try:
-                view.click(session, self._host.renderer.scene, panel, panel.to_data(*middle))
+                view.click(session, self._app.renderer.scene, panel, panel.to_data(*middle))
             except S2RError as error:
                 session.show_message(str(error), is_error=True)
-        self._host.renderer.refresh()
+        self._app.renderer.refresh()
 
     def _stroke_panel(self, stroke: Stroke) -> Panel | None:
         """The panel that a stroke began on, where its view shows it now."""
@@ -172,19 +165,19 @@ class BrushController:
 
     def on_dragged(self, message: PlotView.Dragged) -> None:
         """Draw the mark of a stroke, or let the view handle the drag; select at its end."""
-        stroke = message.taken()
+        stroke = message.drag.taken()
         if stroke.view not in BY_NAME:
             return
-        view, session = BY_NAME[stroke.view], self._host.session
-        if not stroke.done and not self._host.renderer.plot(view.name).dragging:
+        view, session = BY_NAME[stroke.view], self._app.session
+        if not stroke.done and not self._app.renderer.plot(view.name).dragging:
             return  # the stroke was dropped meanwhile
         panel = self._stroke_panel(stroke)
         if panel is None:
             return
         session.dispatch(view_settings.activate, view.name)
         start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
-        if view.drag(session, self._host.renderer.scene, panel, panel.to_data(*trail[-1])):
-            self._host.renderer.refresh()
+        if view.drag(session, self._app.renderer.scene, panel, panel.to_data(*trail[-1])):
+            self._app.renderer.refresh()
             return
         lasso = (start, *trail) if session.state.lasso else ()
         brush = brush_geometry.dragged(view.name, panel, start, trail[-1], lasso)
@@ -192,19 +185,20 @@ class BrushController:
             self._show(brush)
         elif not self._select(brush, panel):
             session.dispatch(view_settings.drop_brush)
-            self._host.renderer.refresh()
+            self._app.renderer.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
         """Zoom the map or move through the list."""
-        turn = message.taken()
-        if turn.view not in BY_NAME or not turn.steps:
+        wheel = message.wheel
+        steps = wheel.take_steps()
+        if wheel.view not in BY_NAME or not steps:
             return
-        view, session = BY_NAME[turn.view], self._host.session
-        panel = self._panel_under(view, turn.cell)
+        view, session = BY_NAME[wheel.view], self._app.session
+        panel = self._panel_under(view, wheel.cell)
         if view.name == "map" and panel is not None:
-            point = panel.to_data(turn.cell[0] + 0.5, turn.cell[1] - TITLE_ROWS + 0.5)
-            steps = max(-_MAX_WHEEL_STEPS, min(turn.steps, _MAX_WHEEL_STEPS))
+            point = panel.to_data(wheel.cell[0] + 0.5, wheel.cell[1] - TITLE_ROWS + 0.5)
+            steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
             session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point)
         elif view.name == "list":
-            session.dispatch(instance_list.move, -turn.steps)
-        self._host.renderer.refresh()
+            session.dispatch(instance_list.move, -steps)
+        self._app.renderer.refresh()

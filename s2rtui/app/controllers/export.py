@@ -1,4 +1,4 @@
-"""Write files: the screen as PNG, a report, the selected rows."""
+"""Write files (the screen as PNG, a report, the selected rows) and copy to the clipboard."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
 from s2rstore.reader import Store
-from s2rtui.app.controllers.host import ControllerHost
-from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.messages import ExportProgressed
 from s2rtui.app.screenshot import Screenshot
 from s2rtui.export.exclusive_files import create_exclusive, numbered_paths
-from s2rtui.session import Session, State
+from s2rtui.session import Session, State, shared_selection
 from s2rtui.user_data.notebook import Notes
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 ROW_FORMATS = (".csv", ".json", ".parquet")
 _REPORT = ".html"
@@ -26,8 +28,8 @@ WriteFile = Callable[[Path], str]
 class ExportController:
     """Writes numbered files in background threads; never replaces a file."""
 
-    def __init__(self, host: ControllerHost, prompt: PromptController) -> None:
-        self._host, self._prompt = host, prompt
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
         self._in_progress: set[Path] = set()
         self.safe_csv = False
         """Whether cells of a CSV file are written so that spreadsheets run no formula."""
@@ -37,13 +39,22 @@ class ExportController:
         if message.finished is not None:
             self._in_progress.discard(message.finished)
         if message.text:
-            self._host.session.show_message(message.text, message.is_error)
-            self._host.renderer.refresh_message()
+            self._app.session.show_message(message.text, message.is_error)
+            self._app.renderer.refresh_message()
+
+    def copy_expression(self) -> None:
+        """Copy the expression to the terminal's clipboard, by the control sequence OSC 52."""
+        session = self._app.session
+        saved = shared_selection.current_selection(session.state)
+        text = shared_selection.shared_text(saved, session.store.dataset.hash)
+        self._app.copy_to_clipboard(text)
+        session.show_message("copied the expression, with run, generation and count")
+        self._app.renderer.refresh()
 
     def write_screenshot(self) -> None:
         """Write the screen as PNG; it is taken now and encoded in the background."""
-        screen = Screenshot.of(self._host.screen)
-        options = self._host.render_options
+        screen = Screenshot.of(self._app.screen)
+        options = self._app.render_options
 
         def write(path: Path) -> str:
             path.write_bytes(screen.png(options))
@@ -54,10 +65,10 @@ class ExportController:
     def write_report(self) -> None:
         """Write the saved selections, or the present one if none is saved, as HTML."""
         if any(path.suffix == _REPORT for path in self._in_progress):
-            self._host.session.show_message("a report is being written")
-            self._host.renderer.refresh_message()
+            self._app.session.show_message("a report is being written")
+            self._app.renderer.refresh_message()
             return
-        session = self._host.session
+        session = self._app.session
         write = partial(self._report, session.branch(), session.state, session.notes)
         self._export_numbered("s2r-report", _REPORT, write, "writing a report")
 
@@ -73,41 +84,41 @@ class ExportController:
         return ""
 
     def _report_progress(self, done: int, total: int, step: str) -> None:
-        if not self._host.is_running:
+        if not self._app.is_running:
             raise RequestError("the application was closed")
         if step:
-            self._host.post(ExportProgressed(f"report: {done} of {total}, {step}"))
+            self._app.post(ExportProgressed(f"report: {done} of {total}, {step}"))
 
     def ask_selection_file(self) -> None:
         """Ask for a file name and write the selected rows there."""
         try:
             name = self._free_path("s2r-selection", ".csv").name
         except RequestError as error:
-            self._host.show_error(str(error))
+            self._app.show_error(str(error))
             return
         hint = f"a file for the selection: {', '.join(ROW_FORMATS)}"
-        self._host.session.show_message(hint)
-        self._prompt.ask(self.write_selection, name, hint)
-        self._host.renderer.refresh_message()
+        self._app.session.show_message(hint)
+        self._app.prompt.ask(self.write_selection, name, hint)
+        self._app.renderer.refresh_message()
 
     def write_selection(self, text: str) -> None:
         """Write the selected rows; raises RequestError for a file that may not be written."""
         target = self._path_of(text.strip())
         if target.suffix not in ROW_FORMATS:
             raise RequestError(f"{text}: must end in {', '.join(ROW_FORMATS)}")
-        self._host.access.require_writable(target)
+        self._app.access.require_writable(target)
         if target.exists():
             raise RequestError(f"{target}: exists already")
         if target in self._in_progress:
             raise RequestError(f"{target}: is being written")
-        session = self._host.session
+        session = self._app.session
         session.show_message(f"writing {target}")
         self._export(target, partial(self._rows, session.store, session.state, session.notes))
 
     def _path_of(self, text: str) -> Path:
         """The path of a typed name; raises RequestError if it is not a path."""
         try:
-            target = self._host.output_folder / Path(text).expanduser()
+            target = self._app.output_folder / Path(text).expanduser()
             with suppress(OSError):
                 target.lstat()
         except (RuntimeError, ValueError) as error:  # unknown home folder, or a NUL character
@@ -127,26 +138,26 @@ class ExportController:
 
     def _free_path(self, stem: str, suffix: str) -> Path:
         """The first free numbered path; raises RequestError if nothing may be written."""
-        paths = numbered_paths(self._host.output_folder, stem, suffix)
+        paths = numbered_paths(self._app.output_folder, stem, suffix)
         free = (path for path in paths if not path.exists() and path not in self._in_progress)
-        return self._host.access.require_writable(next(free))
+        return self._app.access.require_writable(next(free))
 
     def _export_numbered(self, stem: str, suffix: str, write: WriteFile, message: str = "") -> None:
         """Write the next numbered file, or show why it may not be written."""
         try:
             target = self._free_path(stem, suffix)
         except (OSError, RequestError) as error:
-            self._host.session.show_message(_reason(error), is_error=True)
+            self._app.session.show_message(_reason(error), is_error=True)
         else:
-            self._host.session.show_message(message)
-            self._export(target, write, numbered_paths(self._host.output_folder, stem, suffix))
-        self._host.renderer.refresh_message()
+            self._app.session.show_message(message)
+            self._export(target, write, numbered_paths(self._app.output_folder, stem, suffix))
+        self._app.renderer.refresh_message()
 
     def _export(self, target: Path, write: WriteFile, alternatives: Iterable[Path] = ()) -> None:
         """Write a file in a background thread; `alternatives` are used if the name is taken."""
         self._in_progress.add(target)
         work = partial(self._write, target, write, alternatives)
-        self._host.jobs.start(work, f"{target} is not written")
+        self._app.jobs.start(work, f"{target} is not written")
 
     def _write(self, target: Path, write: WriteFile, alternatives: Iterable[Path]) -> None:
         """Runs in a background thread."""
@@ -155,11 +166,11 @@ class ExportController:
             path, summary = create_exclusive(target, write, alternatives)
             text, is_error = f"wrote {path}{summary}", False
         except (S2RError, OSError) as error:
-            if not self._host.is_running:
+            if not self._app.is_running:
                 raise
             text = _reason(error)
         finally:
-            self._host.post(ExportProgressed(text, target, is_error))
+            self._app.post(ExportProgressed(text, target, is_error))
 
 
 def _reason(error: Exception) -> str:

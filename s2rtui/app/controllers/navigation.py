@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from s2rtui.app.controllers.host import ControllerHost
+from typing import TYPE_CHECKING
+
 from s2rtui.app.screens.jump import JumpScreen, Target
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import view_settings
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
 
@@ -13,34 +17,34 @@ _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view
 class NavigationController:
     """Shows views and jumps to targets on the screen."""
 
-    def __init__(self, host: ControllerHost) -> None:
-        self._host = host
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
 
     def show_view(self, name: str) -> None:
         """Send the keys to a view, and bring it to the front of its pane if it is hidden."""
-        session = self._host.session
-        if self._host.renderer.is_placed(name):
+        session = self._app.session
+        if self._app.renderer.is_placed(name):
             session.dispatch(view_settings.activate, name)
         else:
             session.dispatch(view_settings.show_view, name, BY_NAME[name].pane)
-        self._host.renderer.refresh()
+        self._app.renderer.refresh()
 
     def show_next_view(self, steps: int) -> None:
         """Show the view `steps` keys after the active one."""
-        present = self._host.session.state.view
+        present = self._app.session.state.view
         at = _CYCLE.index(present) if present in _CYCLE else 0
         self.show_view(_CYCLE[(at + steps) % len(_CYCLE)])
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""
-        self._host.open_screen(JumpScreen(self._targets()), self._jump_to)
+        self._app.push_screen(JumpScreen(self._targets()), self._jump_to)
 
     def _targets(self) -> list[Target]:
-        regions = self._host.renderer.visible_regions()
+        regions = self._app.renderer.visible_regions()
         targets = [Target(region.x, region.y, f"view('{name}')") for name, region in regions]
-        status = self._host.renderer.status_text()
+        status = self._app.renderer.status_text()
         for part, action in (("traj ", "do('trajectory')"), ("run ", "do('next_run')"),
-                             (self._host.session.state.expression[:6], "do('edit')")):  # fmt: skip
+                             (self._app.session.state.expression[:6], "do('edit')")):  # fmt: skip
             column = status.find(part)
             if column >= 0:
                 targets.append(Target(column + 1, 0, action))
@@ -48,4 +52,4 @@ class NavigationController:
 
     def _jump_to(self, action: str | None) -> None:
         if action:
-            self._host.run_action_soon(action)
+            self._app.call_next(self._app.run_action, action)

@@ -6,20 +6,22 @@ import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.controllers.host import ControllerHost
-from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.messages import RunSaveProgressed
 from s2rtui.jobs.precompute_job import JobProgress, PrecomputeJob, save_run
 from s2rtui.session import State, adjusting, view_settings
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
 
 
 class RunSaveController:
     """Saves one run at a time and follows its computation until it is published."""
 
-    def __init__(self, host: ControllerHost, prompt: PromptController) -> None:
-        self._host, self._prompt = host, prompt
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
         self._saving: str | None = None
         self._job: PrecomputeJob | None = None
         self._unannounced: str | None = None
@@ -28,17 +30,17 @@ class RunSaveController:
 
     def open_sliders(self) -> None:
         """Open the panel for live adjustments."""
-        session = self._host.session
+        session = self._app.session
         if session.state.view != "adjust":
             if session.state.cursor is None:
                 session.show_message("no instance to adjust: select some")
             else:
                 self._load_sliders()
                 session.dispatch(view_settings.show_view, "adjust", "tab")
-        self._host.renderer.refresh()
+        self._app.renderer.refresh()
 
     def _load_sliders(self) -> None:
-        session = self._host.session
+        session = self._app.session
         adjust = session.state.adjust
         if adjust is not None and not adjust.missing:
             return
@@ -51,25 +53,24 @@ class RunSaveController:
 
     def ask_name(self) -> None:
         """Ask for the name under which the adjustments are saved as a run."""
-        adjust = self._host.session.state.adjust
+        adjust = self._app.session.state.adjust
         if adjust is None or not adjust.sliders:
-            self._host.session.show_message("nothing to save: there are no sliders")
-            self._host.renderer.refresh()
+            self._app.session.show_message("nothing to save: there are no sliders")
+            self._app.renderer.refresh()
         elif self._refusal:
-            self._host.show_error(self._refusal)
+            self._app.show_error(self._refusal)
         else:
-            self._prompt.ask(
-                self._save_adjustments, "", "a name for the run with these adjustments"
-            )
+            hint = "a name for the run with these adjustments"
+            self._app.prompt.ask(self._save_adjustments, "", hint)
 
     def _save_adjustments(self, name: str) -> None:
-        adjust, name = self._host.session.state.adjust, name.strip()
+        adjust, name = self._app.session.state.adjust, name.strip()
         if not name:
-            raise RequestError("a run needs a name: type one")
+            raise RequestError("type a name for the run")
         if adjust is not None:
-            root, chains = self._host.session.store.path, adjusting.adjustment_chains(adjust)
+            root, chains = self._app.session.store.path, adjusting.adjustment_chains(adjust)
             self.save(name, partial(save_run, root, name, adjust.run, chains))
-        self._host.session.show_message("")
+        self._app.session.show_message("")
 
     @property
     def _refusal(self) -> str:
@@ -87,13 +88,10 @@ class RunSaveController:
             raise RequestError(self._refusal)
         self._saving = name
         self._show_progress(f"run {name}: checking")
-        command = shlex.join(
-            ["s2r", "precompute", str(self._host.session.store.path), "--run", name]
-        )
-        self._host.jobs.start(
-            partial(self._follow, name, start),
-            f"run {name} is not saved yet: `{command}` completes it",
-        )
+        path = str(self._app.session.store.path)
+        command = shlex.join(["s2r", "precompute", path, "--run", name])
+        missing = f"run {name} is not saved yet: `{command}` completes it"
+        self._app.jobs.start(partial(self._follow, name, start), missing)
 
     def _follow(self, name: str, start: Callable[[], PrecomputeJob]) -> None:
         """Runs in a background thread."""
@@ -103,13 +101,13 @@ class RunSaveController:
             reason = str(error) or type(error).__name__
             if isinstance(error, ModuleNotFoundError):
                 reason = f"saving a run needs {error.name}: pip install 's2rtui[tools]'"
-            self._host.post(RunSaveProgressed(name, JobProgress(0.0, "", "failed", reason)))
+            self._app.post(RunSaveProgressed(name, JobProgress(0.0, "", "failed", reason)))
             return
         self._job = job
         if self._is_closed:
             job.cancel()
         for progress in job.follow():
-            self._host.post(RunSaveProgressed(job.run, progress))
+            self._app.post(RunSaveProgressed(job.run, progress))
         self._job = None
         if progress.outcome != "done" and self._is_closed:
             raise RequestError(f"run {name}: cancelled")
@@ -122,10 +120,10 @@ class RunSaveController:
 
     def on_progressed(self, message: RunSaveProgressed) -> None:
         """Show the progress, or the outcome."""
-        run, progress, session = message.run, message.progress, self._host.session
+        run, progress, session = message.run, message.progress, self._app.session
         if progress.is_running:
             self._show_progress(f"run {run}: {progress.fraction:.0%}, {progress.stage}")
-            self._host.renderer.refresh_message()
+            self._app.renderer.refresh_message()
             return
         self._saving = None
         self._show_progress("")
@@ -140,17 +138,17 @@ class RunSaveController:
         else:
             reason = progress.error or progress.outcome
             session.show_message(f"run {run}: {reason}", is_error=progress.outcome == "failed")
-        self._host.renderer.refresh()
+        self._app.renderer.refresh()
 
     def _show_progress(self, text: str) -> None:
-        self._host.resources = replace(self._host.resources, saving=text)
+        self._app.resources = replace(self._app.resources, saving=text)
 
     def announce(self) -> None:
         """Say how to show the saved run, once its generation is open."""
-        state, run = self._host.session.state, self._unannounced
+        state, run = self._app.session.state, self._unannounced
         if run is not None and run in state.runs and state.pending is None:
             self._unannounced = None
-            self._host.session.show_message(f"run {run} is saved{_how_to_show(state, run)}")
+            self._app.session.show_message(f"run {run} is saved{_how_to_show(state, run)}")
 
 
 def _how_to_show(state: State, run: str) -> str:

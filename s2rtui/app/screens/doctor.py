@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import VerticalScroll
 
-from s2rtui.app.screens.modal import ModalBase
+from s2rtui.app.screens import ModalBase
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.terminal import diagnostics

@@ -11,7 +11,7 @@ from textual.widgets import Static
 
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.actions import help_text
-from s2rtui.app.screens.modal import ModalBase
+from s2rtui.app.screens import ModalBase
 from s2rtui.security import Permissions
 
 

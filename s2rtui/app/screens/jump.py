@@ -10,7 +10,7 @@ from textual.app import ComposeResult
 from textual.geometry import Offset
 from textual.widgets import Label
 
-from s2rtui.app.screens.modal import ModalBase
+from s2rtui.app.screens import ModalBase
 
 LETTERS = "asdfghjklqwertyuiopzxcvbnm"
 

@@ -13,7 +13,7 @@ from textual.widgets.option_list import Option
 
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable
-from s2rtui.app.screens.modal import ModalBase
+from s2rtui.app.screens import ModalBase
 from s2rtui.session import Session, selection
 from s2rtui.session.saved_selection_diff import summary
 from s2rtui.session.shared_selection import shared_text

@@ -11,7 +11,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from s2rtui.app.actions import BY_NAME
-from s2rtui.app.screens.modal import ModalBase
+from s2rtui.app.screens import ModalBase
 
 _STEPS = (
     ("worst_real", "select the 15 % worst in reality; b the best; W, B in sim"),

@@ -11,12 +11,9 @@ from textual.layout import ArrangeResult, Layout, WidgetPlacement
 from textual.message import Message
 from textual.widget import Widget
 
-from s2rtui.app.layout import PaneRectangle
 from s2rtui.app.widgets.plot import PlotView
 
-Arrange = Callable[[int, int], Mapping[str, PaneRectangle]]
-
-
+Arrange = Callable[[int, int], Mapping[str, Region]]
 BARS = 3
 """Rows of the screen used by the bars."""
 
@@ -35,9 +32,8 @@ class PaneLayout(Layout):
         rectangles = self._arrange(size.width, size.height)
         placements = []
         for order, child in enumerate(children):
-            cells = rectangles.get(child.id or "")
-            if cells is not None and cells.width > 0 and cells.height > 0:
-                region = Region(cells.x, cells.y, cells.width, cells.height)
+            region = rectangles.get(child.id or "")
+            if region is not None and region.area > 0:
                 placements.append(WidgetPlacement(region, NULL_OFFSET, NULL_SPACING, child, order))
         return placements
 
@@ -53,7 +49,7 @@ class Panes(Widget, can_focus=False):
         super().__init__(id="views")
         self._views = views
         self._pane_layout = PaneLayout(arrange)
-        self._rectangles: Mapping[str, PaneRectangle] = {}
+        self._rectangles: Mapping[str, Region] = {}
 
     @property
     def layout(self) -> Layout:
@@ -72,7 +68,7 @@ class Panes(Widget, can_focus=False):
             return self.size.width, self.size.height
         return self.app.size.width, max(0, self.app.size.height - BARS)
 
-    def place(self, rectangles: Mapping[str, PaneRectangle]) -> None:
+    def place(self, rectangles: Mapping[str, Region]) -> None:
         """Tell each view whether it has a rectangle; lay them out again if these have changed."""
         for view in self._views:
             view.placed = (view.id or "") in rectangles

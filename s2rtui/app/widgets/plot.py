@@ -31,7 +31,7 @@ class Drawing(Protocol):
 
     @property
     def cache_key(self) -> tuple[object, ...] | None:
-        """What the drawing depends on: an equal key is not drawn again; None always is."""
+        """Key of everything the drawing depends on: equal keys draw once, None draws always."""
 
     def draw(self, size: tuple[int, int], options: RenderOptions) -> Canvas:
         """Draw in `size` (columns, rows)."""
@@ -75,43 +75,38 @@ class Drag:
         return due
 
     def taken(self) -> Stroke:
+        """The stroke so far; later moves post another message."""
         self._is_posted = False
         start, *trail = self._cells
         return Stroke(self._view, start, tuple(trail), self._done)
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """Wheel steps over a cell: positive away from the user, negative towards."""
-
-    view: str
-    cell: Cell
-    steps: int
-
-
 class Wheel:
-    """Wheel steps, summed up so that at most one message is in the queue."""
+    """Wheel steps over the last cell, positive away from the user, negative towards.
+
+    They are summed up so that at most one message is in the queue.
+    """
 
     def __init__(self, view: str) -> None:
-        self._view = view
-        self._cell = 0, 0
+        self.view = view
+        self.cell = 0, 0
         self._steps = 0
         self._is_posted = False
 
     def turn(self, cell: Cell, steps: int) -> bool:
         """Add steps; whether a message must be posted."""
-        self._cell, self._steps = cell, self._steps + steps
+        self.cell, self._steps = cell, self._steps + steps
         due, self._is_posted = not self._is_posted, True
         return due
 
-    def taken(self) -> Turn:
-        turn = Turn(self._view, self._cell, self._steps)
-        self._steps, self._is_posted = 0, False
-        return turn
+    def take_steps(self) -> int:
+        """All steps so far; later ones post another message."""
+        steps, self._steps, self._is_posted = self._steps, 0, False
+        return steps
 
 
 class PlotView(Widget, can_focus=False):
-    """Draws what `show` was given; repaints only the cells that differ."""
+    """Draws the argument of `show`; repaints only the cells that differ."""
 
     @dataclass
     class Pressed(Message):
@@ -120,27 +115,17 @@ class PlotView(Widget, can_focus=False):
         view: str
         cell: Cell
 
+    @dataclass
     class Dragged(Message):
         """The mouse was dragged or released; one message for all moves since the last."""
 
-        def __init__(self, drag: Drag) -> None:
-            super().__init__()
-            self._drag = drag
+        drag: Drag
 
-        def taken(self) -> Stroke:
-            """The stroke so far; later moves post another message."""
-            return self._drag.taken()
-
+    @dataclass
     class Wheeled(Message):
         """The wheel was turned; one message for all turns since the last."""
 
-        def __init__(self, wheel: Wheel) -> None:
-            super().__init__()
-            self._wheel = wheel
-
-        def taken(self) -> Turn:
-            """All turns so far; later turns post another message."""
-            return self._wheel.taken()
+        wheel: Wheel
 
     def __init__(
         self,
@@ -288,13 +273,13 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Dragged(drag))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        self._turn((event.x, event.y), 1)
+        self._turn(event, 1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        self._turn((event.x, event.y), -1)
+        self._turn(event, -1)
 
-    def _turn(self, cell: Cell, steps: int) -> None:
-        if self._wheel.turn(cell, steps):
+    def _turn(self, event: events.MouseEvent, steps: int) -> None:
+        if self._wheel.turn((event.x, event.y), steps):
             self.post_message(self.Wheeled(self._wheel))
 
 

@@ -86,8 +86,7 @@ class QueryInput(Input):
     def _go(self, place: int) -> None:
         if 0 <= place <= len(self._history):
             self._place = place
-            last = place == len(self._history)
-            self._fill(self._draft if last else self._history[place])
+            self._fill([*self._history, self._draft][place])
 
     def action_complete(self, steps: int) -> None:
         """Replace the word at the cursor by the next completion."""
@@ -96,7 +95,7 @@ class QueryInput(Input):
             head, rest = self.value[:at], _WORD.sub("", self.value[at:], count=1)
             self._options = tuple(self._complete(head))
             self._option, self._rest = -1, rest if rest.strip() else ""
-            offered = [(_last(text), what) for text, what in self._options]
+            offered = [(_last(text), meaning) for text, meaning in self._options]
             self.post_message(self.Offered(offered))
         if self._options:
             first = self._option < 0 and steps < 0

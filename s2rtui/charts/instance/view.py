@@ -26,11 +26,11 @@ class InstanceView(View):
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
-        requested = instance_provenance(state).told(state)
+        requested = instance_provenance(state).label(state)
         failed = resources.failed.get("pictures")
         if resources.pictures is None or resources.pictures_source is None:
             return f"{requested}: {failed}" if failed else f"{requested}, loading"
-        present = resources.pictures_source.told(state)
+        present = resources.pictures_source.label(state)
         if present == requested:
             return present
         if failed:

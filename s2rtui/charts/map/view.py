@@ -35,14 +35,14 @@ class MapView(PointsView):
     pane: Pane = "centre"
     description = "map: truth, predictions and heat on the floor plan"
     aliases = ("geomap",)
-    loads = ("floor plan", "heat on the map", "what was seen")
+    loads = ("floor plan", "heat on the map", "seen floor")
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
         state, text = scene.state, _SUBTITLES[scene.state.map_mode]
         if state.clip:
             seen = f"what the selection saw{sample_note(state)}"
-            failed = scene.resources.failed.get("what was seen")
+            failed = scene.resources.failed.get("seen floor")
             if scene.resources.seen_on_map(state) is not None:
                 text += f", {seen}"
             else:

@@ -58,7 +58,7 @@ def _fish_script(root: argparse.ArgumentParser) -> Iterator[str]:
     """Yield the lines of the script for fish, which shtab does not support.
 
     A line applies to the command words before the cursor: the path of a subparser must have been
-    typed, and none of its own subcommands.
+    typed, and none of its subcommands.
     """
     yield "complete -c s2r -f"
     for path, parser in _commands(root):

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import s2rstore
+from s2rstore.errors import RequestError
+
 if TYPE_CHECKING:
     from s2rstore.reader import Store
 
@@ -37,27 +40,23 @@ EXAMPLE = "s2r demo --out demo-out --workers 4"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("demo-out"),
-                        help="folder for store and pictures (default demo-out)")  # fmt: skip
+                        help="folder for store and images (default demo-out)")  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="worker processes (default 1)")
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
     parser.add_argument("--minutes", type=float,
                         help="time per training (default 2; with --data 1.5)")  # fmt: skip
-    world = parser.add_argument_group("synthetic world")
-    world.add_argument("--seed", type=int, default=_PRETRAINED_SEED,
-                       help="random seed of the building (default 1); for any other seed a model "
-                       "is trained")  # fmt: skip
-    world.add_argument("--instances", type=int,
-                       help=f"instances of each trajectory (default {INSTANCES})")  # fmt: skip
-    world.add_argument("--factors", default="all", help="same as for `s2r ingest world`")
-    world.add_argument("--retrain", choices=(QUICK,),
-                       help="train one more model beside the pretrained ones")  # fmt: skip
-    data = parser.add_argument_group("your images")
-    data.add_argument("--data", type=Path, metavar="DIR",
-                      help="folder in the Sim2RealViz layout (traj1/ ...)")  # fmt: skip
+    add = parser.add_argument_group("synthetic world").add_argument
+    add("--seed", type=int, default=_PRETRAINED_SEED,
+        help="random seed of the building (default 1); for any other seed a model "
+        "is trained")  # fmt: skip
+    add("--instances", type=int, help=f"instances of each trajectory (default {INSTANCES})")
+    add("--factors", default="all", help="same as for `s2r ingest world`")
+    add("--retrain", choices=(QUICK,), help="train one more model beside the pretrained ones")
+    add = parser.add_argument_group("your images").add_argument
+    add("--data", type=Path, metavar="DIR", help="folder in the Sim2RealViz layout (traj1/ ...)")
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
     from s2rstore.metrics import store_summary
     from s2rtui.cli import main
 
@@ -83,7 +82,7 @@ def execute(options: argparse.Namespace) -> int:
     if timings or not opens:
         began = time.monotonic()
         _export_pictures(options.out, store)
-        timings.append(("pictures", time.monotonic() - began))
+        timings.append(("images", time.monotonic() - began))
     for label, seconds in [*timings, ("total", sum(seconds for _, seconds in timings))]:
         print(f"{seconds:7.1f} s  {label}", file=sys.stderr)
     if not opens:
@@ -94,8 +93,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Raise RequestError for options that a later stage would refuse."""
-    from s2rstore.errors import RequestError
-
     if options.workers < 1:
         raise RequestError(f"--workers {options.workers}: must be at least 1")
     if options.minutes is not None and not 0 < options.minutes < 10_000:
@@ -115,8 +112,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     world += ["--factors", options.factors] if options.factors != "all" else []
     if not store.exists():
         count = str(options.instances or INSTANCES)
-        arguments = ("ingest", "world", *world, "--instances", count, "--store", path)
-        yield _Stage(arguments)
+        yield _Stage(("ingest", "world", *world, "--instances", count, "--store", path))
     _check_same_options(options, store, count=options.instances)
     if options.seed == _PRETRAINED_SEED and not _has_run(store, "vanilla"):
         yield _Stage(("model", "shipped", "--store", path))
@@ -143,29 +139,16 @@ def _live_training(options: argparse.Namespace, store: Path, world: list[str]) -
     digest = _read(training, lambda opened: opened.models[QUICK].sha256)
     weights = training / "models" / f"{digest}.safetensors"
     if not _read(store, lambda opened: QUICK in opened.models):
-        arguments = (
-            "model",
-            "add",
-            QUICK,
-            str(weights),
-            "--arch",
-            "resposenet",
-            "--store",
-            str(store),
-        )
-        yield _Stage(arguments)
+        added = ("model", "add", QUICK, str(weights), "--arch", "resposenet")
+        yield _Stage((*added, "--store", str(store)))
     yield _Stage(("run", "add", QUICK, "--model", QUICK, "--store", str(store)))
 
 
-_FACTORS = (
-    "lights", "exposure", "sensor", "depth", "camera", "objects", "latency", "wheels",
-)  # fmt: skip
+_FACTORS = ("lights", "exposure", "sensor", "depth", "camera", "objects", "latency", "wheels")
 _OPTIONS = {"count": "--instances", "survey": "--survey", "seed": "--seed", "factors": "--factors"}
 
 
 def _check_same_options(options: argparse.Namespace, store: Path, **counts: int | None) -> None:
-    """Raise RequestError if the store was created with other options."""
-    from s2rstore.errors import RequestError
     from s2rstore.files.input_files import parse_json
 
     recipe = _read(store, lambda opened: opened.provenance("world").get("recipe"))
@@ -184,8 +167,7 @@ def _check_same_options(options: argparse.Namespace, store: Path, **counts: int 
         if value is not None and stored.get(name) != value:
             raise RequestError(
                 f"{store}: was created with {_OPTIONS[name]} {_text(stored.get(name))}, "
-                f"not {_text(value)}; "
-                "choose another --out"
+                f"not {_text(value)}; choose another --out"
             )
 
 
@@ -206,8 +188,6 @@ def _text(value: object) -> str:
 
 def _is_complete(store: Store) -> bool:
     """Return whether the store has a score that covers the current state of all runs."""
-    from s2rstore.errors import RequestError
-
     try:
         scored = dict(store.provenance_object("score", "report").get("runs", {}))
     except (RequestError, ValueError, TypeError):
@@ -218,7 +198,6 @@ def _is_complete(store: Store) -> bool:
 
 
 def _training_summary(store: Store) -> str:
-    """Return the errors of the model that was trained by the demo, in one line."""
     from s2rstore.metrics.run_metrics import side_metrics
 
     real, sim = (side_metrics(store, QUICK, side) for side in ("real", "sim"))
@@ -227,10 +206,8 @@ def _training_summary(store: Store) -> str:
         f"{real.median_error:.2f} m in reality"
     )
     if "vanilla" in store.runs:
-        pretrained = side_metrics(store, "vanilla", "sim")
-        text += (
-            f"; pretrained vanilla, trained longer: {pretrained.median_error:.2f} m in simulation"
-        )
+        error = side_metrics(store, "vanilla", "sim").median_error
+        text += f"; pretrained vanilla, trained longer: {error:.2f} m in simulation"
     return text
 
 
@@ -258,8 +235,6 @@ def _has_run(store: Path, run: str) -> bool:
 
 def _read(store: Path, query: Callable[[Store], Any]) -> Any:
     """Return the result of a query on a store; None if there is no store."""
-    import s2rstore
-
     if not store.exists():
         return None
     with s2rstore.open(store) as opened:
@@ -267,15 +242,15 @@ def _read(store: Path, query: Callable[[Store], Any]) -> Any:
 
 
 def _export_pictures(out: Path, store: Path) -> None:
-    """Write figures of the first run and a picture of the application."""
+    """Write figures of the first run and a screenshot of the application."""
     from s2rtui.cli import main
 
-    commands: list[tuple[str, ...]] = [
-        ("export", "--view", "overview", "--out", str(out / "overview.png")),
-        ("export", "--view", "geomap", "--select", "worst15", "--out", str(out / "geomap.png")),
-        ("export", "--view", "instance", "--out", str(out / "instance.png")),
-        ("snapshot", "--size", "200x60", "--out", str(out / "screen.png")),
-    ]
-    for name, *arguments in commands:
-        if main([name, str(store), *arguments]) == 0:
-            print(f"wrote {arguments[-1]}")
+    for name, command, *options in (
+        ("overview", "export", "--view", "overview"),
+        ("geomap", "export", "--view", "geomap", "--select", "worst15"),
+        ("instance", "export", "--view", "instance"),
+        ("screen", "snapshot", "--size", "200x60"),
+    ):
+        path = str(out / f"{name}.png")
+        if main([command, str(store), *options, "--out", path]) == 0:
+            print(f"wrote {path}")

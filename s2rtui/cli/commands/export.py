@@ -1,25 +1,19 @@
-"""`s2r export`: write a figure of a view, or a picture of the screen."""
+"""`s2r export`: write a figure of a view, or an image of the screen."""
 
 from __future__ import annotations
 
 import argparse
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.formatting import rows
-
-if TYPE_CHECKING:
-    from s2rtui.canvas import Theme
-    from s2rtui.export.load_scene import SceneOptions
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
 _SCREEN_SIZE = (2000, 1200)
 _FORMATS = (".png", ".svg", ".pdf")
-
-
 EXAMPLE = "s2r export lab.s2r --view geomap --select worst15 --out map.png"
 
 
@@ -38,9 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
-    from s2rtui.canvas import DARK, LIGHT
+    from s2rtui.canvas import DARK, LIGHT, RenderOptions
     from s2rtui.charts.registry import STORED
+    from s2rtui.export.load_scene import open_scene
 
     suffix = options.out.suffix
     if suffix not in _FORMATS or (options.view == SCREEN and suffix != ".png"):
@@ -49,33 +43,26 @@ def execute(options: argparse.Namespace) -> int:
     theme = DARK if options.dark else LIGHT
     scene_options, size = scene_arguments.scene_options(options), _size(options.size)
     if options.view == SCREEN:
-        picture = _screen(options.store, scene_options, size or _SCREEN_SIZE, theme)
+        from s2rtui.app.pilot import screen_of
+
+        with open_scene(options.store, scene_options) as scene:
+            image = screen_of(
+                options.store, scene.state, size or _SCREEN_SIZE, RenderOptions(theme)
+            )
     else:
         from s2rtui.charts.shared.paper import figure_format
-        from s2rtui.export.load_scene import open_scene
 
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene, figure_format(suffix[1:]):
-            picture = view.figure(scene, size or view.figure_size, theme)
-    rows.write_file(options.out, picture)
+            image = view.figure(scene, size or view.figure_size, theme)
+    rows.write_file(options.out, image)
     return 0
 
 
 def _size(text: str | None) -> Pixels | None:
-    from s2rstore.errors import RequestError
-
     if text is None:
         return None
     size = re.fullmatch(r"([0-9]{3,5})x([0-9]{3,5})", text)
     if not size or not all(200 <= int(part) <= 8000 for part in size.groups()):
         raise RequestError(f"--size {text}: must be pixels from 200x200 to 8000x8000")
     return int(size[1]), int(size[2])
-
-
-def _screen(store: Path, scene_options: SceneOptions, size: Pixels, theme: Theme) -> bytes:
-    from s2rtui.app.pilot import screen_of
-    from s2rtui.canvas import RenderOptions
-    from s2rtui.export.load_scene import open_scene
-
-    with open_scene(store, scene_options) as scene:
-        return screen_of(store, scene.state, size, RenderOptions(theme))

@@ -8,10 +8,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import s2rstore
+from s2rstore.errors import RequestError
+
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
-
-
 EXAMPLE = "s2r gap lab.s2r --reference reference.json --golden golden.json --details"
 
 
@@ -25,63 +26,58 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="measure only the selected instances (default all)")  # fmt: skip
     parser.add_argument("--axis", action="append", default=[], choices=AXES,
                         help="measure only this axis (repeatable)")  # fmt: skip
-    visual = parser.add_argument_group("visual axis")
-    visual.add_argument("--features", type=Path, metavar="FILE",
-                        help="description of an image network whose features are compared "
-                        "(default: the embedding of the model)")  # fmt: skip
-    visual.add_argument("--anchor-run", metavar="RUN",
-                        help="run whose sim images define a gap of 100")  # fmt: skip
-    visual.add_argument("--pca", type=int, default=3, metavar="N",
-                        help="principal components of the features (default 3)")  # fmt: skip
-    motion = parser.add_argument_group("dynamics and delay axes")
-    motion.add_argument(
+    add = parser.add_argument_group("visual axis").add_argument
+    add("--features", type=Path, metavar="FILE",
+        help="description of an image network whose features are compared "
+        "(default: the embedding of the model)")  # fmt: skip
+    add("--anchor-run", metavar="RUN", help="run whose sim images define a gap of 100")
+    add("--pca", type=int, default=3, metavar="N",
+        help="principal components of the features (default 3)")  # fmt: skip
+    add = parser.add_argument_group("dynamics and delay axes").add_argument
+    add(
         "--drives", metavar="DIR",
         help="folder of drives (NAME/real.csv, sim.csv, untuned.csv, commands.csv), or "
         f"`{defaults.ODOMETRY}` (default: the drives in the store)",
     )  # fmt: skip
-    motion.add_argument("--topic", help="ROS topic that carries the poses")
-    motion.add_argument("--rate", type=float, metavar="HZ",
-                        help="sampling rate of odometry that has no times")  # fmt: skip
-    motion.add_argument("--dynamics", action="append", default=[], metavar="NAME=VALUE",
-                        help="setting (repeatable): horizons=0.5,1,2 (s); "
-                        "nrmse=travel|extent|deviation; align=rigid+reflection+scale and rpe=1s "
-                        "or poses for APE and RPE; reach=1 (s), bad=period|untuned and "
-                        "period=0.05 for the delay; noise=0.002,0.003 (m, rad) of the real "
-                        "poses")  # fmt: skip
-    gate = parser.add_argument_group("gate")
-    gate.add_argument("--freeze", type=Path, metavar="FILE",
-                      help="write the reference scale that later runs are judged by")  # fmt: skip
-    gate.add_argument("--reference", type=Path, metavar="FILE",
-                      help="judge the gap by this reference scale")  # fmt: skip
-    gate.add_argument("--threshold", type=float, default=defaults.THRESHOLD, metavar="G",
-                      help="largest gap that passes (default %(default)g)")  # fmt: skip
-    gate.add_argument("--freeze-golden", type=Path, metavar="FILE",
-                      help="write the errors as the golden run")  # fmt: skip
-    gate.add_argument("--golden", type=Path, metavar="FILE",
-                      help="fail if errors are worse than this golden run")  # fmt: skip
-    gate.add_argument("--margin", type=float, default=defaults.MARGIN, metavar="METRES",
-                      help="tolerance of the golden run (default %(default)g)")  # fmt: skip
-    bootstrap = parser.add_argument_group("bootstrap")
-    bootstrap.add_argument("--seed", type=int, default=defaults.SEED,
-                           help="random seed (default %(default)s)")  # fmt: skip
-    bootstrap.add_argument("--replicates", type=int, default=defaults.REPLICATES,
-                           help="bootstrap replicates (default %(default)s)")  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--details", action="store_true", help="print all figures of every axis")
-    output.add_argument("--json", action="store_true", help="print the report as JSON")
-    output.add_argument("--out", type=Path, metavar="FILE",
-                        help="write the report as JSON to this file as well")  # fmt: skip
+    add("--topic", help="ROS topic that carries the poses")
+    add("--rate", type=float, metavar="HZ", help="sampling rate of odometry that has no times")
+    add("--dynamics", action="append", default=[], metavar="NAME=VALUE",
+        help="setting (repeatable): horizons=0.5,1,2 (s); nrmse=travel|extent|deviation; "
+        "align=rigid+reflection+scale and rpe=1s or poses for APE and RPE; reach=1 (s), "
+        "bad=period|untuned and period=0.05 for the delay; noise=0.002,0.003 (m, rad) of the real "
+        "poses")  # fmt: skip
+    add = parser.add_argument_group("gate").add_argument
+    add("--freeze", type=Path, metavar="FILE",
+        help="write the reference scale that later runs are judged by")  # fmt: skip
+    add("--reference", type=Path, metavar="FILE", help="judge the gap by this reference scale")
+    add("--threshold", type=float, default=defaults.THRESHOLD, metavar="G",
+        help="largest gap that passes (default %(default)g)")  # fmt: skip
+    add("--freeze-golden", type=Path, metavar="FILE", help="write the errors as the golden run")
+    add("--golden", type=Path, metavar="FILE", help="fail if errors are worse than this golden run")
+    add("--margin", type=float, default=defaults.MARGIN, metavar="METRES",
+        help="tolerance of the golden run (default %(default)g)")  # fmt: skip
+    add = parser.add_argument_group("bootstrap").add_argument
+    add("--seed", type=int, default=defaults.SEED, help="random seed (default %(default)s)")
+    add("--replicates", type=int, default=defaults.REPLICATES,
+        help="bootstrap replicates (default %(default)s)")  # fmt: skip
+    add = parser.add_argument_group("output").add_argument
+    add("--details", action="store_true", help="print all figures of every axis")
+    add("--json", action="store_true", help="print the report as JSON")
+    add("--out", type=Path, metavar="FILE", help="write the report as JSON to this file as well")
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
     from s2rstore.gap_history.gate_status import EXIT_CODES, report_outcome
     from s2rtools.common import result_files
     from s2rtools.gap.gate import gate, golden_run
     from s2rtools.gap.report import report
 
     request = _request(options)
-    _check_paths(options)
+    written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
+               "--out": options.out}  # fmt: skip
+    read = {"--reference": options.reference, "--golden": options.golden,
+            "--features": options.features}  # fmt: skip
+    result_files.check_writable(written, read)
     files: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
         evidence = gate.collect_evidence(store, request)
@@ -107,18 +103,7 @@ def execute(options: argparse.Namespace) -> int:
     return EXIT_CODES[report_outcome(result) or ("PASS" if frozen else "INCONCLUSIVE")]
 
 
-def _check_paths(options: argparse.Namespace) -> None:
-    from s2rtools.common import result_files
-
-    written = {"--freeze": options.freeze, "--freeze-golden": options.freeze_golden,
-               "--out": options.out}  # fmt: skip
-    read = {"--reference": options.reference, "--golden": options.golden,
-            "--features": options.features}  # fmt: skip
-    result_files.check_writable(written, read)
-
-
 def _request(options: argparse.Namespace) -> GapRequest:
-    from s2rstore.errors import RequestError
     from s2rtools.gap import defaults
     from s2rtools.gap.axis_result import GapSettings
     from s2rtools.gap.gate.gate import GapRequest

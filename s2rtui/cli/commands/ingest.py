@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.security.printable_text import printable
+from s2rtui.cli.formatting.progress import reporter
+
 _LISTED_FILES = 5
-
-
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
 
 
@@ -20,14 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
     for layout in (sim2realviz, manifest):
         layout.add_argument("path", type=Path, help="folder or manifest to read")
-        layout.add_argument(
-            "--calibration", "--header", dest="header", type=Path, metavar="FILE",
-            help="TOML or JSON file with bounds, rooms and cameras",
-        )  # fmt: skip
-        layout.add_argument(
-            "--allow-outside", action="store_true",
-            help="allow images outside the folder of the data, and list their folders",
-        )  # fmt: skip
+        layout.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
+                            help="TOML or JSON file with bounds, rooms and cameras")  # fmt: skip
+        layout.add_argument("--allow-outside", action="store_true",
+                            help="allow images outside the folder of the data, and list their "
+                            "folders")  # fmt: skip
     for layout in (sim2realviz, manifest, world):
         size = 128 if layout is world else 256
         layout.add_argument("--store", type=Path, required=True, help="store folder to create")
@@ -35,8 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                             help="read only this trajectory (repeatable)")  # fmt: skip
         layout.add_argument("--size", type=int, default=size,
                             help=f"height and width of stored frames (default {size})")  # fmt: skip
-        layout.add_argument("--strict", action="store_true",
-                            help="refuse input that has any issue")  # fmt: skip
+        layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,
                        help="random seed of the building (default 1)")  # fmt: skip
@@ -44,26 +44,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="instances of each of the two trajectories (default 120)")  # fmt: skip
     group.add_argument("--survey", type=int, default=0, metavar="N",
                        help="add a training set of N random views and one tour")  # fmt: skip
-    group.add_argument(
-        "--factors", default="all", metavar="NAME[=SEVERITY],...",
-        help="differences between the real and the sim side: all (severity 1), none, or a list "
-        "(default all)",
-    )  # fmt: skip
+    group.add_argument("--factors", default="all", metavar="NAME[=SEVERITY],...",
+                       help="differences between the real and the sim side: all (severity 1), "
+                       "none, or a list (default all)")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
-    import shlex
-
-    from s2rstore.errors import RequestError
-    from s2rstore.security.printable_text import printable
     from s2rtools.datasets import IMPORTERS
     from s2rtools.datasets.build import build
     from s2rtools.datasets.scan import ScanOptions
-    from s2rtui.cli.formatting.progress import reporter
 
     if not 16 <= options.size <= 2048:
         raise RequestError(f"--size {options.size}: must be 16 to 2048")
-    world = _world(options) if options.layout == "world" else {}
+    world: dict[str, Any] = {}
+    if options.layout == "world":
+        from s2rtools.synthetic_world.factors import parse_factors
+
+        world = {"seed": options.seed, "count": options.instances, "survey": options.survey,
+                 "factors": parse_factors(options.factors)}  # fmt: skip
     frame = options.size, options.size
     header = getattr(options, "header", None)
     allow_outside = getattr(options, "allow_outside", False)
@@ -77,33 +75,22 @@ def execute(options: argparse.Namespace) -> int:
     try:
         with reporter() as progress:
             progress.begin("ingest", 2 * views)
-            build(
-                scan, options.store, command, options.strict, progress.advance, progress.say
-            )  # fmt: skip
+            build(scan, options.store, command, options.strict, progress.advance, progress.say)
     except KeyboardInterrupt:
         outcome = "is complete" if options.store.exists() else "was not created"
         print(printable(f"s2r: interrupted; {options.store} {outcome}"), file=sys.stderr)
         return 130
     finally:
         _print_issues(scan.issues)
-    _print_summary(options.store)
+    with s2rstore.open(options.store) as store:
+        domains = ", ".join(store.domains)
+        trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
+        count = len(store.instances)
+    print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}")
     return 0
 
 
-def _world(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of the synthetic world."""
-    from s2rtools.synthetic_world.factors import parse_factors
-
-    return {
-        "seed": options.seed, "count": options.instances, "survey": options.survey,
-        "factors": parse_factors(options.factors),
-    }  # fmt: skip
-
-
 def _print_issues(issues: list[Any]) -> None:
-    """Print the number of issues of each kind, with the first files."""
-    from s2rstore.security.printable_text import printable
-
     kinds: dict[str, list[Any]] = {}
     for issue in issues:
         kinds.setdefault(issue.kind, []).append(issue)
@@ -113,12 +100,3 @@ def _print_issues(issues: list[Any]) -> None:
             print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
         if len(members) > _LISTED_FILES:
             print(f"  ... and {len(members) - _LISTED_FILES} more", file=sys.stderr)
-
-
-def _print_summary(path: Path) -> None:
-    import s2rstore
-
-    with s2rstore.open(path) as store:
-        domains = ", ".join(store.domains)
-        trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
-        print(f"{path}: {len(store.instances)} instances in {domains}; trajectories {trajectories}")

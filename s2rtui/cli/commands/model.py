@@ -19,10 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                      help="architecture: posest or resposenet; with --trust also torchscript or "
                      "module:factory")  # fmt: skip
     add.add_argument("--store", type=Path, required=True, help="store folder")
-    add.add_argument(
-        "--convention", metavar="HEADING[,FRAME]",
-        help="convention of the output: degrees, radians or cos_sin; map or habitat",
-    )  # fmt: skip
+    add.add_argument("--convention", metavar="HEADING[,FRAME]",
+                     help="convention of the output: degrees, radians or cos_sin; "
+                     "map or habitat")  # fmt: skip
     add.add_argument("--trust", action="store_true", help="allow file formats that execute code")
     shipped = actions.add_parser(
         "shipped", help="register the pretrained models of the synthetic world, each with a run"
@@ -48,7 +47,5 @@ def _add(options: argparse.Namespace) -> None:
 def _shipped(options: argparse.Namespace) -> None:
     from s2rtools.training import pretrained
 
-    added = pretrained.add_pretrained_models(options.store)
-    print(
-        f"{options.store}: {', '.join(added) or 'no new model'} registered; next: `s2r precompute`"
-    )
+    added = ", ".join(pretrained.add_pretrained_models(options.store)) or "no new model"
+    print(f"{options.store}: {added} registered; next: `s2r precompute`")

@@ -3,36 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import datetime
+from s2rstore.errors import RequestError
 
+if TYPE_CHECKING:
     from s2rtools.nightly.config import NightlyConfig
     from s2rtools.nightly.run import NightRun
-
-
 EXAMPLE = "s2r nightly nightly.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG.toml", help="configuration file")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    date = parser.add_argument_group("date")
-    date.add_argument(
-        "--night", metavar="YYYY-MM-DD", help="date of the night (default: today, UTC)"
-    )
-    date.add_argument(
-        "--far-night", action="store_true",
-        help="accept a date more than a month before or a year after the newest night",
-    )  # fmt: skip
-    date.add_argument(
-        "--withdraw", metavar="YYYY-MM-DD",
-        help="measure nothing; move this night to the table `withdrawn` of the history",
-    )  # fmt: skip
+    add = parser.add_argument_group("date").add_argument
+    add("--night", metavar="YYYY-MM-DD", help="date of the night (default: today, UTC)")
+    add("--far-night", action="store_true",
+        help="accept a date more than a month before or a year after the newest night")  # fmt: skip
+    add("--withdraw", metavar="YYYY-MM-DD",
+        help="measure nothing; move this night to the table `withdrawn` of the "
+        "history")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -53,10 +47,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _night(text: str | None) -> datetime.date:
-    import datetime
-
-    from s2rstore.errors import RequestError
-
     today = datetime.datetime.now(datetime.UTC).date()
     if text is None:
         return today
@@ -67,10 +57,6 @@ def _night(text: str | None) -> datetime.date:
 
 
 def _date(option: str, text: str) -> datetime.date:
-    import datetime
-
-    from s2rstore.errors import RequestError
-
     try:
         return datetime.date.fromisoformat(text)
     except ValueError as error:
@@ -78,7 +64,6 @@ def _date(option: str, text: str) -> datetime.date:
 
 
 def _withdraw(config: NightlyConfig, options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtools.nightly.withdraw import withdraw
 
     if options.night is not None:
@@ -107,8 +92,7 @@ def _print_result(config: NightlyConfig, result: NightRun) -> None:
     if not result.new:
         print("no new evidence: the night is in the history already", file=sys.stderr)
     elif not result.computed:
-        print("no new recordings: the figures are those of an earlier night",
-              file=sys.stderr)  # fmt: skip
+        print("no new recordings: the figures are those of an earlier night", file=sys.stderr)
 
 
 def _as_dict(config: NightlyConfig, result: NightRun) -> dict[str, object]:

@@ -5,29 +5,27 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting.progress import STYLES, reporter
 
 EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
-    parser.add_argument("--run", action="append", default=[],
-                        help="compute only this run (repeatable)")  # fmt: skip
-    parser.add_argument("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
-    parser.add_argument("--trust", action="store_true",
-                        help="allow model formats that execute code")  # fmt: skip
-    execution = parser.add_argument_group("execution")
-    execution.add_argument("--workers", type=int, default=1, help="worker processes (default 1)")
-    execution.add_argument("--backend", default="torch",
-                           help="torch (default), torch-bfloat16, openvino, auto")  # fmt: skip
-    execution.add_argument("--progress", choices=STYLES, default="auto",
-                           help="json prints one object per line on standard output and ends "
-                           "together with the parent process")  # fmt: skip
+    add = parser.add_argument
+    add("store", type=Path, help="store folder")
+    add("--run", action="append", default=[], help="compute only this run (repeatable)")
+    add("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
+    add("--trust", action="store_true", help="allow model formats that execute code")
+    add = parser.add_argument_group("execution").add_argument
+    add("--workers", type=int, default=1, help="worker processes (default 1)")
+    add("--backend", default="torch", help="torch (default), torch-bfloat16, openvino, auto")
+    add("--progress", choices=STYLES, default="auto",
+        help="json prints one object per line on standard output and ends "
+        "together with the parent process")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtui.security.restricted_process import end_with_parent
 

@@ -6,6 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from s2rstore.errors import RequestError
+from s2rstore.security.printable_text import printable
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r prune lab.s2r --keep 1 --dry-run"
@@ -20,9 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rstore.maintenance.prune import prune
-    from s2rstore.security.printable_text import printable
 
     if options.keep < 1:
         raise RequestError(f"--keep {options.keep}: must be at least 1")

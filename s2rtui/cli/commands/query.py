@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
@@ -13,28 +15,19 @@ EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.erro
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", help="store folder")
     parser.add_argument("expression", help="selection, for example 'worst15 & room:right - @done'")
-    group = parser.add_argument_group("selection")
-    group.add_argument(
-        "--run", help="run whose errors the expression refers to (default: the first)"
-    )
-    group.add_argument("--trajectory", action="append",
-                       help="select from this trajectory only (repeatable)")  # fmt: skip
-    group.add_argument("--count", action="store_true", help="print only the number of instances")
-    group.add_argument(
-        "--columns", metavar="F,...",
+    add = parser.add_argument_group("selection").add_argument
+    add("--run", help="run whose errors the expression refers to (default: the first)")
+    add("--trajectory", action="append", help="select from this trajectory only (repeatable)")
+    add("--count", action="store_true", help="print only the number of instances")
+    add("--columns", metavar="F,...",
         help="columns: fields of the selection language, tags and note; for example "
-        "iid,room,real.outlier,tags",
-    )  # fmt: skip
-    group.add_argument(
-        "--with-expression", action="store_true",
-        help="add the expression, run, generation and data set to the output",
-    )  # fmt: skip
+        "iid,room,real.outlier,tags")  # fmt: skip
+    add("--with-expression", action="store_true",
+        help="add the expression, run, generation and data set to the output")  # fmt: skip
     rows.add_output_options(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.language import evaluation
     from s2rtui.export.rows.selected_instances import selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
@@ -44,9 +37,8 @@ def execute(options: argparse.Namespace) -> int:
         known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:
-                raise RequestError(
-                    f"--trajectory {name}: {options.store} has {', '.join(sorted(known))}"
-                )
+                trajectories = ", ".join(sorted(known))
+                raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
         notes = ReadNotebook(store.dataset.hash).notes
         query = options.expression, run, options.trajectory
         if options.count:

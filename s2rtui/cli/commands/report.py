@@ -3,43 +3,34 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
-
-if TYPE_CHECKING:
-    from s2rtui.cli.formatting.progress import Reporter
-
+from s2rtui.cli.formatting.progress import reporter
 
 EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
-    content = parser.add_argument_group("content")
-    content.add_argument("--select", action="append", default=[], metavar="EXPR",
-                         help="selection expression (repeatable; default: your saved "
-                         "selections)")  # fmt: skip
-    content.add_argument("--saved", action="store_true", help="include your saved selections")
-    content.add_argument("--run", action="append", default=[], help="run to report (repeatable)")
-    content.add_argument("--trajectory", action="append",
-                         help="use only this trajectory (repeatable)")  # fmt: skip
-    content.add_argument("--with", dest="other", metavar="RUN",
-                         help="run to compare with the first run")  # fmt: skip
-    content.add_argument("--heat", metavar="KIND[:MODE]", help="heatmap on the example images")
-    page = parser.add_argument_group("page")
-    page.add_argument("--out", type=Path, required=True, help="output file, *.html")
-    page.add_argument("--title", default="", help="title of the page")
-    page.add_argument("--date", default="", help="date to print, as text (default: none)")
-    page.add_argument("--light", action="store_true", help="omit the figures for dark screens")
+    add = parser.add_argument_group("content").add_argument
+    add("--select", action="append", default=[], metavar="EXPR",
+        help="selection expression (repeatable; default: your saved selections)")  # fmt: skip
+    add("--saved", action="store_true", help="include your saved selections")
+    add("--run", action="append", default=[], help="run to report (repeatable)")
+    add("--trajectory", action="append", help="use only this trajectory (repeatable)")
+    add("--with", dest="other", metavar="RUN", help="run to compare with the first run")
+    add("--heat", metavar="KIND[:MODE]", help="heatmap on the example images")
+    add = parser.add_argument_group("page").add_argument
+    add("--out", type=Path, required=True, help="output file, *.html")
+    add("--title", default="", help="title of the page")
+    add("--date", default="", help="date to print, as text (default: none)")
+    add("--light", action="store_true", help="omit the figures for dark screens")
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
-    from s2rtui.cli.formatting.progress import reporter
     from s2rtui.export.report.build_report import render_report
     from s2rtui.export.report.report_request import ReportRequest, selections
     from s2rtui.user_data.notebook import ReadNotebook
@@ -59,18 +50,13 @@ def execute(options: argparse.Namespace) -> int:
         dark=not options.light,
     )
     with reporter() as progress:
-        page = render_report(options.store, request, _step_callback(progress))
+
+        def on_step(done: int, total: int, next_step: str) -> None:
+            if done == 0:
+                progress.begin("report", total)
+            else:
+                progress.advance(1)
+
+        page = render_report(options.store, request, on_step)
     rows.write_file(options.out, page)
     return 0
-
-
-def _step_callback(reporter: Reporter) -> Callable[[int, int, str], None]:
-    """Return a callback (steps done, total steps, next step) that advances one progress stage."""
-
-    def advance(done: int, total: int, next_step: str) -> None:
-        if done == 0:
-            reporter.begin("report", total)
-        else:
-            reporter.advance(1)
-
-    return advance

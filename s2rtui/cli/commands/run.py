@@ -16,10 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add.add_argument("--model", required=True, help="name of a registered model")
     add.add_argument("--sim", help="domain of the sim side (default: the first of kind sim)")
     add.add_argument("--real", help="domain of the real side (default: the first of kind real)")
-    add.add_argument(
-        "--adjust", action="append", default=[], metavar="SIDE:NAME=VALUE,...",
-        help="adjustments of the images of one side, such as real:brightness=1.15,contrast=1.1",
-    )  # fmt: skip
+    add.add_argument("--adjust", action="append", default=[], metavar="SIDE:NAME=VALUE,...",
+                     help="adjustments of the images of one side, such as "
+                     "real:brightness=1.15,contrast=1.1")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import s2rstore
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
+from s2rstore.records import SIDES
 from s2rtui.cli.formatting import rows as output
+from s2rtui.session.model_input import chain_text
 
 if TYPE_CHECKING:
     from s2rstore.metrics.run_metrics import SideMetrics
@@ -15,8 +18,6 @@ _NAMES = (
     "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TEXT}",
     "sim median m", "real accuracy %", f"real {LEVEL_TEXT}", "real median m", "baseline %", "note",
 )  # fmt: skip
-
-
 EXAMPLE = "s2r runs lab.s2r --format csv"
 
 
@@ -26,9 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
     from s2rstore.metrics import run_metrics
-    from s2rstore.records import SIDES
 
     rows = []
     with s2rstore.open(options.store) as store:
@@ -48,15 +47,14 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def _side(headline: SideMetrics) -> list[object]:
+def _side(metrics: SideMetrics) -> list[object]:
     """Return accuracy (percent), its interval and the median error (metres)."""
-    if headline.n < 2:
+    if metrics.n < 2:
         return [None, None, None]
-    accuracy = headline.accuracy
+    accuracy = metrics.accuracy
     interval = f"{100 * accuracy.low:.1f}..{100 * accuracy.high:.1f}"
-    return [round(100 * accuracy.value, 1), interval, round(headline.median_error, 3)]
+    return [round(100 * accuracy.value, 1), interval, round(metrics.median_error, 3)]
 
 
 def _domain_text(domain: str, chain: list[dict[str, object]]) -> str:
-    steps = [f"{step['name']}={step['value']:g}" for step in chain]
-    return domain + (f" ({', '.join(steps)})" if steps else "")
+    return f"{domain} ({chain_text(chain)})" if chain else domain

@@ -8,39 +8,37 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rtui.cli.formatting.progress import reporter
+
 EXAMPLE = "s2r score world.s2r --instances 48"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store of the synthetic world")
-    scope = parser.add_argument_group("scope")
-    scope.add_argument(
-        "--run", action="append", default=[],
-        help="score only this run (repeatable); the result is then not saved in the store",
-    )  # fmt: skip
-    scope.add_argument("--instances", type=int, default=120,
-                       help="instances for the counterfactual tables (default 120)")  # fmt: skip
-    scope.add_argument("--seed", type=int, default=1,
-                       help="random seed that breaks ties (default 1)")  # fmt: skip
-    scope.add_argument("--trust", action="store_true",
-                       help="allow model formats that execute code")  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--no-keep", action="store_true",
-                        help="do not save the score in the store")  # fmt: skip
-    output.add_argument("--json", action="store_true", help="print the result as JSON")
-    output.add_argument("--quiet", action="store_true", help="print no tables")
+    add = parser.add_argument_group("scope").add_argument
+    add("--run", action="append", default=[],
+        help="score only this run (repeatable); the result is then not saved in the "
+        "store")  # fmt: skip
+    add("--instances", type=int, default=120,
+        help="instances for the counterfactual tables (default 120)")  # fmt: skip
+    add("--seed", type=int, default=1, help="random seed that breaks ties (default 1)")
+    add("--trust", action="store_true", help="allow model formats that execute code")
+    add = parser.add_argument_group("output").add_argument
+    add("--no-keep", action="store_true", help="do not save the score in the store")
+    add("--json", action="store_true", help="print the result as JSON")
+    add("--quiet", action="store_true", help="print no tables")
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
-    from s2rtui.cli.formatting.progress import reporter
 
     saves = not options.no_keep and not options.run
     if saves:
         _check_writable(options.store)
-    settings = report.ScoreSettings(
-        tuple(options.run), options.trust, options.instances, options.seed
-    )
+    runs = tuple(options.run)
+    settings = report.ScoreSettings(runs, options.trust, options.instances, options.seed)
     with reporter() as progress:
         scores = report.score(options.store, settings, progress)
     if saves:
@@ -55,8 +53,6 @@ def execute(options: argparse.Namespace) -> int:
 
 def _check_writable(store: Path) -> None:
     """Raise RequestError, before the work begins, if the score cannot be saved in the store."""
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.index.transaction import check_writable
 
     s2rstore.open(store).close()

@@ -7,45 +7,39 @@ import ipaddress
 import os
 from pathlib import Path
 
-_INSTALL = "install it with `pip install 's2rtui[serve]'`"
-
+import s2rstore
+from s2rstore.errors import RequestError
 
 EXAMPLE = "s2r serve lab.s2r --port 8000"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
-    network = parser.add_argument_group("network")
-    network.add_argument("--host", default="127.0.0.1",
-                         help="address to listen on (default 127.0.0.1)")  # fmt: skip
-    network.add_argument("--port", type=int, default=8000, help="TCP port (default 8000)")
-    network.add_argument("--users", type=int, default=8,
-                         help="sessions at the same time (default 8)")  # fmt: skip
-    network.add_argument(
-        "--public", action="store_true",
+    add = parser.add_argument_group("network").add_argument
+    add("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1)")
+    add("--port", type=int, default=8000, help="TCP port (default 8000)")
+    add("--users", type=int, default=8, help="sessions at the same time (default 8)")
+    add("--public", action="store_true",
         help="allow an address other than loopback; everybody who has the address with its token "
-        "can read the store, and the connection is not encrypted",
-    )  # fmt: skip
+        "can read the store, and the connection is not encrypted")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
-
     _check(options)
     s2rstore.open(options.store).close()
     try:
-        from s2rtui.web.server import ServerSettings, StoreServer
+        from s2rtui.web.server import StoreServer
     except ModuleNotFoundError as error:
         raise RequestError(
-            f"serve: the Python package {error.name} is missing; {_INSTALL}"
+            f"serve: the Python package {error.name} is missing; "
+            "install it with `pip install 's2rtui[serve]'`"
         ) from error
-    _prepare_environment()
-    settings = ServerSettings(
-        options.store, options.host, options.port, options.users, options.public
-    )
+    # The terminal in the page does not depend on this one.
+    os.environ.pop("NO_COLOR", None)
+    os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")
+    address = options.host, options.port
     try:
-        StoreServer(settings).serve()
+        StoreServer(options.store, *address, options.users, options.public).serve()
     except OSError as error:
         reason = os.strerror(error.errno or 0)
         raise RequestError(
@@ -55,8 +49,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    from s2rstore.errors import RequestError
-
     if not 1 <= options.port <= 65535:
         raise RequestError(f"--port {options.port}: must be 1 to 65535")
     if options.users < 1:
@@ -73,9 +65,3 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _prepare_environment() -> None:
-    """Describe the terminal in the page, which does not depend on this one."""
-    os.environ.pop("NO_COLOR", None)
-    os.environ.update(TERM="xterm-256color", COLORTERM="truecolor", LC_ALL="C.UTF-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 
 from s2rtui.cli import scene_arguments
@@ -32,9 +31,6 @@ def execute(options: argparse.Namespace) -> int:
             print(view.summary(scene))
             return 0
         names, rows = view.numbers(scene)
-        output.write(names, [[_without_nan(value) for value in row] for row in rows], options)
+        without_nan = [[None if value != value else value for value in row] for row in rows]
+        output.write(names, without_nan, options)
     return 0
-
-
-def _without_nan(value: object) -> object:
-    return None if isinstance(value, float) and math.isnan(value) else value

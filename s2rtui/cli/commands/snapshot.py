@@ -6,6 +6,7 @@ import argparse
 import re
 from pathlib import Path
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
@@ -17,28 +18,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
-    screen = parser.add_argument_group("screen")
-    screen.add_argument("--size", default="120x40", metavar="COLUMNSxROWS",
-                        help="size in characters (default 120x40)")  # fmt: skip
-    screen.add_argument("--ascii", action="store_true", help="use ASCII characters only")
-    screen.add_argument("--colour", default="truecolor",
-                        help="truecolor, 256, 16 or none (default truecolor)")  # fmt: skip
-    screen.add_argument("--light", action="store_true", help="use a light background")
+    add = parser.add_argument_group("screen").add_argument
+    add("--size", default="120x40", metavar="COLUMNSxROWS",
+        help="size in characters (default 120x40)")  # fmt: skip
+    add("--ascii", action="store_true", help="use ASCII characters only")
+    add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
+    add("--light", action="store_true", help="use a light background")
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
 
     size = _size(options.size)
     if options.out.suffix not in (".png", ".txt"):
         raise RequestError(f"--out {options.out}: must end in .png or .txt")
-    try:
-        mode = ColourMode(options.colour)
-    except ValueError:
-        raise RequestError(
-            f"--colour {options.colour}: must be truecolor, 256, 16 or none"
-        ) from None
+    if options.colour not in ("truecolor", "256", "16", "none"):
+        raise RequestError(f"--colour {options.colour}: must be truecolor, 256, 16 or none")
+    mode = ColourMode(options.colour)
     render_options = RenderOptions(LIGHT if options.light else DARK, mode, options.ascii)
     from s2rtui.app.pilot import is_key, snapshot
 
@@ -55,7 +51,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _size(text: str) -> tuple[int, int]:
-    from s2rstore.errors import RequestError
     from s2rtui.terminal.capabilities import COLUMNS, ROWS
 
     size = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", text)

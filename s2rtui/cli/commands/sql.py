@@ -6,6 +6,8 @@ import argparse
 import re
 from pathlib import Path
 
+import s2rstore
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows as output
 
 DEFAULT_TIMEOUT = 60.0
@@ -19,12 +21,12 @@ EXAMPLE = 's2r sql lab.s2r "SELECT run, avg(gap) FROM pair GROUP BY run"'
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", help="store folder")
     parser.add_argument("sql", help="SQL statement (DuckDB)")
-    limits = parser.add_argument_group("limits")
-    limits.add_argument(
+    add = parser.add_argument_group("limits").add_argument
+    add(
         "--timeout", type=float, default=DEFAULT_TIMEOUT, metavar="SECONDS",
         help=f"time after which the query is stopped (default {DEFAULT_TIMEOUT:g})",
     )  # fmt: skip
-    limits.add_argument(
+    add(
         "--memory", default=DEFAULT_MEMORY, metavar="SIZE",
         help=f"memory limit of the query and its rows, such as 2GB (default {DEFAULT_MEMORY})",
     )  # fmt: skip
@@ -32,8 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    import s2rstore
-    from s2rstore.errors import RequestError
     from s2rstore.index import user_query
 
     size = _MEMORY.match(options.memory)

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import InconclusiveError, RequestError
+from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.sysid.identify import Identification
     from s2rtools.sysid.parameter_space import Range
-
-
 EXAMPLE = "s2r sysid drives/ --simulator planar --out identified/"
 
 
@@ -22,38 +21,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("drives", type=Path,
                         help="folder of drives: NAME/real.csv, sim.csv, commands.csv")  # fmt: skip
     parser.add_argument("--topic", help="ROS topic that carries the poses")
-    model = parser.add_argument_group("simulator")
-    model.add_argument("--simulator", default="planar", help="planar or mujoco (default planar)")
-    model.add_argument("--parameters", metavar="NAME,...",
-                       help="parameters to estimate beside the latency, such as mass,friction "
-                       "(default: those of the simulator)")  # fmt: skip
-    model.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE",
-                       help="known parameter value, such as track=0.4 (repeatable)")  # fmt: skip
-    model.add_argument("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
-                       help="search range, such as latency=0..0.5 (repeatable)")  # fmt: skip
-    search = parser.add_argument_group("search")
-    search.add_argument("--seeds", type=int, default=3, help="independent searches (default 3)")
-    search.add_argument("--seed", type=int, default=1, help="random seed (default 1)")
-    search.add_argument("--evaluations", type=int,
-                        help="evaluations of the simulator per search")  # fmt: skip
-    search.add_argument("--held-out", type=int, metavar="N",
-                        help="drives used for validation only (default: a quarter)")  # fmt: skip
-    search.add_argument("--window", type=float, default=3.0, metavar="SECONDS",
-                        help="time after which a simulation restarts from the recorded state "
-                        "(default 3)")  # fmt: skip
-    search.add_argument("--residual", action="store_true",
-                        help="train a network on the residuals; it is kept only if it helps "
-                        "on the held-out drives")  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", type=Path, required=True, help="folder for the results")
-    output.add_argument("--json", action="store_true", help="print the result as JSON")
+    add = parser.add_argument_group("simulator").add_argument
+    add("--simulator", default="planar", help="planar or mujoco (default planar)")
+    add("--parameters", metavar="NAME,...",
+        help="parameters to estimate beside the latency, such as mass,friction "
+        "(default: those of the simulator)")  # fmt: skip
+    add("--fix", action="append", default=[], metavar="NAME=VALUE",
+        help="known parameter value, such as track=0.4 (repeatable)")  # fmt: skip
+    add("--range", action="append", default=[], metavar="NAME=LOW..HIGH[:log]",
+        help="search range, such as latency=0..0.5 (repeatable)")  # fmt: skip
+    add = parser.add_argument_group("search").add_argument
+    add("--seeds", type=int, default=3, help="independent searches (default 3)")
+    add("--seed", type=int, default=1, help="random seed (default 1)")
+    add("--evaluations", type=int, help="evaluations of the simulator per search")
+    add("--held-out", type=int, metavar="N",
+        help="drives used for validation only (default: a quarter)")  # fmt: skip
+    add("--window", type=float, default=3.0, metavar="SECONDS",
+        help="time after which a simulation restarts from the recorded state "
+        "(default 3)")  # fmt: skip
+    add("--residual", action="store_true",
+        help="train a network on the residuals; it is kept only if it helps "
+        "on the held-out drives")  # fmt: skip
+    add = parser.add_argument_group("output").add_argument
+    add("--out", type=Path, required=True, help="folder for the results")
+    add("--json", action="store_true", help="print the result as JSON")
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.motion_logs import read_drives
     from s2rtools.sysid import SysidSettings, identify, report
     from s2rtools.sysid.residual_training import learn
-    from s2rtui.cli.formatting.progress import reporter
 
     names = None if options.parameters is None else _names(options.parameters)
     settings = SysidSettings(
@@ -83,7 +80,6 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _check_conclusive(drives: str, identification: Identification) -> None:
-    """Raise InconclusiveError for estimates that cannot be trusted."""
     if identification.at_ends:
         raise InconclusiveError(
             f"{drives}: {', '.join(identification.at_ends)} at a bound of the search range; "

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+import sys
 from pathlib import Path
+
+from s2rstore.errors import RequestError
+from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", type=Path, required=True, help="store folder")
-    model = parser.add_argument_group("model")
-    model.add_argument(
-        "--recipe", required=True, help="vanilla, dataaug, finetune (with --from) or perlin"
-    )
-    model.add_argument("--from", dest="start", metavar="RUN",
-                       help="continue with the model of this run")  # fmt: skip
-    model.add_argument("--name", help="name of the model and its run (default: the recipe)")
-    model.add_argument("--arch", default="resposenet", help="architecture (default resposenet)")
-    budget = parser.add_argument_group("budget")
-    budget.add_argument("--minutes", type=float, default=2.0, help="training time (default 2)")
-    budget.add_argument("--steps", type=int, help="number of batches, in place of --minutes")
-    budget.add_argument("--seed", type=int, default=0, help="random seed (default 0)")
+    add = parser.add_argument_group("model").add_argument
+    add("--recipe", required=True, help="vanilla, dataaug, finetune (with --from) or perlin")
+    add("--from", dest="start", metavar="RUN", help="continue with the model of this run")
+    add("--name", help="name of the model and its run (default: the recipe)")
+    add("--arch", default="resposenet", help="architecture (default resposenet)")
+    add = parser.add_argument_group("budget").add_argument
+    add("--minutes", type=float, default=2.0, help="training time (default 2)")
+    add("--steps", type=int, help="number of batches, in place of --minutes")
+    add("--seed", type=int, default=0, help="random seed (default 0)")
 
 
 def execute(options: argparse.Namespace) -> int:
-    import shlex
-    import sys
-
-    from s2rstore.errors import RequestError
     from s2rtools.training.train_into_store import TrainingRequest, train_into_store
-    from s2rtui.cli.formatting.progress import percent_callback, reporter
 
     if not 0 < options.minutes <= 10_000 or (options.steps is not None and options.steps < 1):
         raise RequestError("--minutes, --steps: must be more than 0, and --minutes at most 10000")

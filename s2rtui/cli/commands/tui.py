@@ -7,10 +7,8 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
+from s2rstore.errors import RequestError
 from s2rtui.cli.formatting import rows
-
-_RESTRICTED_HINT = "this account can only open the application; connect with `ssh -t`"
-
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
 
@@ -21,25 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip
     rows.add_safe_csv(parser)
-    terminal = parser.add_argument_group("terminal")
-    terminal.add_argument("--ascii", action="store_true", help="use ASCII characters only")
-    terminal.add_argument(
-        "--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
-        help="colours to use (default: detected from the terminal)",
-    )  # fmt: skip
-    terminal.add_argument(
-        "--graphics", action="store_true",
+    add = parser.add_argument_group("terminal").add_argument
+    add("--ascii", action="store_true", help="use ASCII characters only")
+    add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
+        help="colours to use (default: detected from the terminal)")  # fmt: skip
+    add("--graphics", action="store_true",
         help="draw images of an instance in true pixels: kitty and ghostty, also over SSH, and in "
-        "tmux after `tmux set -g allow-passthrough on`",
-    )  # fmt: skip
-    terminal.add_argument(
-        "--restricted", action="store_true",
-        help="for a shared account: write only in the user data folder, load no model",
-    )  # fmt: skip
+        "tmux after `tmux set -g allow-passthrough on`")  # fmt: skip
+    add("--restricted", action="store_true",
+        help="for a shared account: write only in the user data folder, load no model")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.errors import RequestError
     from s2rtui.security import Permissions
     from s2rtui.security.restricted_process import (
         end_with_parent,
@@ -57,12 +48,13 @@ def execute(options: argparse.Namespace) -> int:
         if is_served():
             end_with_parent(signal.SIGKILL, server_process_id())
         else:
-            refuse_unusable(instead=_RESTRICTED_HINT)
-        permissions = Permissions.for_store(options.store, restricted=True)
-        restrict_process(permissions)
+            hint = "this account can only open the application; connect with `ssh -t`"
+            refuse_unusable(instead=hint)
     else:
         refuse_unusable()
-        permissions = Permissions.for_store(options.store)
+    permissions = Permissions.for_store(options.store, options.restricted)
+    if options.restricted:
+        restrict_process(permissions)
     terminal = detect(options.colour, options.ascii)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import probe_terminal

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from s2rstore.security.printable_text import printable
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r verify lab.s2r"
@@ -18,7 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.maintenance.verify import check
-    from s2rstore.security.printable_text import printable
 
     report = check(options.store)
     damages = report.damages

@@ -26,11 +26,10 @@ class Reporter(Protocol):
 
 
 class LogReporter:
-    """Writes a line to standard error at the start, every ten seconds and at the end of a stage."""
+    """Writes a line to standard error every ten seconds and at the end of a stage."""
 
-    def __init__(self) -> None:
-        self._stage, self._total, self._done = "", 0, 0
-        self._started = self._last_line = 0.0
+    _stage, _total, _done = "", 0, 0
+    _started = _last_line = 0.0
 
     def begin(self, stage: str, total: int) -> None:
         self._stage, self._total, self._done = stage, total, 0
@@ -54,8 +53,7 @@ class JsonReporter:
     A closed pipe is ignored, so that the operation continues.
     """
 
-    def __init__(self) -> None:
-        self._stage, self._total, self._done = "", 0, 0
+    _stage, _total, _done = "", 0, 0
 
     def begin(self, stage: str, total: int) -> None:
         self._stage, self._total, self._done = stage, total, 0

@@ -32,10 +32,9 @@ def add_output_options(parser: argparse.ArgumentParser, with_parquet: bool = Tru
 
 def add_safe_csv(parser: argparse._ActionsContainer) -> None:
     """Add `--safe-csv` to a command or a group of options."""
-    parser.add_argument(
-        "--safe-csv", action="store_true",
-        help="write CSV for spreadsheets: text that could be a formula begins with an apostrophe",
-    )  # fmt: skip
+    parser.add_argument("--safe-csv", action="store_true",
+                        help="write CSV for spreadsheets: text that could be a formula begins with "
+                        "an apostrophe")  # fmt: skip
 
 
 def write(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import RequestError
@@ -14,18 +15,8 @@ from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene
 from s2rtui.export.report import metric_tables
 from s2rtui.export.report.data_uri_images import figure
 from s2rtui.export.report.html_page import render_page
-from s2rtui.export.report.report_model import (
-    Report,
-    ReportImage,
-    ReportTable,
-    RunPart,
-    Section,
-)
-from s2rtui.export.report.report_request import (
-    ReportRequest,
-    RequestedSelection,
-    StepCallback,
-)
+from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, RunPart, Section
+from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import ReadNotebook
@@ -61,61 +52,42 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         if selection.saved is None:
             for run in runs:
                 _set_state(session, request, run, selection.expression)
-    steps = _Steps(on_step, 1 + sum(len(runs) for _, runs in plan))
-    steps.next("overview")
+    done, total = count(), 1 + sum(len(runs) for _, runs in plan)
+
+    def begin_step(step: str) -> None:
+        on_step(next(done), total, step)
+
+    begin_step("overview")
     store, state = session.store, session.state
+    names = request.trajectories or store.instances.trajectory_names
+    trajectories = ("trajectory " if len(names) == 1 else "trajectories ") + ", ".join(names)
     facts = [
         ("data set", store.dataset.name),
         ("data set hash", store.dataset.hash[:_HASH_CHARACTERS]),
         ("store", f"{store.path.name}, generation {store.generation}"),
-        ("instances", f"{len(store.instances)} in {_trajectories(request, session)}"),
+        ("instances", f"{len(store.instances)} in {trajectories}"),
         ("accuracy", f"1 − error / {store.dataset.accuracy_scale:.4g} m, at least 0"),
     ]
     overview = _overview_images(session, request)
-    sections = [_section(session, request, selection, runs, steps) for selection, runs in plan]
-    steps.next("")
+    sections = [_section(session, request, *planned, begin_step) for planned in plan]
+    begin_step("")
     caption = "All runs, over the instances that are new to each model"
+    in_table = tuple(f"  {run}: " for run in store.runs)
+    lines = store_summary.summary_lines(store)
     return Report(
         title=request.title or f"{store.dataset.name}: simulation and reality",
         subtitle=request.date,
         facts=facts,
-        findings=_findings(session),
+        findings=[line.strip() for line in lines if not line.startswith(in_table)],
         runs=metric_tables.compared_runs(store, state.runs, None, caption),
         images=overview,
         sections=sections,
     )
 
 
-def _findings(session: Session) -> list[str]:
-    """Return the findings, without the lines of single runs, which have a table."""
-    runs = tuple(f"  {run}: " for run in session.store.runs)
-    return [
-        line.strip()
-        for line in store_summary.summary_lines(session.store)
-        if not line.startswith(runs)
-    ]
-
-
-class _Steps:
-    """Counter of the steps that are done; announces the next one."""
-
-    def __init__(self, on_step: StepCallback, total: int) -> None:
-        self._on_step, self._total, self._done = on_step, total, -1
-
-    def next(self, step: str) -> None:
-        self._done += 1
-        self._on_step(self._done, self._total, step)
-
-
-def _trajectories(request: ReportRequest, session: Session) -> str:
-    names = request.trajectories or session.store.instances.trajectory_names
-    return ("trajectory " if len(names) == 1 else "trajectories ") + ", ".join(names)
-
-
 def _runs(
     session: Session, request: ReportRequest, selection: RequestedSelection
 ) -> tuple[str, ...]:
-    """Return the runs in which a selection is reported."""
     for run in request.runs:
         if session.store.run(run).key is None:
             raise RequestError(f"--run {run}: has no results; run `s2r precompute`")
@@ -128,7 +100,6 @@ def _runs(
 def _set_state(
     session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
-    """Put the session into the state that shows a selection in a run."""
     session.set_state(replace(session.state, trajectories=request.trajectories))
     session.select("all")
     session.set_run(run)
@@ -141,17 +112,20 @@ def _set_state(
 
 
 def _scene(session: Session, *names: str) -> Scene:
-    """Load the scene of some views, without a cursor."""
-    views = [BY_NAME[name] for name in names]
-    return load_scene(session, *views, cursor=False)
+    return load_scene(session, *(BY_NAME[name] for name in names), cursor=False)
 
 
 def _overview_images(session: Session, request: ReportRequest) -> list[ReportImage]:
     """Draw the overview, and the first run compared with the best other run in reality."""
+
+    def real_accuracy(run: str) -> float:
+        value = run_metrics.side_metrics(session.store, run, "real").accuracy.value
+        return value if value == value else -1.0
+
     runs = session.state.runs
     first = request.runs[0] if request.runs else runs[0]
     others = [run for run in runs if run != first]
-    best = max(others, key=lambda run: _real_accuracy(session, run)) if others else None
+    best = max(others, key=real_accuracy) if others else None
     _set_state(session, replace(request, other=request.other or best), first, "all", False)
     scene = _scene(session, "overview", "compare")
     size = (_WIDE_PIXELS, min(1200, 420 + 90 * len(runs)))
@@ -163,46 +137,37 @@ def _overview_images(session: Session, request: ReportRequest) -> list[ReportIma
     return images
 
 
-def _real_accuracy(session: Session, run: str) -> float:
-    value = run_metrics.side_metrics(session.store, run, "real").accuracy.value
-    return value if value == value else -1.0
-
-
 def _section(
     session: Session,
     request: ReportRequest,
     selection: RequestedSelection,
     runs: tuple[str, ...],
-    steps: _Steps,
+    begin_step: Callable[[str], None],
 ) -> Section:
+    title = selection.title, selection.expression
     parts: list[RunPart] = []
     facts: list[tuple[str, str]] = []
     table = remarks = None
     for run in runs:
-        steps.next(f"{selection.title} in {run}")
+        begin_step(f"{selection.title} in {run}")
         try:
             _set_state(session, request, run, selection.expression)
         except RequestError as error:
-            return Section(
-                selection.title, selection.expression, problem=f"Cannot be evaluated: {error}"
-            )
+            return Section(*title, problem=f"Cannot be evaluated: {error}")
         state, store = session.state, session.store
         facts.append((f"count in {run}" if len(runs) > 1 else "count", f"{state.count} instances"))
         if not parts:
             facts += _saved_facts(selection, session)
             caption = f"The instances that it selects in {run}, in every run"
-            table = metric_tables.compared_runs(
-                store, state.runs, state.selected & state.base, caption
-            )
+            members = state.selected & state.base
+            table = metric_tables.compared_runs(store, state.runs, members, caption)
             remarks = metric_tables.remarks(session.notes, state.selected)
         if state.selected.any():
             parts.append(_part(session, request, run))
     if not parts:
-        return Section(
-            selection.title, selection.expression, facts, problem="No instance is selected."
-        )
+        return Section(*title, facts, problem="No instance is selected.")
     comparison = table if len(session.state.runs) > 1 else None
-    return Section(selection.title, selection.expression, facts, comparison, remarks, parts)
+    return Section(*title, facts, comparison, remarks, parts)
 
 
 def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tuple[str, str]]:
@@ -226,33 +191,22 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
         if name in ("errors", "rooms"):
             numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
         images.append(figure(BY_NAME[name], scene, request.dark, numbers=numbers))
-    heat = state.heat if request.heat else None
-    return RunPart(
-        run,
-        _summary(session, run),
-        metric_tables.sides(store, run, state.selected & state.base),
-        images,
-        worst_instances(scene, heat),
-    )
-
-
-def _summary(session: Session, run: str) -> str:
-    """Return the number of instances, and how many of them are training data of the model."""
-    state = session.state
-    trained = state.selected & state.base & ~run_metrics.held_out(session.store, run)
+    members = state.selected & state.base
+    trained = int((members & ~run_metrics.held_out(store, run)).sum())
     summary = f"{state.count} instances."
-    if trained.any():
+    if trained:
         summary += (
-            f" The model was trained on {int(trained.sum())} of them: they appear in the figures "
+            f" The model was trained on {trained} of them: they appear in the figures "
             "and are left out of the table."
         )
-    return summary
+    examples = worst_instances(scene, state.heat if request.heat else None)
+    return RunPart(run, summary, metric_tables.sides(store, run, members), images, examples)
 
 
 def _numbers(scene: Scene, name: str, caption: str) -> ReportTable:
     names, rows = BY_NAME[name].numbers(scene)
-    return ReportTable(caption, names, [[_cell(value) for value in row] for row in rows])
 
+    def cell(value: object) -> str:
+        return metric_tables.number(value) if isinstance(value, float) else str(value)
 
-def _cell(value: object) -> str:
-    return metric_tables.number(value) if isinstance(value, float) else str(value)
+    return ReportTable(caption, names, [[cell(value) for value in row] for row in rows])

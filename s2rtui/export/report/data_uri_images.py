@@ -48,19 +48,12 @@ def image(pixels: NDArray[np.uint8], alt: str, caption: str) -> ReportImage:
     return ReportImage(_data_uri(Image.fromarray(pixels)), (columns, rows), alt, caption)
 
 
-def _data_uri(picture: Image.Image) -> str:
+def _data_uri(image: Image.Image) -> str:
     """Return the smaller of a lossless and a nearly lossless WebP encoding."""
-    rgb = picture.convert("RGB")
-    encodings = [
-        _webp(rgb, lossless=True, quality=60),
-        _webp(rgb, lossless=False, quality=_QUALITY),
-    ]
+    rgb = image.convert("RGB")
+    encodings = []
+    for lossless, quality in ((True, 60), (False, _QUALITY)):
+        stream = BytesIO()
+        rgb.save(stream, "WEBP", lossless=lossless, quality=quality, method=4, use_sharp_yuv=True)
+        encodings.append(stream.getvalue())
     return "data:image/webp;base64," + base64.b64encode(min(encodings, key=len)).decode()
-
-
-def _webp(picture: Image.Image, lossless: bool, quality: int) -> bytes:
-    stream = BytesIO()
-    picture.save(
-        stream, format="WEBP", lossless=lossless, quality=quality, method=4, use_sharp_yuv=True
-    )
-    return stream.getvalue()

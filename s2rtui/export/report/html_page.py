@@ -33,7 +33,6 @@ def _printable(value: Any) -> Any:
 
 
 def _style(report: Report) -> str:
-    """Return the style sheet with the colours of the figures as variables."""
     has_dark_figures = any(image.dark for image in report.images)
     schemes = "light dark" if has_dark_figures else "light"
     variables = f":root {{ color-scheme: {schemes}; {_variables(LIGHT)} }}"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Side
+from s2rstore.records import SIDES
 from s2rtui.export.report.report_model import ReportTable
 from s2rtui.user_data.notebook import Notes
 
@@ -70,39 +70,32 @@ def sides(store: Store, run: str, members: Members) -> ReportTable:
     baseline = percent(run_metrics.baseline_accuracy(store, run, members))
     rows = []
     for side in SIDES:
-        headline = run_metrics.side_metrics(store, run, side, members)
+        metrics = run_metrics.side_metrics(store, run, side, members)
+        columns = store.run_columns(run).side(side)
+        errors, turns = (
+            column[new][np.isfinite(column[new])]
+            for column in (columns.error, columns.heading_error)
+        )
+        largest = float(errors.max()) if errors.size else None
+        turn = math.degrees(float(np.median(turns))) if turns.size else None
         rows.append(
-            (side, percent_interval(headline.accuracy), baseline,
-             number(headline.median_error, 2, "m"), number(headline.mean_error, 2, "m"),
-             number(_largest(store, run, side, new), 2, "m"),
-             number(_median_heading_error(store, run, side, new), 1, "°"), str(headline.n))
+            (side, percent_interval(metrics.accuracy), baseline,
+             number(metrics.median_error, 2, "m"), number(metrics.mean_error, 2, "m"),
+             number(largest, 2, "m"), number(turn, 1, "°"), str(metrics.n))
         )  # fmt: skip
     return ReportTable(f"Run {run} on the selection", names, rows)
 
 
-def _largest(store: Store, run: str, side: Side, members: Members) -> float:
-    errors = store.run_columns(run).side(side).error[members]
-    return float(np.nanmax(errors)) if np.isfinite(errors).any() else math.nan
-
-
-def _median_heading_error(store: Store, run: str, side: Side, members: Members) -> float:
-    errors = store.run_columns(run).side(side).heading_error[members]
-    errors = errors[np.isfinite(errors)]
-    return math.degrees(float(np.median(errors))) if errors.size else math.nan
-
-
 def remarks(notes: Notes, members: Members) -> ReportTable | None:
     """Return the tags and notes of the selected instances; None if there are none."""
-    selected = [
-        (iid, remark)
+    rows = [
+        (str(iid), " ".join(remark.tags), remark.note)
         for iid, remark in sorted(notes.remarks.items())
         if iid < members.size and members[iid]
     ]
-    if not selected:
+    if not rows:
         return None
-    rows = [
-        (str(iid), " ".join(remark.tags), remark.note) for iid, remark in selected[:_MAX_REMARKS]
-    ]
-    more = len(selected) - len(rows)
-    note = f"and {more} more" if more else ""
-    return ReportTable("Tags and notes", ("instance", "tags", "note"), rows, note, True)
+    more = len(rows) - _MAX_REMARKS
+    note = f"and {more} more" if more > 0 else ""
+    names = ("instance", "tags", "note")
+    return ReportTable("Tags and notes", names, rows[:_MAX_REMARKS], note, True)

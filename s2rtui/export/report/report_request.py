@@ -29,7 +29,7 @@ class RequestedSelection:
 class ReportRequest:
     """Selections and options of a report.
 
-    Without `runs`, a saved selection uses its own run and other selections use the first run.
+    Without `runs`, a saved selection uses the run of its saving, the others the first run.
     `heat` is KIND[:MODE] for the images of instances; `date` is printed unchanged.
     """
 

@@ -8,12 +8,7 @@ from dataclasses import replace
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.image_pair_model import (
-    InstanceInput,
-    InstanceModel,
-    instance_model,
-    panel_pixels,
-)
+from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model, panel_pixels
 from s2rtui.export.report.data_uri_images import image
 from s2rtui.export.report.metric_tables import number
 from s2rtui.export.report.report_model import Example, ReportImage, ReportTable
@@ -28,33 +23,29 @@ _ZERO_SHARE = 0.005
 def worst_instances(scene: Scene, heat: HeatChoice | None) -> list[Example]:
     """Return the selected instances with the largest real errors; `heat` overlays their images."""
     by_error = replace(scene.state, sort="real.error", descending=True)
-    rows = instance_list.order(scene.store, by_error, scene.notes)[:WORST_COUNT].tolist()
-    return [_example(scene, int(iid), heat) for iid in rows]
-
-
-def _example(scene: Scene, iid: int, heat: HeatChoice | None) -> Example:
-    instance = instance_input(scene.store, scene.state.run, iid, heat)
-    remark = scene.notes.remarks.get(iid, Remark())
-    return Example(
-        iid, _pose_table(instance), instance.notes, _images(instance), remark.tags, remark.note
-    )  # fmt: skip
+    examples = []
+    for iid in instance_list.order(scene.store, by_error, scene.notes)[:WORST_COUNT].tolist():
+        instance = instance_input(scene.store, scene.state.run, iid, heat)
+        remark = scene.notes.remarks.get(iid, Remark())
+        content = _pose_table(instance), instance.notes, _images(instance)
+        examples.append(Example(iid, *content, remark.tags, remark.note))
+    return examples
 
 
 def _pose_table(instance: InstanceInput) -> ReportTable:
     names = ("", "x", "y", "heading", "error", "heading error")
     rows = []
     if instance.truth is not None:
-        x, y, heading = instance.truth
-        degrees = number(math.degrees(heading), 1, "°")
-        rows.append(("truth", number(x, 2, "m"), number(y, 2, "m"), degrees, "", ""))
+        rows.append(("truth", *_pose(*instance.truth), "", ""))
     for role, side in (("sim", instance.sim), ("real", instance.real)):
         if (pose := side.pose) is not None:
-            rows.append(
-                (role, number(pose.x, 2, "m"), number(pose.y, 2, "m"),
-                 number(math.degrees(pose.heading), 1, "°"), number(pose.error, 2, "m"),
-                 number(math.degrees(pose.heading_error), 1, "°"))
-            )  # fmt: skip
+            errors = number(pose.error, 2, "m"), number(math.degrees(pose.heading_error), 1, "°")
+            rows.append((role, *_pose(pose.x, pose.y, pose.heading), *errors))
     return ReportTable(f"Poses of instance {instance.iid}", names, rows)
+
+
+def _pose(x: float, y: float, heading: float) -> tuple[str, str, str]:
+    return number(x, 2, "m"), number(y, 2, "m"), number(math.degrees(heading), 1, "°")
 
 
 def _images(instance: InstanceInput) -> list[ReportImage]:
@@ -71,18 +62,12 @@ def _images(instance: InstanceInput) -> list[ReportImage]:
             if not side.rgb.size or (channel == "depth" and side.depth is None):
                 continue
             pixels = panel_pixels(side, channel, model, instance, side.rgb.shape[:2])
-            heat_scale = (
-                scale if side.heat is not None and instance.over in (channel, "both") else ""
-            )
-            depth_scale = _depth_range(model, channel)
-            caption = f"{side.title or role}, {label}{depth_scale}{heat_scale}"
+            caption = f"{side.title or role}, {label}"
+            if channel == "depth" and model.depth_range is not None:
+                caption += f" 0 to {short_number(model.depth_range[1], 2)} m"
+            if side.heat is not None and instance.over in (channel, "both"):
+                caption += scale
             error = f", position error {side.pose.error:.2f} m" if side.pose is not None else ""
             alt = f"Instance {instance.iid}: {role} {label}{error}"
             images.append(image(pixels, alt, caption))
     return images
-
-
-def _depth_range(model: InstanceModel, channel: str) -> str:
-    if channel != "depth" or model.depth_range is None:
-        return ""
-    return f" 0 to {short_number(model.depth_range[1], 2)} m"

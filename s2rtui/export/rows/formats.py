@@ -30,9 +30,7 @@ def csv_text(
     """
     buffer = io.StringIO()
     writer = csv.writer(
-        buffer,
-        lineterminator="\n",
-        quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL,
+        buffer, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC if safe else csv.QUOTE_MINIMAL
     )
     for key, value in (metadata or {}).items():
         comment = f"# {key}: {printable(' '.join(_text(value).splitlines()))}"
@@ -76,14 +74,10 @@ def write_rows(
     """Write a file in the format of its suffix. Raises RequestError, OSError."""
     if target.suffix == ".parquet":
         write_parquet(names, rows, target, metadata)
+    elif target.suffix == ".csv":
+        target.write_text(csv_text(names, rows, metadata, safe_csv), encoding="utf-8")
     else:
-        is_csv = target.suffix == ".csv"
-        text = (
-            csv_text(names, rows, metadata, safe_csv)
-            if is_csv
-            else json_text(names, rows, metadata)
-        )
-        target.write_text(text, encoding="utf-8")
+        target.write_text(json_text(names, rows, metadata), encoding="utf-8")
 
 
 def write_parquet(
