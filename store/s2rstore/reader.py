@@ -196,8 +196,7 @@ class Store(IndexCatalog):
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
-                path = layout.path_inside(self.path, relative)
-                self._arrays[relative] = stored_array.open_read(path, self.path)
+                self._arrays[relative] = stored_array.open_read(self.path / relative, self.path)
             found = self._arrays[relative]
         _check_metadata(found, record.shape, (record.dtype,), record.metadata_sha256)
         return found

@@ -74,12 +74,6 @@ def write_current(root: Path, current: Current) -> None:
     atomic_writes.write(root, CURRENT, content)
 
 
-def path_inside(root: Path, relative: str | Path) -> Path:
-    """A path that the index of a store names; RequestError where it leads out of the store."""
-    safe_files.parts_of(root, relative)
-    return root / relative
-
-
 def checked_hash(text: object, what: str) -> str:
     """Return `text`; raise RequestError unless it is 16 to 64 lowercase hexadecimal digits."""
     if not isinstance(text, str) or not _HASH.match(text):

@@ -11,7 +11,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
@@ -211,8 +211,8 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         locked_connection.attach_read_only(connection, path, "history", schema.TABLES, schema.VIEWS)
         yield connection
     except duckdb.Error as error:
-        reason = locked_connection.first_line(error)
-        raise RequestError(f"{path}: no history that this version reads ({reason})") from error
+        message = f"{path}: no history that this version reads ({first_line(error)})"
+        raise RequestError(message) from error
     finally:
         connection.close()
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes
 from s2rstore.gap_history import reader, schema
 from s2rstore.index import locked_connection
@@ -48,8 +48,7 @@ def _replace(path: Path, change: Change) -> None:
         beside.replace(path)
         atomic_writes.sync_path(path.parent)
     except (OSError, duckdb.Error) as error:
-        reason = str(error).splitlines()[0]
-        raise RequestError(f"{path}: cannot be written ({reason})") from error
+        raise RequestError(f"{path}: cannot be written ({first_line(error)})") from error
     finally:
         for name in (beside, beside.with_name(f"{beside.name}.wal")):
             with suppress(OSError):

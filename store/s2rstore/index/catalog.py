@@ -10,7 +10,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.reprojection import RigOffset
@@ -118,10 +118,8 @@ class IndexCatalog:
         try:
             found = self.execute(query)
         except duckdb.Error as error:
-            reason = locked_connection.first_line(error)
-            raise RequestError(
-                f"{self._index}: table {table}: {reason}; run `s2r verify`"
-            ) from error
+            message = f"{self._index}: table {table}: {first_line(error)}; run `s2r verify`"
+            raise RequestError(message) from error
         return [dict(zip(known.column_names, row, strict=True)) for row in found]
 
     @cached_property

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.index.schema import Table
 
 _MOST_ROWS_PER_BYTE = 1.0
@@ -61,8 +61,8 @@ def check(
         _check_views(connection, views, path, database)
         _check_tables(connection, tables, path, database)
     except duckdb.Error as error:
-        reason = str(error).splitlines()[0]
-        raise RequestError(f"{path}: unreadable catalog ({reason}); run `s2r verify`") from error
+        message = f"{path}: unreadable catalog ({first_line(error)}); run `s2r verify`"
+        raise RequestError(message) from error
 
 
 def _refusal(path: Path, what: str) -> RequestError:

@@ -11,7 +11,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
@@ -46,8 +46,8 @@ class ColumnLoader:
         try:
             rows = self.connect().execute(sql, list(parameters)).fetchnumpy()
         except duckdb.Error as error:
-            reason = str(error).splitlines()[0]
-            raise RequestError(f"the index cannot be read ({reason}); run `s2r verify`") from error
+            message = f"the index cannot be read ({first_line(error)}); run `s2r verify`"
+            raise RequestError(message) from error
         iid, values = rows["iid"], rows["value"]
         kind = np.float64 if missing is None else np.int32
         blank = np.nan if missing is None else missing

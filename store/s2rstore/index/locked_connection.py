@@ -15,7 +15,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import safe_files
 from s2rstore.index import catalog_check, catalog_check_cache, schema
 
@@ -57,8 +57,8 @@ def connect(
         with _opening:
             _lock(connection, memory or DEFAULT_MEMORY)
     except duckdb.Error as error:
-        reason = first_line(error)
-        raise RequestError(f"{path}: cannot be opened ({reason}); run `s2r verify`") from error
+        message = f"{path}: cannot be opened ({first_line(error)}); run `s2r verify`"
+        raise RequestError(message) from error
     try:
         _check(connection, tables, views, path)
     except BaseException:
@@ -133,11 +133,6 @@ def literal_path(path: Path) -> str:
 def escaped(text: str) -> str:
     """Escape text for an SQL string literal."""
     return text.replace("'", "''")
-
-
-def first_line(error: BaseException) -> str:
-    """The first line of an error message; DuckDB adds the statement below it."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _check(

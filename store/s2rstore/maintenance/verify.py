@@ -17,7 +17,7 @@ import duckdb
 
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import building_folders
@@ -81,7 +81,7 @@ def check(root: Path) -> VerifyReport:
             verification = _Verification(root, store, current)
             verification.run()
     except _FAILURES as error:
-        return VerifyReport((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
+        return VerifyReport((*foreign, Damage(current.index, first_line(error))), tuple(notes))
     return VerifyReport((*foreign, *verification.damages), (*notes, *verification.all_notes()))
 
 
@@ -115,10 +115,6 @@ def _index_damage(root: Path, current: layout.Current) -> Damage | None:
     return Damage(current.index, "its size or checksum is not the published one")
 
 
-def _first_line(error: BaseException) -> str:
-    return next(iter(str(error).splitlines()), "") or type(error).__name__
-
-
 @dataclass
 class _Verification:
     """The checks of an open store; they add to `damages` and `notes`.
@@ -146,7 +142,7 @@ class _Verification:
             try:
                 check_part()
             except _FAILURES as error:
-                self._add(where, _first_line(error))
+                self._add(where, first_line(error))
 
     def all_notes(self) -> list[str]:
         if not self.uncovered:
@@ -197,7 +193,7 @@ class _Verification:
         except FileNotFoundError:
             self._add(path, "missing")
         except (RequestError, OSError) as error:
-            self._add(path, _first_line(error))
+            self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
         for domain in self.store.domains:
@@ -211,7 +207,7 @@ class _Verification:
                     try:
                         array = self.store.frames_array(*names)
                     except _FAILURES as error:
-                        self._add(relative, _first_line(error))
+                        self._add(relative, first_line(error))
                         continue
                     self._check_shards(array, covered)
 
@@ -224,7 +220,7 @@ class _Verification:
                 try:
                     array = self.store.stored(record)
                 except _FAILURES as error:
-                    self._add(f"{layout.RUNS}/{record.path}", _first_line(error))
+                    self._add(f"{layout.RUNS}/{record.path}", first_line(error))
                     continue
                 self._check_shards(array, covered)
 
@@ -245,7 +241,7 @@ class _Verification:
                 try:
                     array.check(shard)
                 except RequestError as error:
-                    self._add(path, _first_line(error))
+                    self._add(path, first_line(error))
 
     def _check_floor_plan(self) -> None:
         """Check the format of a floor plan that has no checksum."""
@@ -286,7 +282,7 @@ class _Verification:
             try:
                 reader.check(path)
             except RequestError as error:
-                self._add(relative.as_posix(), _first_line(error))
+                self._add(relative.as_posix(), first_line(error))
 
     def _check_ledger_lines(self) -> None:
         count = self._ledger.unreadable_lines()
