@@ -17,7 +17,7 @@ from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import Table
 from s2rstore.metrics.bootstrap import Interval
-from s2rstore.security.printable_text import printable
+from s2rstore.security.printable_text import printable_values
 
 _MEMORY = "64MB"
 Stamp = tuple[int, int, int]
@@ -166,9 +166,11 @@ def read(path: Path) -> History:
         plain = {name: value for name, value in row.items() if not name.endswith(("_low", "_high"))}
         for name in ("threshold", "golden_margin", "stale_after"):
             plain[name] = _number(row[name])
-        shared = {"axes": axes.get(row["measured"], ()),
-                  "estimates": estimates.get(row["measured"], ())}  # fmt: skip
-        nights.append(Night(**(plain | figures | shared)))
+        measured = row["measured"]
+        nights.append(
+            Night(axes=axes.get(measured, ()), estimates=estimates.get(measured, ()),
+                  **(plain | figures))
+        )  # fmt: skip
     recorded: dict[tuple[str, str], datetime.date] = {}
     for row in rows["recorded"]:
         recorded.setdefault((row["name"], row["part"]), row["night"])
@@ -225,16 +227,12 @@ def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Tab
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
+    """The rows of a table, with texts in printable characters."""
     known = next(each for each in schema.TABLES if each.name == table)
     names = ", ".join(f'"{name}"' for name in known.column_names)
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
-    found = connection.execute(query).fetchall()
-    printed = (tuple(_printable(value) for value in row) for row in found)
-    return [dict(zip(known.column_names, row, strict=True)) for row in printed]
-
-
-def _printable(value: Any) -> Any:
-    return printable(value) if isinstance(value, str) else value
+    rows = connection.execute(query).fetchall()
+    return [printable_values(dict(zip(known.column_names, row, strict=True))) for row in rows]
 
 
 def _grouped(rows: Sequence[Row], parse: Any) -> dict[int, tuple[Any, ...]]:
@@ -253,9 +251,8 @@ def _axis(row: Row) -> AxisFigures:
 
 
 def _estimate(row: Row) -> NightlyEstimate:
-    return NightlyEstimate(
-        row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"]
-    )
+    value = _interval(row, "value")
+    return NightlyEstimate(row["parameter"], value, row["unit"] or "", row["note"])
 
 
 def _interval(row: Row, name: str) -> Interval:

@@ -45,8 +45,6 @@ def connect(
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
-    By default those of an index.
-
     `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
     take; the first to open a file in a process decides. Raises RequestError where the file is
     missing, is not such a database, or does not hold what it should.
@@ -91,6 +89,24 @@ def attach_read_only(
     require_regular(path)
     connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
     catalog_check.check(connection, tables, views, path, name)
+
+
+def attach_new(
+    connection: duckdb.DuckDBPyConnection, path: Path, name: str, statements: Sequence[str]
+) -> None:
+    """Attach a new file, make it the current database and fill it by SQL statements."""
+    literal = escaped(literal_path(path))
+    version = schema.STORAGE_VERSION
+    connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
+    connection.execute(f"USE {name}")
+    for statement in statements:
+        connection.execute(statement)
+
+
+def detach_new(connection: duckdb.DuckDBPyConnection, name: str) -> None:
+    """Write a file of `attach_new` completely and detach it."""
+    for statement in (f"CHECKPOINT {name}", "USE memory", f"DETACH {name}"):
+        connection.execute(statement)
 
 
 def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
@@ -142,7 +158,8 @@ def _check(
     path: Path,
 ) -> None:
     """Check the catalog, unless this file, or one of the same content, has passed before."""
-    identity = _identity(path)
+    status = path.stat()
+    identity = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
     if identity in _checked:
         return
     key = catalog_check_cache.key(path, repr((duckdb.__version__, tables, views)))
@@ -151,8 +168,3 @@ def _check(
         if key is not None:
             catalog_check_cache.add(key)
     _checked[identity] = None
-
-
-def _identity(path: Path) -> tuple[int, ...]:
-    found = path.stat()
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

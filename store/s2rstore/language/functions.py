@@ -59,8 +59,8 @@ def _extreme(head: Head, arguments: list[Any]) -> Node:
     if amount < 0 or (percent and amount > 100) or (not percent and amount != int(amount)):
         raise ExpressionError(head.column, "the share is 0% .. 100% or a whole number", usage)
     field = numeric(arguments[1][1]) if len(arguments) == 2 else Field("real.error")
-    which = "worst" if head.name == "worst" else "best"
-    return Extreme(which, amount, percent, Field(field.name, field.run or head.run))
+    field = Field(field.name, field.run or head.run)
+    return Extreme("worst" if head.name == "worst" else "best", amount, percent, field)
 
 
 def _ids(head: Head, arguments: list[Any]) -> Node:

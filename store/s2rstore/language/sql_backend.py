@@ -102,9 +102,9 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
         case tree.Compare(field, operator, value):
             column = writer.column(field)
             sign = "<>" if operator == "!=" else operator
-            limit = value * fields.NUMERIC[field.name].scale
+            compared = value * fields.NUMERIC[field.name].scale
             return _among(
-                writer, field, lambda w: f"{_known(column)} AND {column} {sign} {w.bind(limit)}"
+                writer, field, lambda w: f"{_known(column)} AND {column} {sign} {w.bind(compared)}"
             )
         case tree.Between():
             return _among(writer, node.field, lambda w: _between(node, w))
