@@ -13,7 +13,7 @@ import duckdb
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
-from s2rstore.geometry.reprojection import RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import locked_connection, row_check, schema
 from s2rstore.records import (
     ArrayRecord,

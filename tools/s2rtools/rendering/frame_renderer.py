@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.reader import Store
 
 
@@ -19,7 +19,7 @@ class FrameRenderer(Protocol):
     domains: tuple[str, ...]
 
     def frames(
-        self, domain: str, start: int, stop: int, move: CameraMove
+        self, domain: str, start: int, stop: int, move: RigOffset
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """RGB (n, H, W, 3) and raw depth (n, H, W) of iids [start, stop), as they are stored."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
@@ -31,7 +31,7 @@ class WorldRenderer:
         self._numbers = data.noise_numbers(store)
 
     def frames(
-        self, domain: str, start: int, stop: int, move: CameraMove
+        self, domain: str, start: int, stop: int, move: RigOffset
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)

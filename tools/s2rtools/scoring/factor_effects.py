@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rstore.records import Run
@@ -80,7 +80,7 @@ class Counterfactuals:
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
         self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
-        self._by_move: dict[CameraMove, list[tuple[Run, Backend]]] = {}
+        self._by_move: dict[RigOffset, list[tuple[Run, Backend]]] = {}
         for run, backend in evaluated:
             self._by_move.setdefault(truth.camera_moves(run.run)["real"], []).append((run, backend))
 

@@ -163,5 +163,5 @@ def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
     if rows.size and rows[-1] - rows[0] < 4 * rows.size:
         block = np.asarray(side[int(rows[0]) : int(rows[-1]) + 1])
         return block[rows - rows[0]].astype(np.float32)
-    picked = side[rows] if isinstance(side, np.ndarray) else side.oindex[rows]
+    picked = side[rows] if isinstance(side, np.ndarray) else side.at(rows)
     return np.asarray(picked, dtype=np.float32)
