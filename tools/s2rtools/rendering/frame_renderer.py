@@ -26,10 +26,10 @@ class FrameRenderer(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RendererKind:
-    """A way to render: `claims(store)` is quick and says whether the store's data is of its kind.
+    """A way to render: `claims(store)` states quickly whether it supports the store's data.
 
-    `open(store)` may take seconds; it raises RequestError where what it renders now would not be
-    what the store holds. `version` changes whenever the frames of moved cameras would.
+    `open(store)` may take seconds; it raises RequestError where it would now render other frames
+    than those of the store. `version` changes whenever the frames of moved cameras do.
     """
 
     name: str

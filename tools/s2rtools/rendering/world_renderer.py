@@ -16,8 +16,6 @@ from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
 if TYPE_CHECKING:
     from s2rtools.synthetic_world.dataset import WorldData
 
-_NOTES = "world"
-
 
 class WorldRenderer:
     """Renders either side of a world from its recipe; moves the real camera from its true pose."""
@@ -40,19 +38,15 @@ class WorldRenderer:
         return views.rgb, self._data.raw_depth(views)
 
 
-def _claims(store: Store) -> bool:
-    return "recipe" in store.provenance(_NOTES)
-
-
 def _open(store: Store) -> FrameRenderer:
     from s2rtools.synthetic_world.dataset import WorldData
 
     data = WorldData.of_store(store)
     if data is None or not data.matches(store):
         raise RequestError(
-            f"{store.path}: its images are not what this version renders; ingest the world again"
+            f"{store.path}: this version renders other images; ingest the world again"
         )
     return WorldRenderer(store, data)
 
 
-WORLD = RendererKind("world", 1, _claims, _open)
+WORLD = RendererKind("world", 1, lambda store: "recipe" in store.provenance("world"), _open)
