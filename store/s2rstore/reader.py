@@ -175,7 +175,7 @@ class Store(IndexCatalog):
     def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
         """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
 
-        RequestError where the array is not what the index says.
+        RequestError where the array differs from the index.
         """
         relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
@@ -190,7 +190,7 @@ class Store(IndexCatalog):
             return self._arrays[relative]
 
     def stored(self, record: ArrayRecord) -> StoredArray:
-        """The array of a record. RequestError where it is not what the index says."""
+        """The array of a record. RequestError where it differs from the index."""
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
@@ -202,7 +202,7 @@ class Store(IndexCatalog):
     def array(
         self, run: str, kind: str, side: Side | None = None, mode: str | None = None
     ) -> tuple[ArrayRecord, StoredArray]:
-        """A published array and its record; RequestError names what the run has."""
+        """A published array and its record; RequestError names the kinds that the run has."""
         candidates = self.arrays(run)
         for record in candidates:
             if record.kind == kind and record.side in (side, None) and record.mode == mode:

@@ -71,7 +71,7 @@ def shuffle(dtype: str) -> str:
 
 def document(layout: Layout, attributes: dict[str, Any]) -> bytes:
     """The content of `zarr.json`."""
-    return (json.dumps(_document(layout, attributes), indent=2)).encode()
+    return json.dumps(_document(layout, attributes), indent=2).encode()
 
 
 def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
-    """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
+    """Layout and attributes of a `zarr.json`. RequestError names the array and the difference."""
     try:
         found = parse_json(content, where)
         layout, attributes = _layout(found), _attributes(found["attributes"])
@@ -133,13 +133,13 @@ def _layout(found: Any) -> Layout:
     return Layout(shape, found["data_type"], shard_rows, rows_per_chunk)
 
 
-def _sizes(given: Any, least: int) -> tuple[int, ...]:
-    if not isinstance(given, list) or not 1 <= len(given) <= _DIMENSIONS:
+def _sizes(shape: Any, least: int) -> tuple[int, ...]:
+    if not isinstance(shape, list) or not 1 <= len(shape) <= _DIMENSIONS:
         raise ValueError(f"a shape is a list of 1 to {_DIMENSIONS} sizes")
-    for number, size in enumerate(given):
+    for number, size in enumerate(shape):
         if type(size) is not int or not (least if number == 0 else 1) <= size <= _ROWS:
             raise ValueError(f"a size of {str(size)[:40]}")
-    return tuple(given)
+    return tuple(shape)
 
 
 def _attributes(found: Any) -> dict[str, str]:
@@ -152,7 +152,7 @@ def _attributes(found: Any) -> dict[str, str]:
 
 
 def _text(value: Any) -> str:
-    """Equal texts for equal values of equal types: JSON tells 1 from 1.0 and from true."""
+    """Equal texts for equal values of equal types: JSON distinguishes 1, 1.0 and true."""
     return json.dumps(value, sort_keys=True)
 
 

@@ -1,6 +1,6 @@
-"""What an image file declares about itself, read from its first bytes without decoding it.
+"""Format and size of an image file, read from its first bytes without decoding it.
 
-Decoders allocate what a header declares, so sizes are judged before a decoder sees the file.
+Decoders allocate the size that a header declares, so sizes are checked before a file is decoded.
 Formats are recognised by content, never by file name. Sources: PNG specification, ITU-T T.81,
 TIFF 6.0, RFC 9649 (WebP), netpbm.
 """
@@ -26,7 +26,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _TIFF_CODECS = {1: "none", 5: "LZW", 8: "deflate", 32773: "PackBits", 32946: "deflate"}
 _TIFF_SIZES = {1: 1, 3: 2, 4: 4}
 _MOST_SCANS = 100
-"""Of a progressive JPEG; encoders write about ten, and each costs a pass over the image."""
+"""Maximum scans of a progressive JPEG; encoders write about ten, each takes a pass to decode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def floor_plan_bytes(path: Path) -> bytes:
 
 
 def check_integrity(content: bytes, header: ImageHeader) -> None:
-    """Raises ValueError where the file is cut, or a checksum of its own does not agree."""
+    """Raise ValueError where the file is cut, or one of its checksums does not match."""
     if header.format == "PNG":
         if next((kind for kind, _ in _png_chunks(content, check=True) if kind == b"IEND"), None):
             return

@@ -1,6 +1,6 @@
 """The hidden folder beside a store in which ingest builds it; killed ingests leave it behind.
 
-Its name holds host and process, so that nobody removes what is still being built: version 0.1.0
+Its name holds host and process, so that nobody removes it while it is being built. Version 0.1.0
 named the process alone.
 """
 

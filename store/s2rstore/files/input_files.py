@@ -145,7 +145,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
 def decode_json(content: bytes, kind: type[T], where: str) -> T:
     """A JSON text as a record whose fields have the declared types.
 
-    Raises RequestError, which begins with `where`, names the wrong field and what is expected.
+    Raises RequestError, which begins with `where` and names the wrong field and the valid type.
     """
     with _refusing(f"{where}: damaged", "; restore it"):
         return msgspec.json.decode(content, type=kind)

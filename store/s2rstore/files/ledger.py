@@ -1,7 +1,7 @@
 """The ledger: one JSON line per finished work unit; nothing else proves that a unit is done.
 
-Each writing process appends to a file of its own, so no two processes share one. A line that a
-killed process left half-written is not a line.
+Each process appends to a separate file, so that no two processes share one. Lines that a killed
+process left unfinished do not count.
 """
 
 from __future__ import annotations

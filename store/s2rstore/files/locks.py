@@ -1,7 +1,7 @@
 """Advisory locks between the processes that write one store.
 
 `publish` is held for the seconds that a new generation takes; `compute` for as long as a process
-fills `runs.zarr`. A file that is replaced as a whole has a lock of its own. Readers take none.
+fills `runs.zarr`. A file that is replaced as a whole has a separate lock. Readers take none.
 """
 
 from __future__ import annotations

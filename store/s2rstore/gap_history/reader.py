@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class AxisFigures:
-    """One axis of one measurement; what is unknown is NaN. `state` and the rest as in the table."""
+    """One row of table `axis`; unknown figures are NaN."""
 
     axis: str
     state: str
@@ -201,8 +201,8 @@ def check(path: Path) -> None:
 def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     """A connection that can reach no other file, with the file attached as `history`.
 
-    The file is attached to a database of its own each time: DuckDB would give a second connection
-    to one path the content that the first one saw.
+    Each call attaches the file to a new database: DuckDB would give a second connection to one path
+    the content that the first one read.
     """
     refuse_link(path)
     path = path.resolve()

@@ -1,6 +1,6 @@
 """The history of nightly gaps, as data: every table and column with its type and comment.
 
-SQL NULL stands for what is missing, never NaN.
+Missing values are SQL NULL, never NaN.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ BOUNDS = {
     "_low": f", lower {LEVEL_TEXT} bound",
     "_high": f", upper {LEVEL_TEXT} bound",
 }
-"""How the columns of a figure and of its interval end, and what is said of each."""
+"""Suffixes of the columns of a figure and its interval, and of their comments."""
 
 
 def _bounds(name: str, comment: str) -> tuple[ColumnData, ...]:

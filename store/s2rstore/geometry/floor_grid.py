@@ -182,7 +182,7 @@ class _Lookup:
     forward: NDArray[np.float64]
 
 
-class FloorHeat:
+class FloorHeat(HeatSurface):
     """Lays heatmaps of one side of a run on the floor.
 
     The only way from heatmaps to map grids: precomputed grids, grids of selected instances and of
@@ -195,17 +195,8 @@ class FloorHeat:
     ) -> None:  # fmt: skip
         """`view` is the domain of `side`, `other` that of the other side; see `HeatSurface`."""
         frame = dataset.frame_height, dataset.frame_width
-        self._surface = HeatSurface(view, other, frame, side == "real", rig_offset, surface)
-        self._projector = _projector(_DomainKey(self._surface.domain), frame, dataset.y_down)
-
-    @property
-    def needs_other(self) -> bool:
-        """Whether `depth` needs the images of the other side."""
-        return self._surface.needs_other
-
-    def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
-        """Raw depth (n, h, w) at which the heat lies."""
-        return self._surface.depth(own, other)
+        super().__init__(view, other, frame, side == "real", rig_offset, surface)
+        self._projector = _projector(_DomainKey(self.domain), frame, dataset.y_down)
 
     def add(
         self,

@@ -38,9 +38,8 @@ class IndexCatalog:
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
         """Open the published generation, or an earlier one.
 
-        `memory` limits DuckDB, see `locked_connection.connect`.
-
-        Raises RequestError where `path` holds no store that this version can read.
+        `memory` limits DuckDB, see `locked_connection.connect`. Raises RequestError where `path`
+        holds no store that this version can read.
         """
         self.path = Path(path)
         current = layout.read_current(self.path)
@@ -71,7 +70,7 @@ class IndexCatalog:
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
         for table in ["dataset", *tables] if filled else tables:
-            getattr(self, table)  # checks what it reads
+            getattr(self, table)  # reads and checks the table
 
     def close(self) -> None:
         """Close the index."""
@@ -101,26 +100,23 @@ class IndexCatalog:
         return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table, with texts in printable characters.
-
-        Columns that an earlier release did not write are None.
-        """
+        """The rows of a table, with texts in printable characters."""
         return [
             {name: _printable(name, value) for name, value in row.items()}
             for row in self._stored_rows(table)
         ]
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
-        known = schema.BY_NAME[table]
-        missing = self.missing_columns(table)
-        listed = ["NULL" if name in missing else f'"{name}"' for name in known.column_names]
-        query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
+        """The rows of a table; columns that an earlier release did not write are None."""
+        known, missing = schema.BY_NAME[table], self.missing_columns(table)
+        names = ("NULL" if name in missing else f'"{name}"' for name in known.column_names)
+        query = f'SELECT {", ".join(names)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
-            found = self.execute(query)
+            rows = self.execute(query)
         except duckdb.Error as error:
             message = f"{self._index}: table {table}: {first_line(error)}; run `s2r verify`"
             raise RequestError(message) from error
-        return [dict(zip(known.column_names, row, strict=True)) for row in found]
+        return [dict(zip(known.column_names, row, strict=True)) for row in rows]
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -212,10 +208,9 @@ class IndexCatalog:
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
-        found = self.execute(
-            "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
-        )
-        return {printable(key): printable_lines(value) for key, value in found}
+        query = "SELECT key, value FROM provenance WHERE what = ? ORDER BY key"
+        rows = self.execute(query, [what])
+        return {printable(key): printable_lines(value) for key, value in rows}
 
     @cached_property
     def checksums(self) -> dict[str, str]:
@@ -238,10 +233,8 @@ class IndexCatalog:
                 raise ValueError("out of range")
             return found
         except (KeyError, ValueError) as error:
-            raise RequestError(
-                f"{self.path}: the calibration of {sim} and {real} is invalid; "
-                "run `s2r precompute` again"
-            ) from error
+            message = f"{self.path}: the calibration of {sim} and {real} is invalid"
+            raise RequestError(f"{message}; run `s2r precompute` again") from error
 
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:

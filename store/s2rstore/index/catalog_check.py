@@ -116,12 +116,8 @@ def _check_tables(
                     f"{path}: table {known.name}: column {expected.name} is {has}, "
                     f"expected {expected.type}; run `s2r verify`"
                 )
-    _check_counts(connection, path, database)
-
-
-def _check_counts(connection: duckdb.DuckDBPyConnection, path: Path, database: str) -> None:
-    """Refuse tables of repeated rows, which would take far more memory than the file is large."""
-    limit = _MOST_ROWS_PER_BYTE * path.stat().st_size
+    # Tables of repeated rows would take far more memory than the size of the file.
+    size = path.stat().st_size
     for table, rows in connection.execute(_COUNTS, [database]).fetchall():
-        if rows > limit:
-            raise RequestError(f"{path}: table {table}: {rows} rows in {path.stat().st_size} bytes")
+        if rows > _MOST_ROWS_PER_BYTE * size:
+            raise RequestError(f"{path}: table {table}: {rows} rows in {size} bytes")

@@ -22,7 +22,7 @@ MAX_ENTRIES = 256
 
 
 def key(path: Path, expected: str) -> str | None:
-    """SHA-256 over the content of `path` and what it was compared with; None for a large file."""
+    """SHA-256 over the content of `path` and the expected catalog; None for a large file."""
     with suppress(OSError):
         if path.stat().st_size <= MAX_BYTES:
             content = hashlib.sha256(expected.encode())

@@ -45,9 +45,9 @@ def connect(
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
-    `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
-    take; the first to open a file in a process decides. Raises RequestError where the file is
-    missing, is not such a database, or does not hold what it should.
+    `memory`, in DuckDB's notation (128MB), limits its cache of the file and the memory of queries;
+    the first connection of a process to a file decides. Raises RequestError where the file is
+    missing, is not a database, or does not hold the expected tables and views.
     """
     require_regular(path)
     try:

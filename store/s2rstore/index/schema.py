@@ -1,6 +1,6 @@
 """The index, as data: every table and column with its type and comment.
 
-SQL NULL stands for what is missing, never NaN. Angles are radians, lengths metres.
+Missing values are SQL NULL, never NaN. Angles are radians, lengths metres.
 """
 
 from __future__ import annotations

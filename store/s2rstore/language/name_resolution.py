@@ -17,7 +17,7 @@ from s2rstore.records import SPLITS, Side
 MAX_TERMS = 1_000
 """Terms of an expression once its saved selections are expanded."""
 MAX_LEVELS = 200
-"""Levels of an expression that lie in each other once its saved selections are expanded."""
+"""Nested levels of an expression once its saved selections are expanded."""
 
 
 class Neighbours(Protocol):
@@ -128,9 +128,8 @@ class _Expansion:
 
     def _too_large(self, what: str) -> ExpressionError:
         if not self._open:
-            return ExpressionError(
-                1, f"the expression with its saved selections is {what}; shorten it"
-            )
+            problem = f"the expression with its saved selections is {what}; shorten it"
+            return ExpressionError(1, problem)
         first = self._open[0]
         problem = f"@{first.name} with the selections in it is {what}"
         return ExpressionError(first.column, f"{problem}; save a simpler selection under this name")

@@ -2,9 +2,8 @@
 
 Every file that can change a figure or an image is compared with a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
-`CURRENT.json`; the gap history against those of its own blocks. Stores that version 0.1.0 wrote
-lack some of the checksums: there the structure of arrays and floor plan is checked, and a note says
-so.
+`CURRENT.json`; the gap history against the checksums of its blocks. Stores of version 0.1.0 have
+only some of the checksums: there the structure of arrays and floor plan is checked, with a note.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ _MAX_NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A file or table that is not as published, and what is wrong with it."""
+    """A file or table that is not as published, with a description of the difference."""
 
     where: str
     what: str
@@ -47,7 +46,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class VerifyReport:
-    """The damage in a store, and notes on what is no damage but worth knowing."""
+    """The damage in a store, and notes on other things that the user should know."""
 
     damages: tuple[Damage, ...]
     notes: tuple[str, ...] = ()

@@ -38,14 +38,7 @@ def printable_values(value: Any) -> Any:
 
 def _escape(found: re.Match[str]) -> str:
     character = found[0]
-    if character.isprintable():
-        return character
-    if character in "\n\r\t":
-        return {"\n": "\\n", "\r": "\\r", "\t": "\\t"}[character]
-    code = ord(character)
-    return f"\\x{code:02x}" if code < 0x100 else (
-        f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
-    )  # fmt: skip
+    return character if character.isprintable() else repr(character)[1:-1]
 
 
 class PrintableStream:

@@ -224,10 +224,8 @@ class Counterfactuals:
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
         x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
-        predicted = [
-            backend.forward_all(x[start : start + backend.batch]).pose
-            for start in range(0, len(x), backend.batch)
-        ]
+        batches = np.split(x, range(backend.batch, len(x), backend.batch))
+        predicted = [backend.forward_all(batch).pose for batch in batches]
         offset = np.concatenate(predicted)[:, :2] - poses[:, :2]
         return np.asarray(np.hypot(offset[:, 0], offset[:, 1]), dtype=np.float64)
 
