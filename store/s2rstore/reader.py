@@ -157,7 +157,7 @@ class Store(IndexCatalog):
     @cached_property
     def _first_iids(self) -> dict[str, int]:
         columns = self.instances
-        found = {}
+        first_iids = {}
         codes, first = np.unique(columns.trajectory, return_index=True)
         for code, start in zip(codes.tolist(), first.tolist(), strict=True):
             count = self._counts[columns.trajectory_names[code]] if code >= 0 else 0
@@ -169,8 +169,8 @@ class Store(IndexCatalog):
                     f"{self.path}: the instances of a trajectory do not follow one another in the "
                     "index; run `s2r verify`"
                 )
-            found[columns.trajectory_names[code]] = start
-        return found
+            first_iids[columns.trajectory_names[code]] = start
+        return first_iids
 
     def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
         """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
@@ -180,13 +180,13 @@ class Store(IndexCatalog):
         relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
             if relative not in self._arrays:
-                found = stored_array.open_read(self.path / relative, self.path)
+                array = stored_array.open_read(self.path / relative, self.path)
                 size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
-                _check_metadata(found, shape, types, expected)
-                self._arrays[relative] = found
+                _check_metadata(array, shape, types, expected)
+                self._arrays[relative] = array
             return self._arrays[relative]
 
     def stored(self, record: ArrayRecord) -> StoredArray:
@@ -195,9 +195,9 @@ class Store(IndexCatalog):
         with self._lock:
             if relative not in self._arrays:
                 self._arrays[relative] = stored_array.open_read(self.path / relative, self.path)
-            found = self._arrays[relative]
-        _check_metadata(found, record.shape, (record.dtype,), record.metadata_sha256)
-        return found
+            array = self._arrays[relative]
+        _check_metadata(array, record.shape, (record.dtype,), record.metadata_sha256)
+        return array
 
     def array(
         self, run: str, kind: str, side: Side | None = None, mode: str | None = None

@@ -58,8 +58,8 @@ def create(
     root, relative = _place(path, root)
     document = f"{relative}/{METADATA}"
     if safe_files.kind(root, document) is not None:
-        found = open_read(path, root)
-        if found.layout != layout:
+        existing = open_read(path, root)
+        if existing.layout != layout:
             raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
         return
     content = zarr_metadata.document(layout, attributes or {})
@@ -146,13 +146,13 @@ class StoredArray:
         """Rows [start, stop), which lie within the array."""
         if not 0 <= start <= stop <= self.shape[0]:
             raise IndexError(f"{self.path}: rows {start} to {stop} of {self.shape[0]}")
-        found = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
+        values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         shard_rows = self.layout.shard_rows
         for shard in range(start // shard_rows, -(-stop // shard_rows)) if stop > start else ():
             base = shard * shard_rows
             low, high = max(start, base), min(stop, base + shard_rows)
-            self._read(shard, low - base, high - base, found[low - start : high - start])
-        return found
+            self._read(shard, low - base, high - base, values[low - start : high - start])
+        return values
 
     def file(self, shard: int) -> str:
         """A shard's file, inside the root that the array was opened with."""

@@ -58,12 +58,12 @@ def read_header(content: bytes) -> ImageHeader:
     for magic, parse in _FORMATS:
         if content.startswith(magic):
             try:
-                found = parse(content)
+                header = parse(content)
             except (struct.error, IndexError) as error:
                 raise ValueError("its header is cut") from error
-            if not (0 < found.width <= _MOST_SIDE and 0 < found.height <= _MOST_SIDE):
-                raise ValueError(f"its header declares {found.width}x{found.height} pixels")
-            return found
+            if not (0 < header.width <= _MOST_SIDE and 0 < header.height <= _MOST_SIDE):
+                raise ValueError(f"its header declares {header.width}x{header.height} pixels")
+            return header
     raise ValueError("no PNG, JPEG, TIFF, WebP, BMP, PGM or PPM image")
 
 
@@ -134,20 +134,20 @@ def _png_chunks(content: bytes, check: bool) -> Iterator[tuple[bytes, int]]:
 
 
 def _jpeg(content: bytes) -> ImageHeader:
-    found: ImageHeader | None = None
+    header: ImageHeader | None = None
     for marker, start, end in jpeg_segments(content):
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            if found is not None:
+            if header is not None:
                 raise ValueError("its header declares two images")
             bits, height, width, channels = struct.unpack_from(">BHHB", content[start:end])
-            found = ImageHeader("JPEG", width, height, channels, bits)
+            header = ImageHeader("JPEG", width, height, channels, bits)
         if marker == 0xDA:
             break
-    if found is None:
+    if header is None:
         raise ValueError("its header is damaged")
     if content.count(b"\xff\xda") > _MOST_SCANS:
         raise ValueError(f"it has more than {_MOST_SCANS} scans")
-    return found
+    return header
 
 
 def jpeg_segments(content: bytes) -> Iterator[tuple[int, int, int]]:

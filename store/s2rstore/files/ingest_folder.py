@@ -42,7 +42,7 @@ def building_folder(target: Path) -> Path:
 def building_folders(target: Path) -> list[BuildingFolder]:
     """All such folders of a store, by name; links are left out."""
     start = f".{target.name}{_MARK}"
-    found = []
+    folders = []
     try:
         paths = sorted(target.parent.iterdir())
     except OSError:
@@ -50,8 +50,8 @@ def building_folders(target: Path) -> list[BuildingFolder]:
     for path in paths:
         named = path.name.startswith(start) and _BUILDER.fullmatch(path.name.removeprefix(start))
         if named and path.is_dir() and not path.is_symlink():
-            found.append(BuildingFolder(path, named["host"], int(named["process"])))
-    return found
+            folders.append(BuildingFolder(path, named["host"], int(named["process"])))
+    return folders
 
 
 def is_running(process: int) -> bool:

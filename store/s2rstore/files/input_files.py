@@ -53,11 +53,11 @@ def refuse_special(path: Path, mode: int) -> None:
 def check_regular(path: Path) -> os.stat_result:
     """The file's status. Raises RequestError where it is missing or no regular file."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError) as error:
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
-    refuse_special(path, found.st_mode)
-    return found
+    refuse_special(path, status.st_mode)
+    return status
 
 
 @contextmanager
@@ -164,10 +164,10 @@ def _refusing(problem: str, advice: str = "") -> Iterator[None]:
 
 def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
     """The value of a JSON text that must be an object; see `parse_json`."""
-    found = parse_json(text, where)
-    if not isinstance(found, dict):
+    value = parse_json(text, where)
+    if not isinstance(value, dict):
         raise RequestError(f"{where}: not a JSON object")
-    return found
+    return value
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -43,8 +43,8 @@ def index_name(generation: int) -> str:
 
 def generation_of(path: Path) -> int | None:
     """The generation that an index file's name states; None for other files."""
-    found = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
-    return int(found[1]) if found else None
+    match = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
+    return int(match[1]) if match else None
 
 
 def read_current(root: Path) -> Current:

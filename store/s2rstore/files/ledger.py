@@ -65,8 +65,8 @@ class Ledger:
                         yield line.rstrip(b"\n")
 
     def _files(self) -> list[str]:
-        found = safe_files.names(self._root, layout.LEDGER)
-        return [e.path for e in found if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
+        entries = safe_files.names(self._root, layout.LEDGER)
+        return [e.path for e in entries if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
         """Record a unit whose files, given as (path inside the store, count), are complete.

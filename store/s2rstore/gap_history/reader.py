@@ -145,10 +145,10 @@ def refuse_link(path: Path) -> None:
 def file_stamp(path: Path) -> Stamp | None:
     """A value that changes when the file is replaced; None where it is missing."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns, found.st_size
+    return status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def read(path: Path) -> History:
@@ -181,10 +181,10 @@ def report_text(path: Path, measured: int) -> str:
     """The JSON of one measurement's report."""
     with _opened(path) as connection:
         query = "SELECT report FROM history.report WHERE measured = ?"
-        found = connection.execute(query, [measured]).fetchone()
-    if found is None:
+        row = connection.execute(query, [measured]).fetchone()
+    if row is None:
         raise RequestError(f"{path}: holds no report of measurement {measured}; restore it")
-    return str(found[0])
+    return str(row[0])
 
 
 def check(path: Path) -> None:

@@ -228,10 +228,10 @@ class IndexCatalog:
         try:
             if not noted:
                 return None
-            found = RigOffset(float(noted["height"]), float(noted["zoom"]))
-            if not (abs(found.height) < 10 and 0.1 < found.zoom < 10):
+            offset = RigOffset(float(noted["height"]), float(noted["zoom"]))
+            if not (abs(offset.height) < 10 and 0.1 < offset.zoom < 10):
                 raise ValueError("out of range")
-            return found
+            return offset
         except (KeyError, ValueError) as error:
             message = f"{self.path}: the calibration of {sim} and {real} is invalid"
             raise RequestError(f"{message}; run `s2r precompute` again") from error

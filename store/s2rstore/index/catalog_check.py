@@ -84,30 +84,30 @@ def _check_views(
 
 def _parts(statement: str) -> tuple[str, str]:
     """Split `CREATE VIEW name AS select` into name and select; empty texts if it differs."""
-    found = _VIEW.match(statement)
-    return (found[1], found[2]) if found else ("", "")
+    match = _VIEW.match(statement)
+    return (match[1], match[2]) if match else ("", "")
 
 
 def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
     """The parsed SELECT of a view, without the positions of its words."""
     query = "SELECT json_serialize_sql(?::VARCHAR)"
-    (found,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
-    return _POSITIONS.sub("", found)
+    (parsed,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
+    return _POSITIONS.sub("", parsed)
 
 
 def _check_tables(
     connection: duckdb.DuckDBPyConnection, tables: Sequence[Table], path: Path, database: str
 ) -> None:
-    found: dict[str, dict[str, tuple[str, str | None]]] = {}
+    present: dict[str, dict[str, tuple[str, str | None]]] = {}
     for table, column, kind, default in connection.execute(_COLUMNS, [database] * 2).fetchall():
-        found.setdefault(table, {})[column] = (kind, default)
+        present.setdefault(table, {})[column] = (kind, default)
     for known in tables:
-        if known.name not in found and known.optional:
+        if known.name not in present and known.optional:
             continue
-        if known.name not in found:
+        if known.name not in present:
             raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
         for expected in known.columns:
-            kind, default = found[known.name].get(expected.name, ("", None))
+            kind, default = present[known.name].get(expected.name, ("", None))
             if not kind and expected.optional:
                 continue
             if kind != expected.type or default is not None:

@@ -176,8 +176,8 @@ def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> N
 
 def _next_generation(root: Path, base: layout.Current | None) -> int:
     """One above every number that was ever used: a name is never used again."""
-    found = safe_files.names(root, layout.INDEX)
-    used = [layout.generation_of(Path(entry.path)) or 0 for entry in found]
+    entries = safe_files.names(root, layout.INDEX)
+    used = [layout.generation_of(Path(entry.path)) or 0 for entry in entries]
     return max([*used, base.generation if base else 0]) + 1
 
 

@@ -37,28 +37,28 @@ def complete(text: str, words: Vocabulary) -> list[Option]:
     """Pairs (whole line with the completion, description) for the end of `text`, best first."""
     if _WANTS_NUMBER.search(_QUOTED.sub("_", text)):
         return []
-    found = _TAIL.search(text)
-    if found is not None and found["field"]:
-        known = fields.TEXT.get(found["field"])
+    match = _TAIL.search(text)
+    if match is not None and match["field"]:
+        known = fields.TEXT.get(match["field"])
         names = words.of(known.vocabulary) if known else ()
-        options = [(quoted(name), found["field"]) for name in names]
-        named = _completed(text, found["value"], options)
-        if named or not re.search(r"\s", found["value"]) or found["value"].startswith('"'):
+        options = [(quoted(name), match["field"]) for name in names]
+        named = _completed(text, match["value"], options)
+        if named or not re.search(r"\s", match["value"]) or match["value"].startswith('"'):
             return named
-        found = _WORD.search(text)
-    if found is None:
+        match = _WORD.search(text)
+    if match is None:
         return []
-    groups = found.groupdict()
+    groups = match.groupdict()
     if groups.get("saved"):
         saved = [(f"@{quoted(name)}", "saved") for name in words.saved]
-        return _completed(text, found["saved"], saved)
+        return _completed(text, match["saved"], saved)
     if groups.get("run"):
         options = [(word, fields.WORDS[word]) for word in ("worst15", "best15")]
         options += [option for option in _FUNCTIONS if option[0] != "ids("]
-        return _completed(text, found["of_run"], [*options, *_FIELDS])
+        return _completed(text, match["of_run"], [*options, *_FIELDS])
     if groups.get("name") is not None:
-        return _completed(text, found["name"], [(f"{string(run)}).", "run") for run in words.runs])
-    word = found["word"]
+        return _completed(text, match["name"], [(f"{string(run)}).", "run") for run in words.runs])
+    word = match["word"]
     longer = _completed(text, word, _here(text, word, words))
     if longer or word not in fields.WORDS:
         return longer

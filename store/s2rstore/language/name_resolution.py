@@ -84,16 +84,16 @@ class _Expansion:
         if level > MAX_LEVELS:
             raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
         first, links = tree.chain(node)
-        found = self._operand(first, level)
+        result = self._operand(first, level)
         for link in links:
             right = self.expanded(link.right, level + 1)
             whole = _Expanded(
-                type(link)(found.node, right.node),
-                found.terms + right.terms,
-                max(found.height, right.height + 1),
+                type(link)(result.node, right.node),
+                result.terms + right.terms,
+                max(result.height, right.height + 1),
             )
-            found = self._checked(whole, level)
-        return found
+            result = self._checked(whole, level)
+        return result
 
     def _operand(self, node: tree.Node, level: int) -> _Expanded:
         if isinstance(node, tree.Saved):
@@ -114,9 +114,9 @@ class _Expansion:
         self._open.append(node)
         if node.name not in self._saved:
             self._saved[node.name] = self.expanded(self._words.saved[node.name], level + 1)
-        found = self._checked(self._saved[node.name], level)
+        result = self._checked(self._saved[node.name], level)
         self._open.pop()
-        return found
+        return result
 
     def _checked(self, expanded: _Expanded, level: int) -> _Expanded:
         """Return `expanded`; raise ExpressionError where it makes the expression too large."""

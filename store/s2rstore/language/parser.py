@@ -74,7 +74,7 @@ def _check_size(text: str) -> None:
     """Refuse expressions that are too large, before they exhaust the stack."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(MAX_LENGTH, f"longer than {MAX_LENGTH} characters")
-    bare = _QUOTED.sub(lambda found: "_" * len(found[0]), text)
+    bare = _QUOTED.sub(lambda match: "_" * len(match[0]), text)
     if sum(bare.count(sign) for sign in "&|") > MAX_TERMS or bare.count(" - ") > MAX_TERMS:
         raise ExpressionError(1, f"more than {MAX_TERMS} parts; save some of it and use @name")
     groups, signs = [0], 0  # the depth of each open parenthesis; ! before an operand

@@ -132,8 +132,8 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             return _among(writer, x, lambda w: _lasso(node, w))
         case tree.Like():
             context = writer.context
-            found = similar_instances(node, context.run, context.trajectories, context.neighbours)
-            return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
+            iids = similar_instances(node, context.run, context.trajectories, context.neighbours)
+            return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
         case tree.Bend(straight):
             sign = "<" if straight else ">="
             column = "q.curvature"

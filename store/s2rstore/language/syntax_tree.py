@@ -167,7 +167,7 @@ Node = (
 
 def leaves(node: Node) -> list[Node]:
     """Every node without operands, from left to right."""
-    found: list[Node] = []
+    operands: list[Node] = []
     waiting = [node]
     while waiting:
         node = waiting.pop()
@@ -176,8 +176,8 @@ def leaves(node: Node) -> list[Node]:
         elif isinstance(node, Operation):
             waiting += [node.right, node.left]
         else:
-            found.append(node)
-    return found
+            operands.append(node)
+    return operands
 
 
 def chain(node: Node) -> tuple[Node, list[Operation]]:

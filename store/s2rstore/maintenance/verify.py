@@ -390,8 +390,8 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     ]
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
     for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
-        found = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
-        for count, (what, _) in zip(found, comparisons, strict=True):
+        row = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
+        for count, (what, _) in zip(row, comparisons, strict=True):
             if count:
                 yield Damage("table prediction", f"run {run}: {count} rows: {what}")
     if store.dataset.hash != current.dataset_hash:

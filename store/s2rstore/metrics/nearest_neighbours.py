@@ -70,22 +70,22 @@ def nearest(
     `points` (n, d); Euclidean distance, ties by index. Points that are not finite are near
     nothing, and nothing is near them.
     """
-    found = _distances(points, points[row])
-    if not np.isfinite(found[row]):
+    distances = _distances(points, points[row])
+    if not np.isfinite(distances[row]):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
-    others = base & np.isfinite(found)
+    others = base & np.isfinite(distances)
     others[row] = False
-    rows = np.flatnonzero(top_k(found, others, count, largest=False))
-    rows = rows[np.argsort(found[rows], kind="stable")]
+    rows = np.flatnonzero(top_k(distances, others, count, largest=False))
+    rows = rows[np.argsort(distances[rows], kind="stable")]
     chosen = np.concatenate([[row], rows]).astype(np.int64)
-    return chosen, np.sqrt(found[chosen])
+    return chosen, np.sqrt(distances[chosen])
 
 
 def _distances(points: NDArray[np.float32], centre: NDArray[np.float32]) -> NDArray[np.float32]:
     """Squared distances, summed over differences so that near ones stay exact; shape (n,)."""
-    found = np.empty(len(points), dtype=np.float32)
+    distances = np.empty(len(points), dtype=np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         for start in range(0, len(points), _BLOCK):
             block = points[start : start + _BLOCK] - centre
-            np.einsum("ij,ij->i", block, block, out=found[start : start + _BLOCK])
-    return found
+            np.einsum("ij,ij->i", block, block, out=distances[start : start + _BLOCK])
+    return distances

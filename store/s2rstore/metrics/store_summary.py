@@ -31,15 +31,15 @@ def worst_rooms(store: Store, run: str) -> list[RoomSummary]:
     columns = store.run_columns(run)
     held_out = run_metrics.held_out(store, run)
     truth = store.instances
-    found = []
+    summaries = []
     for code, name in enumerate(truth.room_names):
         members = held_out & (truth.room == code)
         n = int(members.sum())
         if n >= MIN_INSTANCES:
             real = float(np.median(columns.real.error[members]))
             sim = float(np.median(columns.sim.error[members]))
-            found.append(RoomSummary(name, n, real, sim))
-    return sorted(found, key=lambda region: -region.real_median)
+            summaries.append(RoomSummary(name, n, real, sim))
+    return sorted(summaries, key=lambda region: -region.real_median)
 
 
 def summary_lines(store: Store) -> list[str]:
@@ -55,9 +55,9 @@ def summary_lines(store: Store) -> list[str]:
     summary += [_run_line(store, name) for name in computed]
     best = max(computed, key=lambda name: _accuracy(store, name))
     summary.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
-    found = worst_rooms(store, computed[0])
-    if found:
-        worst = found[0]
+    rooms = worst_rooms(store, computed[0])
+    if rooms:
+        worst = rooms[0]
         summary.append(
             f"worst region of {computed[0]}: {worst.room} (median real error "
             f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
@@ -124,14 +124,14 @@ def _accuracy(store: Store, run: str) -> float:
 def _run_line(store: Store, run: str) -> str:
     parts = []
     for side in SIDES:
-        found = run_metrics.side_metrics(store, run, side)
-        if not found.n:
-            parts.append(f"{side} n/a (all {found.trained_on} trained on)")
+        metrics = run_metrics.side_metrics(store, run, side)
+        if not metrics.n:
+            parts.append(f"{side} n/a (all {metrics.trained_on} trained on)")
             continue
-        span = f"{100 * found.accuracy.low:.1f} .. {100 * found.accuracy.high:.1f}"
-        left_out = f", {found.trained_on} trained on left out" if found.trained_on else ""
+        span = f"{100 * metrics.accuracy.low:.1f} .. {100 * metrics.accuracy.high:.1f}"
+        left_out = f", {metrics.trained_on} trained on left out" if metrics.trained_on else ""
         parts.append(
-            f"{side} {100 * found.accuracy.value:.1f} % ({span}), median "
-            f"{found.median_error:.2f} m, n {found.n}{left_out}"
+            f"{side} {100 * metrics.accuracy.value:.1f} % ({span}), median "
+            f"{metrics.median_error:.2f} m, n {metrics.n}{left_out}"
         )
     return f"  {run}: " + "; ".join(parts)

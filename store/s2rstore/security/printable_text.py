@@ -22,7 +22,7 @@ def printable_lines(text: str) -> str:
     """The same for text of several lines: line feeds and tabs stay."""
     if text.isprintable():
         return text
-    return _NOT_PLAIN.sub(lambda found: found[0] if found[0] in "\n\t" else _escape(found), text)
+    return _NOT_PLAIN.sub(lambda match: match[0] if match[0] in "\n\t" else _escape(match), text)
 
 
 def printable_values(value: Any) -> Any:
@@ -36,8 +36,8 @@ def printable_values(value: Any) -> Any:
     return value
 
 
-def _escape(found: re.Match[str]) -> str:
-    character = found[0]
+def _escape(match: re.Match[str]) -> str:
+    character = match[0]
     return character if character.isprintable() else repr(character)[1:-1]
 
 
