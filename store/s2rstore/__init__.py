@@ -14,7 +14,7 @@ __all__ = ["open"]
 def open(path: str | Path, memory: str = "", generation: int | None = None) -> Store:
     """Open the store at `path` for reading; it stays at one generation until closed.
 
-    By default the published one; `generation` opens an earlier one that `s2r prune` has kept.
+    By default the published one; `generation` opens an earlier one that `s2r prune` has left.
     `memory` (such as 128MB) limits the memory of the index. Raises
     `s2rstore.errors.RequestError` where there is no readable store.
     """

@@ -58,6 +58,11 @@ def unknown(column: int, what: str, name: str, known: Iterable[str]) -> Expressi
     return ExpressionError(column, problem if near else f"{problem}, nor any other", near)
 
 
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message, or else its type."""
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
 def shortened(text: str, limit: int = _MAX_NAME) -> str:
     """A text for a message: at most `limit` characters."""
     return text if len(text) <= limit else f"{text[: limit - 3]}..."

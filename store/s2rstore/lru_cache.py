@@ -10,29 +10,18 @@ from typing import Any, TypeVar
 V = TypeVar("V")
 
 
-def nbytes(value: Any) -> int:
-    """Size of a numpy array, or of anything else that has `nbytes`."""
-    return int(value.nbytes)
-
-
 class LruCache:
-    """The most recently used values, up to `limit` in total size, but at least one.
+    """The most recently used values, up to `limit` bytes in total, but at least one.
 
-    `size` measures a value: its bytes by default, 1 for a cache of at most `limit` values.
+    Values are numpy arrays, or anything else that has `nbytes`.
     """
 
-    def __init__(self, limit: int, size: Callable[[Any], int] = nbytes) -> None:
+    def __init__(self, limit: int) -> None:
         self._limit = limit
-        self._size = size
         self._values: OrderedDict[Hashable, Any] = OrderedDict()
         self._total = 0
         self._lock = Lock()
         self._computing: dict[Hashable, Event] = {}
-
-    @classmethod
-    def of_count(cls, limit: int) -> LruCache:
-        """A cache of at most `limit` values of any size."""
-        return cls(limit, lambda value: 1)
 
     def get(self, key: Hashable, compute: Callable[[], V]) -> V:
         """The cached value of `key`, or else the computed one, which is cached.
@@ -54,7 +43,10 @@ class LruCache:
         try:
             value = compute()
             with self._lock:
-                self._put(key, value)
+                self._values[key] = value
+                self._total += int(value.nbytes)  # type: ignore[attr-defined]
+                while self._total > self._limit and len(self._values) > 1:
+                    self._total -= self._values.popitem(last=False)[1].nbytes
             return value
         finally:
             with self._lock:
@@ -68,22 +60,15 @@ class LruCache:
         """Drop the values whose keys meet a condition."""
         with self._lock:
             for key in [key for key in self._values if condition(key)]:
-                self._total -= self._size(self._values.pop(key))
+                self._total -= self._values.pop(key).nbytes
 
     def clear(self) -> None:
         """Drop all values."""
         self.drop(lambda key: True)
 
-    def _put(self, key: Hashable, value: Any) -> None:
-        self._values[key] = value
-        self._total += self._size(value)
-        while self._total > self._limit and len(self._values) > 1:
-            _, oldest = self._values.popitem(last=False)
-            self._total -= self._size(oldest)
-
     @property
     def nbytes(self) -> int:
-        """Total size of the cached values."""
+        """Total bytes of the cached values."""
         return self._total
 
     def __len__(self) -> int:

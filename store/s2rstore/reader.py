@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import ArrayRecord, Side
+from s2rstore.records import ArrayRecord, Domain, Side
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -43,6 +42,11 @@ class Frame:
     depth: NDArray[np.uint8] | NDArray[np.uint16]
     valid: NDArray[np.bool_]
 
+    @classmethod
+    def of(cls, rgb: NDArray[Any], depth: NDArray[Any], domain: Domain) -> Frame:
+        """The frame of two images of a domain."""
+        return cls(rgb, depth, (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max))
+
 
 class Store(IndexCatalog):
     """A store at one generation; close it, or use `with`. Any thread may read it.
@@ -62,12 +66,7 @@ class Store(IndexCatalog):
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -93,41 +92,41 @@ class Store(IndexCatalog):
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
-                missing = self.missing_columns("prediction")
                 self._runs_columns[run] = column_loader.load_run_columns(
-                    self._column_loader, run, self.instances, self.rooms, missing
-                )
+                    self._column_loader, run, self.instances, self.rooms,
+                    self.missing_columns("prediction"),
+                )  # fmt: skip
             return self._runs_columns[run]
 
     def drop_run_columns(self, run: str) -> None:
         """Free the memory of a run's columns; the next use loads them again."""
         if run not in self.in_use:
-            column_loader.drop_run_columns(self._column_loader, run)
+            self._columns.drop(lambda key: isinstance(key, tuple) and key[:2] == ("run", run))
 
     def has_loaded(self, run: str | None, side: Side | None, names: Iterable[str]) -> bool:
         """Whether columns are in memory.
 
         Side None are the columns of both sides, run None those of the ground truth.
         """
-        return column_loader.is_loaded(self._column_loader, run, side, names)
+        prefix = ("instance",) if run is None else ("run", run, side)
+        return all((*prefix, name) in self._columns for name in names)
 
     def accuracies(self, run: str, side: Side) -> NDArray[np.float32]:
         """Accuracies of one side of a run, (N,), NaN without a prediction; loads nothing else."""
-        return column_loader.load_accuracies(self._column_loader, run, side)
+        values = self._column_loader.of_side("accuracy", "prediction", run, side)
+        return values.astype(np.float32)
 
     def frame(self, iid: int, domain: str) -> Frame:
         """Raises RequestError for an unknown instance or domain."""
-        record = self.domain(domain)
-        columns = self.instances
-        if not 0 <= iid < len(columns):
-            raise RequestError(f"instance {iid}: the store holds 0 .. {len(columns) - 1}")
-        row, trajectory = self._row_in_trajectory(iid)
-        rgb, depth = (
-            self.frames_array(domain, trajectory, image).rows(row, row + 1)[0]
-            for image in ("rgb", "depth")
-        )
-        valid = (depth >= record.depth_raw_min) & (depth <= record.depth_raw_max)
-        return Frame(rgb, depth, valid)
+        self.check_instance(iid)
+        images = self.frames(domain, iid, iid + 1)
+        return Frame.of(images["rgb"][0], images["depth"][0], self.domain(domain))
+
+    def check_instance(self, iid: int) -> None:
+        """Raise RequestError for an unknown instance."""
+        count = len(self.instances)
+        if not 0 <= iid < count:
+            raise RequestError(f"instance {iid}: the store holds 0 .. {count - 1}")
 
     def frames(
         self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
@@ -142,7 +141,10 @@ class Store(IndexCatalog):
                 for image in images:
                     array = self.frames_array(domain, trajectory, image)
                     parts[image].append(array.rows(low - first, high - first))
-        return {image: _joined(rows) for image, rows in parts.items()}
+        return {
+            image: rows[0] if len(rows) == 1 else np.concatenate(rows)
+            for image, rows in parts.items()
+        }
 
     def first_iid(self, trajectory: str) -> int:
         """The iid of a trajectory's first instance; its rows follow without gaps."""
@@ -155,7 +157,7 @@ class Store(IndexCatalog):
     @cached_property
     def _first_iids(self) -> dict[str, int]:
         columns = self.instances
-        found = {}
+        first_iids = {}
         codes, first = np.unique(columns.trajectory, return_index=True)
         for code, start in zip(codes.tolist(), first.tolist(), strict=True):
             count = self._counts[columns.trajectory_names[code]] if code >= 0 else 0
@@ -167,45 +169,40 @@ class Store(IndexCatalog):
                     f"{self.path}: the instances of a trajectory do not follow one another in the "
                     "index; run `s2r verify`"
                 )
-            found[columns.trajectory_names[code]] = start
-        return found
-
-    def _row_in_trajectory(self, iid: int) -> tuple[int, str]:
-        name = self.instances.trajectory_names[int(self.instances.trajectory[iid])]
-        return iid - self.first_iid(name), name
+            first_iids[columns.trajectory_names[code]] = start
+        return first_iids
 
     def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
         """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
 
-        RequestError where the array is not what the index says.
+        RequestError where the array differs from the index.
         """
         relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
         with self._lock:
             if relative not in self._arrays:
-                found = stored_array.open_read(self.path / relative, self.path)
+                array = stored_array.open_read(self.path / relative, self.path)
                 size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
-                _check_metadata(found, shape, types, expected)
-                self._arrays[relative] = found
+                _check_metadata(array, shape, types, expected)
+                self._arrays[relative] = array
             return self._arrays[relative]
 
     def stored(self, record: ArrayRecord) -> StoredArray:
-        """The array of a record. RequestError where it is not what the index says."""
+        """The array of a record. RequestError where it differs from the index."""
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
-                path = layout.path_inside(self.path, relative)
-                self._arrays[relative] = stored_array.open_read(path, self.path)
-            found = self._arrays[relative]
-        _check_metadata(found, record.shape, (record.dtype,), record.metadata_sha256)
-        return found
+                self._arrays[relative] = stored_array.open_read(self.path / relative, self.path)
+            array = self._arrays[relative]
+        _check_metadata(array, record.shape, (record.dtype,), record.metadata_sha256)
+        return array
 
     def array(
         self, run: str, kind: str, side: Side | None = None, mode: str | None = None
     ) -> tuple[ArrayRecord, StoredArray]:
-        """A published array and its record; RequestError names what the run has."""
+        """A published array and its record; RequestError names the kinds that the run has."""
         candidates = self.arrays(run)
         for record in candidates:
             if record.kind == kind and record.side in (side, None) and record.mode == mode:
@@ -222,9 +219,7 @@ class Store(IndexCatalog):
         `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`;
         rgb or depth for `pixel_difference`. Occlusion gives its metres.
         """
-        count = len(self.instances)
-        if not 0 <= iid < count:
-            raise RequestError(f"instance {iid}: the store holds 0 .. {count - 1}")
+        self.check_instance(iid)
         return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
 
     def heatmaps(
@@ -235,9 +230,7 @@ class Store(IndexCatalog):
         mode = mode or DEFAULT_MODES.get(kind)
         stored_mode = None if planes else mode
         record, array = self.array(run, kind, side, stored_mode)
-        block = np.asarray(
-            stored_array.read_rows(array, start, min(stop, array.shape[0])), np.float32
-        )
+        block = np.asarray(stored_array.read_rows(array, start, stop), np.float32)
         block = (block - np.float32(record.zero)) * np.float32(record.scale)
         if block.ndim == 3:
             return block
@@ -246,12 +239,7 @@ class Store(IndexCatalog):
         return np.asarray(block[:, planes[str(mode)] if planes else 0])
 
     def map_grid(
-        self,
-        run: str,
-        kind: str,
-        side: Side,
-        mode: str | None = None,
-        aggregate: str = "mean",
+        self, run: str, kind: str, side: Side, mode: str | None = None, aggregate: str = "mean"
     ) -> NDArray[np.float32]:
         """A heatmap kind back-projected on the floor, aggregated over all valid instances.
 
@@ -284,10 +272,4 @@ def _check_metadata(
             f"{shape}, which the index states; run `s2r verify`"
         )
     if sha256 is not None and array.metadata_sha256 != sha256:
-        raise RequestError(
-            f"{array.path}: its metadata is not what was published; run `s2r verify`"
-        )
-
-
-def _joined(rows: list[NDArray[Any]]) -> NDArray[Any]:
-    return rows[0] if len(rows) == 1 else np.concatenate(rows)
+        raise RequestError(f"{array.path}: metadata is not as published; run `s2r verify`")

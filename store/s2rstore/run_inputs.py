@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
-from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import UNMOVED, CameraMove, camera_move
+from s2rstore.geometry.camera_offset import UNMOVED, RigOffset, camera_move
 from s2rstore.reader import Frame, Store
 from s2rstore.records import Domain, Run, Side
 
@@ -20,7 +19,7 @@ FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}
 """Kinds of the arrays that hold rendered frames."""
 
 
-def run_camera_move(store: Store, run: Run, side: Side) -> CameraMove:
+def run_camera_move(store: Store, run: Run, side: Side) -> RigOffset:
     """The camera offset of one side of a run."""
     domain = store.domain(run.domain(side))
     return camera_move(run.adjustments(side), domain, store.dataset.frame_width)
@@ -36,14 +35,9 @@ def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
 
     Raises RequestError for an unknown instance, and where rendered frames are not computed yet.
     """
-    if run_camera_move(store, run, side) == UNMOVED:
-        return store.frame(iid, run.domain(side))
-    if not 0 <= iid < len(store.instances):
-        raise RequestError(f"instance {iid}: the store holds 0 .. {len(store.instances) - 1}")
+    store.check_instance(iid)
     images = run_frames(store, run, side, iid, iid + 1)
-    domain, depth = store.domain(run.domain(side)), images["depth"][0]
-    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    return Frame(images["rgb"][0], depth, valid)
+    return Frame.of(images["rgb"][0], images["depth"][0], store.domain(run.domain(side)))
 
 
 def run_frames(
@@ -60,5 +54,5 @@ def run_frames(
     frames = {}
     for image in images:
         _, array = store.array(run.run, FRAME_KINDS[image], side)
-        frames[image] = np.asarray(stored_array.read_rows(array, start, min(stop, array.shape[0])))
+        frames[image] = np.asarray(stored_array.read_rows(array, start, stop))
     return frames

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import UNMOVED, CameraMove, camera_move, hfov
+from s2rstore.geometry.camera_offset import UNMOVED, RigOffset, camera_move, hfov
 from s2rstore.records import Domain, Intrinsics
 
 WIDTH = 128
@@ -56,7 +56,7 @@ def test_figures_change_by_what_was_asked(
 
 def test_steps_of_one_name_add_up_and_images_are_passed_over() -> None:
     steps = [*chain(camera_height=0.1), *chain(contrast=2.0), *chain(camera_height=0.25)]
-    assert camera_move(steps, domain(), WIDTH) == CameraMove(height=pytest.approx(0.35))
+    assert camera_move(steps, domain(), WIDTH) == RigOffset(height=pytest.approx(0.35))
     back = [*chain(camera_fov=5.0), *chain(camera_fov=-5.0)]
     assert camera_move(back, domain(), WIDTH) == UNMOVED
 

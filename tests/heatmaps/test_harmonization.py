@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from s2rstore.geometry.reprojection import NearerSurface, Reprojection, RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.reprojection import NearerSurface, Reprojection
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.precompute.rig_calibration import calibrate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from s2rstore.geometry.reprojection import RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss

@@ -57,7 +57,7 @@ def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
             lambda: sim[17:18],
             lambda: sim[20],
             lambda: np.asarray(sim),
-            lambda: sim.oindex[np.array([3, 17])],
+            lambda: sim.at(np.array([3, 17])),
             lambda: embedding(store, "vanilla", "sim"),
             lambda: evaluation.select(store, "like(1, 5)"),
             lambda: principal_components((sim, real), np.ones(N, bool)),

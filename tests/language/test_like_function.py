@@ -67,7 +67,7 @@ def test_a_run_without_embeddings_says_so(store: Store) -> None:
             ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
         ):
             evaluate(store, "gap > 0 |like(3, 4)", "dataaug")
-        with pytest.raises(ExpressionError, match=r"no instance 40: the store holds 0 \.\. 39"):
+        with pytest.raises(ExpressionError, match=r"instance 40: the store holds 0 \.\. 39"):
             evaluate(store, "like(40, 4)", "vanilla")
 
 

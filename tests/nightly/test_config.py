@@ -94,7 +94,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
     ("text", "told"),
     [
         ("", "store: missing"),
-        ("store =", "no TOML"),
+        ("store =", "not valid TOML"),
         ('store = "nowhere.s2r"', "store:.*no such folder"),
         ('stroe = "s.s2r"', "stroe: unknown key; did you mean store. known: store, name"),
         ('store = "s.s2r"\n[out]\nmetrics = "m"', "out: unknown key; did you mean output"),
@@ -141,7 +141,7 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         pytest.param(
             f"{SYSID}fix = {{ mass = {10**400} }}", "sysid.fix.mass: .* at most 64", id="huge mass"
         ),
-        pytest.param("store = " + "[" * 50_000, "not readable as TOML", id="deep"),
+        pytest.param("store = " + "[" * 50_000, "not valid TOML", id="deep"),
         ('store = "~no-such-user/s.s2r"', "~no-such-user/s.s2r: the user has no home folder"),
         ('store = "s.s2r"\n[output]\nmetrics = "drives"', "output.metrics: .*s: a folder or"),
         ('store = "s.s2r"\n[output]\nhistory = "s.s2r"', "output.history: .*: a folder or a"),

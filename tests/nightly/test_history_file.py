@@ -101,7 +101,7 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 @pytest.mark.parametrize(
     ("patch", "kept"),
     [
-        (f"writer._insert = lambda *a: {_DIE}", 1),
+        (f"writer._add = lambda *a: {_DIE}", 1),
         (f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
         (f"writer.atomic_writes.sync_path = lambda path: path.is_dir() and {_DIE}", 2),
         (f"import s2rtools.nightly.publish as p; p.junit = lambda *a: {_DIE}", 2),

@@ -12,7 +12,7 @@ import torch
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.camera import rays, to_floor
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
@@ -98,7 +98,7 @@ def test_depth_lies_on_the_floor_through_the_moved_rig_alone(store: Store) -> No
 def test_a_hair_of_a_move_renders_what_is_stored(store: Store, side: str) -> None:
     """Poses and the noise of each view are those of its instance."""
     n = len(store.instances)
-    rgb, depth = open_renderer(store, side).frames(side, 0, n, CameraMove(height=1e-7))
+    rgb, depth = open_renderer(store, side).frames(side, 0, n, RigOffset(height=1e-7))
     held = store.frames(side, 0, n)
     away = np.abs(rgb.astype(np.float32) - held["rgb"]) > 3
     far = np.abs(depth.astype(np.float32) - held["depth"]) > 20

@@ -28,14 +28,6 @@ def test_the_last_used_stay() -> None:
     assert (kept.nbytes, len(kept)) == (1000, 1)
 
 
-def test_a_cache_of_a_number_of_values_drops_the_least_recently_used() -> None:
-    computed: list[str] = []
-    cache = LruCache.of_count(2)
-    for key in "abacab":
-        cache.get(key, lambda key=key: computed.append(key))
-    assert computed == ["a", "b", "c", "b"]
-
-
 def test_many_threads_share_it() -> None:
     kept = LruCache(50)
 

@@ -1,10 +1,10 @@
 """Zarr arrays of a store: created once, written a whole shard at a time, read row by row.
 
 Chunks are small for random reads of one instance; a shard is one work unit's file, written by
-one process. zarr encodes what is written. What is read is only of that form (`zarr_metadata`), by a
-reader of its own on `safe_files`: no link is followed, a shard that is missing is an error and
-never zeros, and no chunk takes more memory than its array's metadata says, none of which zarr can
-be configured. It needs no import of zarr, either, and reads one instance in a third of the time.
+one process. zarr encodes what is written. This module reads only that form (`zarr_metadata`), on
+`safe_files`: no link is followed, a missing shard is an error and never zeros, and no chunk takes
+more memory than the metadata of its array states. zarr cannot be configured to do so, takes longer
+to import, and needs three times as long to read one instance.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +58,8 @@ def create(
     root, relative = _place(path, root)
     document = f"{relative}/{METADATA}"
     if safe_files.kind(root, document) is not None:
-        found = open_read(path, root)
-        if found.layout != layout:
+        existing = open_read(path, root)
+        if existing.layout != layout:
             raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
         return
     content = zarr_metadata.document(layout, attributes or {})
@@ -105,14 +105,6 @@ class StoredArray:
         return len(self.shape)
 
     @property
-    def chunks(self) -> tuple[int, ...]:
-        return (self.layout.rows_per_chunk, *self.shape[1:])
-
-    @property
-    def shards(self) -> tuple[int, ...]:
-        return (self.layout.shard_rows, *self.shape[1:])
-
-    @property
     def nbytes(self) -> int:
         return self.shape[0] * self.layout.item_bytes
 
@@ -138,22 +130,29 @@ class StoredArray:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.asarray(self.rows(0, self.shape[0]), dtype=dtype)
 
-    @cached_property
-    def oindex(self) -> _Rows:
-        """Rows by their numbers: `array.oindex[rows]`."""
-        return _Rows(self)
+    def at(self, rows: Any) -> NDArray[Any]:
+        """Rows by their numbers, in this order, or by a mask (N,)."""
+        rows = np.asarray(rows)
+        rows = np.flatnonzero(rows) if rows.dtype == bool else rows.astype(np.int64)
+        values = np.empty((rows.size, *self.shape[1:]), dtype=self.dtype)
+        chunk = rows // self.layout.rows_per_chunk
+        for number in np.unique(chunk):
+            places = np.flatnonzero(chunk == number)
+            first, last = int(rows[places].min()), int(rows[places].max())
+            values[places] = self.rows(first, last + 1)[rows[places] - first]
+        return values
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Rows [start, stop), which lie within the array."""
         if not 0 <= start <= stop <= self.shape[0]:
             raise IndexError(f"{self.path}: rows {start} to {stop} of {self.shape[0]}")
-        found = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
+        values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         shard_rows = self.layout.shard_rows
         for shard in range(start // shard_rows, -(-stop // shard_rows)) if stop > start else ():
             base = shard * shard_rows
             low, high = max(start, base), min(stop, base + shard_rows)
-            self._read(shard, low - base, high - base, found[low - start : high - start])
-        return found
+            self._read(shard, low - base, high - base, values[low - start : high - start])
+        return values
 
     def file(self, shard: int) -> str:
         """A shard's file, inside the root that the array was opened with."""
@@ -202,6 +201,8 @@ class StoredArray:
 
     def _index(self, descriptor: int, where: Path) -> NDArray[np.uint64]:
         """Offset and size of each chunk, (n, 2), within the shard's file."""
+        import google_crc32c
+
         layout = self.layout
         length = 16 * layout.shard_chunks + _INDEX_CHECKSUM
         most = layout.shard_chunks * (layout.chunk_bytes + _BLOSC_HEADER) + length
@@ -209,7 +210,8 @@ class StoredArray:
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
         content = os.pread(descriptor, length, size - length)
-        if len(content) != length or not _checksum_matches(content):
+        stated = int.from_bytes(content[-_INDEX_CHECKSUM:], "little")
+        if len(content) != length or google_crc32c.value(content[:-_INDEX_CHECKSUM]) != stated:
             raise _damaged(where, "the index does not fit its checksum")
         index = np.frombuffer(content, dtype="<u8", count=2 * layout.shard_chunks).reshape(-1, 2)
         known = index[(index != _ABSENT).all(axis=1)]
@@ -232,35 +234,6 @@ class StoredArray:
         except (RuntimeError, ValueError, BufferError) as error:
             raise _damaged(where, str(error)) from error
         target[...] = whole[start:stop]
-
-
-class _Rows:
-    """Rows by their numbers or by a mask, in the requested order."""
-
-    def __init__(self, array: StoredArray) -> None:
-        self._array = array
-
-    def __getitem__(self, rows: Any) -> NDArray[Any]:
-        array = self._array
-        requested = np.asarray(rows)
-        requested = (
-            np.flatnonzero(requested) if requested.dtype == bool else requested.astype(np.int64)
-        )
-        found = np.empty((requested.size, *array.shape[1:]), dtype=array.dtype)
-        chunk = requested // array.layout.rows_per_chunk
-        for number in np.unique(chunk):
-            places = np.flatnonzero(chunk == number)
-            first, last = int(requested[places].min()), int(requested[places].max())
-            found[places] = array.rows(first, last + 1)[requested[places] - first]
-        return found
-
-
-def _checksum_matches(content: bytes) -> bool:
-    """Whether an index ends with its own CRC-32C."""
-    import google_crc32c
-
-    stated = int.from_bytes(content[-_INDEX_CHECKSUM:], "little")
-    return int(google_crc32c.value(content[:-_INDEX_CHECKSUM])) == stated
 
 
 @contextmanager
@@ -297,7 +270,7 @@ def _parts(
 
 
 def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tuple[int, int]:
-    """Where some neighbouring chunks begin and end; each must follow the one before."""
+    """First byte and end of neighbouring chunks, each of which must follow the one before."""
     if (index == _ABSENT).any():
         raise _damaged(where, "a chunk is missing")
     offsets, sizes = index[:, 0].tolist(), index[:, 1].tolist()
@@ -308,7 +281,7 @@ def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tup
 
 
 def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where: Path) -> None:
-    """Blosc states what it decompresses to; anything but one chunk is refused before it is."""
+    """Refuse data whose Blosc header states another size than a chunk's, before decompression."""
     if len(header) < _BLOSC_HEADER:
         raise _damaged(where, "a chunk is cut")
     total, packed = (int.from_bytes(header[at : at + 4], "little") for at in (4, 12))
@@ -322,18 +295,13 @@ def _damaged(where: Path, why: str) -> RequestError:
     return RequestError(f"{where}: damaged ({why}); run `s2r verify`")
 
 
-_codecs: dict[str, Any] = {}
-
-
+@cache
 def _codec(dtype: str) -> Any:
-    if dtype not in _codecs:
-        from numcodecs import blosc
+    from numcodecs import blosc
 
-        blosc.use_threads = False
-        kind = np.dtype(dtype)
-        mode = blosc.BITSHUFFLE if zarr_metadata.shuffle(dtype) == "bitshuffle" else blosc.SHUFFLE
-        _codecs[dtype] = blosc.Blosc("zstd", 3, mode, typesize=kind.itemsize)
-    return _codecs[dtype]
+    blosc.use_threads = False
+    mode = blosc.BITSHUFFLE if zarr_metadata.shuffle(dtype) == "bitshuffle" else blosc.SHUFFLE
+    return blosc.Blosc("zstd", 3, mode, typesize=np.dtype(dtype).itemsize)
 
 
 def open_read(path: Path, root: Path | None = None) -> StoredArray:

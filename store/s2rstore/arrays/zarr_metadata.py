@@ -71,7 +71,7 @@ def shuffle(dtype: str) -> str:
 
 def document(layout: Layout, attributes: dict[str, Any]) -> bytes:
     """The content of `zarr.json`."""
-    return (json.dumps(_document(layout, attributes), indent=2)).encode()
+    return json.dumps(_document(layout, attributes), indent=2).encode()
 
 
 def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
@@ -107,52 +107,52 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
-    """Layout and attributes of a `zarr.json`. RequestError names the array and what is wrong."""
+    """Layout and attributes of a `zarr.json`. RequestError names the array and the difference."""
     try:
-        found = parse_json(content, where)
-        layout, attributes = _layout(found), _attributes(found["attributes"])
+        stored = parse_json(content, where)
+        layout, attributes = _layout(stored), _attributes(stored["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         raise _refused(where, f"{type(error).__name__}: {error}") from error
     expected = _document(layout, attributes)
-    for key in expected.keys() | found.keys():
-        if _text(found.get(key)) != _text(expected.get(key)):
+    for key in expected.keys() | stored.keys():
+        if _text(stored.get(key)) != _text(expected.get(key)):
             raise _refused(where, f"unexpected {key}")
     _check_sizes(layout, where)
     return layout, attributes
 
 
-def _layout(found: Any) -> Layout:
-    if found["zarr_format"] != 3 or found["node_type"] != "array":
+def _layout(stored: Any) -> Layout:
+    if stored["zarr_format"] != 3 or stored["node_type"] != "array":
         raise ValueError("no array of Zarr format 3")
-    shape = _sizes(found["shape"], least=0)
-    grid = found["chunk_grid"]["configuration"]["chunk_shape"]
-    chunks = found["codecs"][0]["configuration"]["chunk_shape"]
-    if found["data_type"] not in DATA_TYPES:
-        raise ValueError(f"data type {str(found['data_type'])[:40]!r}")
+    shape = _sizes(stored["shape"], least=0)
+    grid = stored["chunk_grid"]["configuration"]["chunk_shape"]
+    chunks = stored["codecs"][0]["configuration"]["chunk_shape"]
+    if stored["data_type"] not in DATA_TYPES:
+        raise ValueError(f"data type {str(stored['data_type'])[:40]!r}")
     shard_rows, rows_per_chunk = _sizes(grid, least=1)[0], _sizes(chunks, least=1)[0]
-    return Layout(shape, found["data_type"], shard_rows, rows_per_chunk)
+    return Layout(shape, stored["data_type"], shard_rows, rows_per_chunk)
 
 
-def _sizes(given: Any, least: int) -> tuple[int, ...]:
-    if not isinstance(given, list) or not 1 <= len(given) <= _DIMENSIONS:
+def _sizes(shape: Any, least: int) -> tuple[int, ...]:
+    if not isinstance(shape, list) or not 1 <= len(shape) <= _DIMENSIONS:
         raise ValueError(f"a shape is a list of 1 to {_DIMENSIONS} sizes")
-    for number, size in enumerate(given):
+    for number, size in enumerate(shape):
         if type(size) is not int or not (least if number == 0 else 1) <= size <= _ROWS:
             raise ValueError(f"a size of {str(size)[:40]}")
-    return tuple(given)
+    return tuple(shape)
 
 
-def _attributes(found: Any) -> dict[str, str]:
-    for name, value in found.items():
+def _attributes(attributes: Any) -> dict[str, str]:
+    for name, value in attributes.items():
         if name not in ATTRIBUTES or not isinstance(value, str) or len(value) > _TEXT:
             raise ValueError(f"attribute {name[:40]!r}")
         if name == "aggregates" and value != ",".join(AGGREGATES):
             raise ValueError(f"aggregates {value[:40]!r}")
-    return dict(found)
+    return dict(attributes)
 
 
 def _text(value: Any) -> str:
-    """Equal texts for equal values of equal types: JSON tells 1 from 1.0 and from true."""
+    """Equal texts for equal values of equal types: JSON distinguishes 1, 1.0 and true."""
     return json.dumps(value, sort_keys=True)
 
 

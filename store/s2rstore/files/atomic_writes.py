@@ -12,11 +12,10 @@ import re
 import secrets
 import shutil
 from contextlib import suppress
-from io import FileIO
 from pathlib import Path
 
 from s2rstore.files import safe_files
-from s2rstore.files.safe_files import FILE_FLAGS, NO_FOLLOW, errors_of, parent_folder
+from s2rstore.files.safe_files import NO_FOLLOW, errors_of, parent_folder
 
 PARTIAL = ".partial"
 
@@ -66,10 +65,11 @@ def _write_partial(path: Path, parent: int, content: Content, durable: bool) -> 
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_FOLLOW
     descriptor = safe_files.open_descriptor(path.with_name(partial), flags, parent)
     try:
-        with errors_of(path), FileIO(descriptor, "wb") as file:
-            _write_all(file, content)
+        with errors_of(path), os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
             if durable:
-                os.fsync(file.fileno())
+                os.fsync(descriptor)
     except BaseException:
         with suppress(OSError):
             os.unlink(partial, dir_fd=parent)
@@ -77,22 +77,16 @@ def _write_partial(path: Path, parent: int, content: Content, durable: bool) -> 
     return partial
 
 
-def _write_all(file: FileIO, content: Content) -> None:
-    rest = memoryview(content).cast("B")
-    while rest:
-        rest = rest[file.write(rest) :]
-
-
 def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
     """Append whole lines durably; a line that a killed process left unfinished is ended first."""
-    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | FILE_FLAGS
-    descriptor = safe_files.open_regular(root, relative, flags)
-    with FileIO(descriptor, "ab") as file, errors_of(root / relative):
-        size = os.fstat(file.fileno()).st_size
-        if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
+    descriptor = safe_files.open_regular(root, relative, os.O_RDWR | os.O_APPEND | os.O_CREAT)
+    with os.fdopen(descriptor, "ab") as file, errors_of(root / relative):
+        size = os.fstat(descriptor).st_size
+        if size and os.pread(descriptor, 1, size - 1) != b"\n":
             lines = b"\n" + lines
-        _write_all(file, lines)
-        os.fsync(file.fileno())
+        file.write(lines)
+        file.flush()
+        os.fsync(descriptor)
 
 
 def make_folder(root: Path, relative: str | Path) -> None:

@@ -1,6 +1,6 @@
-"""What an image file declares about itself, read from its first bytes without decoding it.
+"""Format and size of an image file, read from its first bytes without decoding it.
 
-Decoders allocate what a header declares, so sizes are judged before a decoder sees the file.
+Decoders allocate the size that a header declares, so sizes are checked before a file is decoded.
 Formats are recognised by content, never by file name. Sources: PNG specification, ITU-T T.81,
 TIFF 6.0, RFC 9649 (WebP), netpbm.
 """
@@ -26,7 +26,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _TIFF_CODECS = {1: "none", 5: "LZW", 8: "deflate", 32773: "PackBits", 32946: "deflate"}
 _TIFF_SIZES = {1: 1, 3: 2, 4: 4}
 _MOST_SCANS = 100
-"""Of a progressive JPEG; encoders write about ten, and each costs a pass over the image."""
+"""Maximum scans of a progressive JPEG; encoders write about ten, each takes a pass to decode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +58,12 @@ def read_header(content: bytes) -> ImageHeader:
     for magic, parse in _FORMATS:
         if content.startswith(magic):
             try:
-                found = parse(content)
+                header = parse(content)
             except (struct.error, IndexError) as error:
                 raise ValueError("its header is cut") from error
-            if not (0 < found.width <= _MOST_SIDE and 0 < found.height <= _MOST_SIDE):
-                raise ValueError(f"its header declares {found.width}x{found.height} pixels")
-            return found
+            if not (0 < header.width <= _MOST_SIDE and 0 < header.height <= _MOST_SIDE):
+                raise ValueError(f"its header declares {header.width}x{header.height} pixels")
+            return header
     raise ValueError("no PNG, JPEG, TIFF, WebP, BMP, PGM or PPM image")
 
 
@@ -86,7 +86,7 @@ def floor_plan_bytes(path: Path) -> bytes:
 
 
 def check_integrity(content: bytes, header: ImageHeader) -> None:
-    """Raises ValueError where the file is cut, or a checksum of its own does not agree."""
+    """Raise ValueError where the file is cut, or one of its checksums does not match."""
     if header.format == "PNG":
         if next((kind for kind, _ in _png_chunks(content, check=True) if kind == b"IEND"), None):
             return
@@ -134,20 +134,20 @@ def _png_chunks(content: bytes, check: bool) -> Iterator[tuple[bytes, int]]:
 
 
 def _jpeg(content: bytes) -> ImageHeader:
-    found: ImageHeader | None = None
+    header: ImageHeader | None = None
     for marker, start, end in jpeg_segments(content):
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            if found is not None:
+            if header is not None:
                 raise ValueError("its header declares two images")
             bits, height, width, channels = struct.unpack_from(">BHHB", content[start:end])
-            found = ImageHeader("JPEG", width, height, channels, bits)
+            header = ImageHeader("JPEG", width, height, channels, bits)
         if marker == 0xDA:
             break
-    if found is None:
+    if header is None:
         raise ValueError("its header is damaged")
     if content.count(b"\xff\xda") > _MOST_SCANS:
         raise ValueError(f"it has more than {_MOST_SCANS} scans")
-    return found
+    return header
 
 
 def jpeg_segments(content: bytes) -> Iterator[tuple[int, int, int]]:

@@ -1,6 +1,6 @@
-"""The hidden folder beside a store in which ingest builds it, and what killed ingests leave of it.
+"""The hidden folder beside a store in which ingest builds it; killed ingests leave it behind.
 
-Its name holds host and process, so that nobody removes what is still being built: version 0.1.0
+Its name holds host and process, so that nobody removes it while it is being built. Version 0.1.0
 named the process alone.
 """
 
@@ -18,7 +18,7 @@ _BUILDER = re.compile(r"(?:(?P<host>.+)-)?(?P<process>\d+)")
 
 @dataclass(frozen=True, slots=True)
 class BuildingFolder:
-    """A folder with its builder; `host` is None where the name does not tell it."""
+    """A folder with its builder; `host` is None where the name does not state it."""
 
     path: Path
     host: str | None
@@ -42,16 +42,16 @@ def building_folder(target: Path) -> Path:
 def building_folders(target: Path) -> list[BuildingFolder]:
     """All such folders of a store, by name; links are left out."""
     start = f".{target.name}{_MARK}"
+    folders = []
     try:
-        lying = sorted(path for path in target.parent.iterdir() if path.name.startswith(start))
+        paths = sorted(target.parent.iterdir())
     except OSError:
         return []
-    found = []
-    for path in lying:
-        named = _BUILDER.fullmatch(path.name.removeprefix(start))
-        if named is not None and path.is_dir() and not path.is_symlink():
-            found.append(BuildingFolder(path, named["host"], int(named["process"])))
-    return found
+    for path in paths:
+        named = path.name.startswith(start) and _BUILDER.fullmatch(path.name.removeprefix(start))
+        if named and path.is_dir() and not path.is_symlink():
+            folders.append(BuildingFolder(path, named["host"], int(named["process"])))
+    return folders
 
 
 def is_running(process: int) -> bool:

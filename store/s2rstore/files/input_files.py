@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 
 T = TypeVar("T")
 
@@ -53,11 +53,11 @@ def refuse_special(path: Path, mode: int) -> None:
 def check_regular(path: Path) -> os.stat_result:
     """The file's status. Raises RequestError where it is missing or no regular file."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError) as error:
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
-    refuse_special(path, found.st_mode)
-    return found
+    refuse_special(path, status.st_mode)
+    return status
 
 
 @contextmanager
@@ -66,8 +66,7 @@ def open_regular(path: Path) -> Iterator[io.BufferedReader]:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
-        special = path.exists() and not path.is_file()
-        if special:
+        if path.exists():
             refuse_special(path, path.stat().st_mode)
         raise RequestError(f"{path}: cannot be read ({_reason(error)})") from error
     try:
@@ -124,13 +123,9 @@ def read_json(path: Path, limit: int = MAX_JSON_BYTES) -> Any:
 def read_toml(path: Path) -> dict[str, Any]:
     """The table of a TOML file; RequestError for any other content."""
     text = read_text(path, MAX_TOML_BYTES)
-    try:
+    with _refusing(f"{path}: not valid TOML"):
         _check_keys(text)
         return tomllib.loads(text)
-    except RecursionError:
-        raise RequestError(f"{path}: not readable as TOML (nested too deeply)") from None
-    except ValueError as error:
-        raise RequestError(f"{path}: no TOML ({_reason(error)})") from error
 
 
 def read_document(path: Path) -> Any:
@@ -141,42 +136,45 @@ def read_document(path: Path) -> Any:
 def parse_json(text: str | bytes, where: str) -> Any:
     """The value of a JSON text; RequestError, beginning with `where`, for anything else.
 
-    A key that an object holds twice is refused, because readers differ in which one counts.
+    Duplicate keys of an object are refused, because readers differ in which one counts.
     """
-    try:
+    with _refusing(f"{where}: not valid JSON"):
         return json.loads(text, object_pairs_hook=_unique)
-    except RecursionError:
-        raise RequestError(f"{where}: not readable as JSON (nested too deeply)") from None
-    except ValueError as error:
-        raise RequestError(f"{where}: no JSON ({_reason(error)})") from error
 
 
 def decode_json(content: bytes, kind: type[T], where: str) -> T:
     """A JSON text as a record whose fields have the declared types.
 
-    Raises RequestError, which begins with `where`, names the wrong field and what is expected.
+    Raises RequestError, which begins with `where` and names the wrong field and the valid type.
     """
-    try:
+    with _refusing(f"{where}: damaged", "; restore it"):
         return msgspec.json.decode(content, type=kind)
+
+
+@contextmanager
+def _refusing(problem: str, advice: str = "") -> Iterator[None]:
+    """Turn errors of a parser into RequestErrors that state the problem and the reason."""
+    try:
+        yield
     except RecursionError:
-        raise RequestError(f"{where}: damaged (nested too deeply); restore it") from None
+        raise RequestError(f"{problem} (nested too deeply){advice}") from None
     except (msgspec.DecodeError, ValueError) as error:
-        raise RequestError(f"{where}: damaged ({_reason(error)}); restore it") from error
+        raise RequestError(f"{problem} ({_reason(error)}){advice}") from error
 
 
 def parse_object(text: str | bytes, where: str) -> dict[str, Any]:
-    """The same for a text that must be a JSON object."""
-    found = parse_json(text, where)
-    if not isinstance(found, dict):
-        raise RequestError(f"{where}: no JSON object")
-    return found
+    """The value of a JSON text that must be an object; see `parse_json`."""
+    value = parse_json(text, where)
+    if not isinstance(value, dict):
+        raise RequestError(f"{where}: not a JSON object")
+    return value
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     counts = Counter(key for key, _ in pairs)
     for key, count in counts.items():
         if count > 1:
-            raise ValueError(f"key {key[:80]!r} stands twice")
+            raise ValueError(f"duplicate key {key[:80]!r}")
     return dict(pairs)
 
 
@@ -198,4 +196,4 @@ def _check_keys(text: str) -> None:
 def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+    return first_line(error)[:200]

@@ -43,8 +43,8 @@ def index_name(generation: int) -> str:
 
 def generation_of(path: Path) -> int | None:
     """The generation that an index file's name states; None for other files."""
-    found = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
-    return int(found[1]) if found else None
+    match = re.fullmatch(r"index-(\d{6,})\.duckdb", path.name)
+    return int(match[1]) if match else None
 
 
 def read_current(root: Path) -> Current:
@@ -72,12 +72,6 @@ def write_current(root: Path, current: Current) -> None:
     """Make `current` the published generation, atomically and durably."""
     content = msgspec.json.format(msgspec.json.encode(current)) + b"\n"
     atomic_writes.write(root, CURRENT, content)
-
-
-def path_inside(root: Path, relative: str | Path) -> Path:
-    """A path that the index of a store names; RequestError where it leads out of the store."""
-    safe_files.parts_of(root, relative)
-    return root / relative
 
 
 def checked_hash(text: object, what: str) -> str:

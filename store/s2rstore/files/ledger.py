@@ -1,7 +1,7 @@
 """The ledger: one JSON line per finished work unit; nothing else proves that a unit is done.
 
-Each writing process appends to a file of its own, so no two processes share one. A line that a
-killed process left half-written is not a line.
+Each process appends to a separate file, so that no two processes share one. Lines that a killed
+process left unfinished do not count.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, BinaryIO
+from typing import Annotated
 
 import msgspec
 
@@ -21,7 +21,7 @@ from s2rstore.files import atomic_writes, layout, safe_files
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
 _MAX_LINE = 65_536
 _MAX_FILE = 2 << 30
-"""Bytes of one process' file: some 8 million entries."""
+"""Bytes of the file of one process, about 8 million entries."""
 
 
 class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,11 +60,13 @@ class Ledger:
                 size = os.fstat(file.fileno()).st_size
                 if size > _MAX_FILE:
                     raise RequestError(f"{self._root / name}: {size} bytes; restore the ledger")
-                yield from _lines_of(file)
+                while line := file.readline(_MAX_LINE):  # pieces of a longer line do not parse
+                    if line != b"\n":
+                        yield line.rstrip(b"\n")
 
     def _files(self) -> list[str]:
-        found = safe_files.names(self._root, layout.LEDGER)
-        return [e.path for e in found if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
+        entries = safe_files.names(self._root, layout.LEDGER)
+        return [e.path for e in entries if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
         """Record a unit whose files, given as (path inside the store, count), are complete.
@@ -93,22 +95,14 @@ class Ledger:
 
         Raises LinkError where the path leads through a symbolic link.
         """
-        return self.proof(entries) is not None
-
-    def proof(self, entries: list[LedgerEntry]) -> LedgerEntry | None:
-        """The entry that states the present size and checksum of its file; None without one."""
-        if not entries:
-            return None
-        path = entries[0].path
         try:
-            size = safe_files.size(self._root, path)
-            if not any(entry.bytes == size for entry in entries):
-                return None
-            checksum = safe_files.sha256(self._root, path)
+            size = safe_files.size(self._root, entries[0].path) if entries else None
+            if all(entry.bytes != size for entry in entries):
+                return False
+            checksum = safe_files.sha256(self._root, entries[0].path)
         except OSError:
-            return None
-        known = (each for each in entries if (each.bytes, each.checksum) == (size, checksum))
-        return next(known, None)
+            return False
+        return any((entry.bytes, entry.checksum) == (size, checksum) for entry in entries)
 
     def remove_entries(self, removed: set[str]) -> None:
         """Remove the entries of removed files, given by their paths inside the store.
@@ -121,13 +115,6 @@ class Ledger:
         for path in old:
             if path != _COMPACTED:
                 atomic_writes.remove(self._root, path)
-
-
-def _lines_of(file: BinaryIO) -> Iterator[bytes]:
-    """Lines that are not empty; a line that is far too long comes in pieces, which do not parse."""
-    while line := file.readline(_MAX_LINE):
-        if line != b"\n":
-            yield line.rstrip(b"\n")
 
 
 def _line(entry: LedgerEntry) -> str:

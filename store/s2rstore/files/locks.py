@@ -1,7 +1,7 @@
 """Advisory locks between the processes that write one store.
 
 `publish` is held for the seconds that a new generation takes; `compute` for as long as a process
-fills `runs.zarr`. A file that is replaced as a whole has a lock of its own. Readers take none.
+fills `runs.zarr`. A file that is replaced as a whole has a separate lock. Readers take none.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -19,35 +19,28 @@ from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import layout, safe_files
 
 
-@contextmanager
-def publish_lock(root: Path, timeout: float = 120.0) -> Iterator[None]:
+def publish_lock(root: Path, timeout: float = 120.0) -> AbstractContextManager[None]:
     """Wait up to `timeout` seconds for other publishers; StoreBusyError after that."""
-    with _locked(root, "publish", timeout):
-        yield
+    return _store_lock(root, "publish", timeout)
 
 
-@contextmanager
-def compute_lock(root: Path, timeout: float = 0.0) -> Iterator[None]:
+def compute_lock(root: Path, timeout: float = 0.0) -> AbstractContextManager[None]:
     """Hold the compute lock; StoreBusyError names the process that holds it already."""
-    with _locked(root, "compute", timeout):
-        yield
+    return _store_lock(root, "compute", timeout)
 
 
-@contextmanager
-def file_lock(path: Path, timeout: float = 120.0) -> Iterator[None]:
+def file_lock(path: Path, timeout: float = 120.0) -> AbstractContextManager[None]:
     """Wait up to `timeout` seconds for other writers of this file; StoreBusyError after that."""
     with suppress(OSError):
         path.parent.mkdir(exist_ok=True)
     lock = path.with_name(f".{path.name}.lock")
-    with _held(partial(safe_files.open_lock, lock), path, "writing", timeout):
-        yield
+    return _held(partial(safe_files.open_lock, lock), path, "writing", timeout)
 
 
-@contextmanager
-def _locked(root: Path, what: str, timeout: float) -> Iterator[None]:
-    lock = f"{layout.LEDGER}/{what}.lock"
-    with _held(partial(safe_files.open_store_lock, root, lock), root, what, timeout):
-        yield
+def _store_lock(root: Path, name: str, timeout: float) -> AbstractContextManager[None]:
+    lock = f"{layout.LEDGER}/{name}.lock"
+    open_lock = partial(safe_files.open_regular, root, lock, os.O_RDWR | os.O_CREAT)
+    return _held(open_lock, root, name, timeout)
 
 
 @contextmanager
@@ -55,9 +48,8 @@ def _held(open_lock: Callable[[], int], path: Path, name: str, timeout: float) -
     try:
         descriptor = open_lock()
     except OSError as error:
-        raise RequestError(
-            f"{path}: the {name} lock cannot be opened ({error.strerror})"
-        ) from error
+        message = f"{path}: the {name} lock cannot be opened ({error.strerror})"
+        raise RequestError(message) from error
     try:
         _wait(descriptor, path, name, timeout)
         os.ftruncate(descriptor, 0)

@@ -12,7 +12,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 
 
 def write(
@@ -38,8 +38,7 @@ def write(
         try:
             connection.execute(f"COPY ({query}) TO {_quoted(str(target))} ({options})")
         except duckdb.Error as error:
-            reason = str(error).splitlines()[0]
-            raise RequestError(f"{target}: cannot be written ({reason})") from error
+            raise RequestError(f"{target}: cannot be written ({first_line(error)})") from error
 
 
 def _quoted(text: str) -> str:

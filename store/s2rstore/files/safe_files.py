@@ -25,19 +25,25 @@ from s2rstore.files import input_files
 Kind = Literal["file", "folder", "link", "other"]
 
 _MAX_DEPTH = 24
-"""Folders within each other; those of a store lie about 8 deep."""
+"""Levels of nested folders; a store has about 8."""
 NO_FOLLOW = os.O_NOFOLLOW | os.O_CLOEXEC
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | NO_FOLLOW
-FILE_FLAGS = os.O_NONBLOCK | os.O_NOCTTY | NO_FOLLOW
+_FILE_FLAGS = os.O_NONBLOCK | os.O_NOCTTY | NO_FOLLOW
 
 
 class LinkError(RequestError):
     """A path inside a store leads through a symbolic link."""
 
+    def __init__(self, path: Path) -> None:
+        super().__init__(
+            f"{path}: a symbolic link, which is not followed inside a store; "
+            "put the file itself there, or remove the link"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class FolderEntry:
-    """Something below a store's root: its path there, what it is, and its size in bytes."""
+    """An entry below a store's root: its path there, its kind, and its size in bytes."""
 
     path: str
     kind: Kind
@@ -58,10 +64,9 @@ def parts_of(root: Path, relative: str | Path) -> tuple[str, ...]:
 
 @contextmanager
 def folder(root: Path, relative: str | Path = "", create: bool = False) -> Iterator[int]:
-    """A descriptor of a folder below `root`.
+    """A descriptor of a folder below `root`; with `create` missing folders are made.
 
-    Raises LinkError for a link on the way, FileNotFoundError and other OSErrors with the full
-    path. `create` makes what is missing below `root`.
+    Raises LinkError for a link on the way, FileNotFoundError and other OSErrors with the full path.
     """
     path = root
     descriptor = open_descriptor(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -96,16 +101,8 @@ def open_descriptor(path: Path, flags: int, folder: int | None = None, mode: int
         return os.open(name, flags, mode, dir_fd=folder)
     except OSError as error:
         if folder is not None and kind_in(folder, name) == "link":
-            raise link_error(path) from error
+            raise LinkError(path) from error
         raise OSError(error.errno, error.strerror, str(path)) from error
-
-
-def link_error(path: Path) -> LinkError:
-    """The error for a symbolic link inside a store."""
-    return LinkError(
-        f"{path}: a symbolic link, which is not followed inside a store; "
-        "put the file itself there, or remove the link"
-    )
 
 
 def kind_in(folder: int, name: str) -> Kind | None:
@@ -137,14 +134,17 @@ def open_read(root: Path, relative: str | Path) -> FileIO:
 
     Raises FileNotFoundError where it is missing, RequestError where it is a link or no file.
     """
-    return FileIO(open_regular(root, relative, os.O_RDONLY | FILE_FLAGS), "rb")
+    return FileIO(open_regular(root, relative, os.O_RDONLY), "rb")
 
 
 def open_regular(root: Path, relative: str | Path, flags: int) -> int:
-    """A descriptor of a regular file below `root`; RequestError for anything else."""
+    """A descriptor of a regular file below `root`; RequestError for anything else.
+
+    With `os.O_CREAT` among the flags, missing folders are made, too.
+    """
     path = root / relative
     with parent_folder(root, relative, create=bool(flags & os.O_CREAT)) as (parent, _):
-        return _checked_descriptor(open_descriptor(path, flags, parent), path)
+        return _checked_descriptor(open_descriptor(path, flags | _FILE_FLAGS, parent), path)
 
 
 def _checked_descriptor(descriptor: int, path: Path) -> int:
@@ -184,7 +184,7 @@ def size(root: Path, relative: str | Path) -> int:
 
 
 def kind(root: Path, relative: str | Path) -> Kind | None:
-    """What a path below `root` is, not followed; None where nothing is there."""
+    """The kind of a path below `root`, where links are not followed; None for a missing one."""
     try:
         with parent_folder(root, relative) as (parent, name):
             return kind_in(parent, name)
@@ -202,7 +202,7 @@ def checked_path(root: Path, relative: str | Path) -> Path:
     with suppress(FileNotFoundError, NotADirectoryError), parent_folder(root, relative) as (at, _):
         mode = os.stat(path.name, dir_fd=at, follow_symlinks=False).st_mode
         if stat.S_ISLNK(mode):
-            raise link_error(path)
+            raise LinkError(path)
         input_files.refuse_special(path, mode)
     return path
 
@@ -217,36 +217,32 @@ def checked_folder(root: Path, relative: str | Path) -> Path | None:
     with folder(root, relative):
         for entry in walk(root, relative):
             if entry.kind == "link":
-                raise link_error(root / entry.path)
+                raise LinkError(root / entry.path)
             if entry.kind == "other":
                 raise RequestError(f"{root / entry.path}: a pipe or a device; remove it")
     return root / relative
 
 
 def names(root: Path, relative: str | Path) -> list[FolderEntry]:
-    """What lies in a folder, by name; nothing where there is no such folder."""
-    try:
-        with folder(root, relative) as descriptor, os.scandir(descriptor) as found:
-            lying = [entry for item in found if (entry := _entry(relative, item)) is not None]
-            return sorted(lying, key=lambda entry: entry.path)
-    except FileNotFoundError:
-        return []
-
-
-def _entry(above: str | Path, item: os.DirEntry[str]) -> FolderEntry | None:
-    """The entry of a folder; None if it was removed in the meantime."""
-    path = (PurePosixPath(above) / item.name).as_posix()
-    try:
-        status = item.stat(follow_symlinks=False)
-    except FileNotFoundError:
-        return None
-    return FolderEntry(path, _kind_of(status.st_mode), status.st_size)
+    """The entries of a folder, by name; none where there is no such folder."""
+    entries = []
+    with (
+        suppress(FileNotFoundError),
+        folder(root, relative) as descriptor,
+        os.scandir(descriptor) as items,
+    ):
+        for item in items:
+            with suppress(FileNotFoundError):  # removed in the meantime
+                status = item.stat(follow_symlinks=False)
+                path = (PurePosixPath(relative) / item.name).as_posix()
+                entries.append(FolderEntry(path, _kind_of(status.st_mode), status.st_size))
+    return sorted(entries, key=lambda entry: entry.path)
 
 
 def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
-    """Everything below a folder, links among it, which are not followed; a folder comes first.
+    """All entries below a folder, a folder before its content; links are not followed.
 
-    Raises RequestError for folders that lie deeper within each other than those of any store.
+    Raises RequestError for folders that are nested more deeply than those of any store.
     """
     waiting = [str(relative)]
     while waiting:
@@ -259,23 +255,22 @@ def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
                 waiting.append(entry.path)
 
 
-def open_store_lock(root: Path, relative: str | Path) -> int:
-    """A descriptor of a lock file, which is created where it is missing."""
-    return open_regular(root, relative, os.O_RDWR | os.O_CREAT | FILE_FLAGS)
-
-
 def open_lock(path: Path) -> int:
-    """As `open_store_lock`, for a file outside of a store: its folder may be reached by links."""
+    """A descriptor of a lock file outside a store, which is created where it is missing.
+
+    Its folder may be reached by links.
+    """
+    flags = os.O_RDWR | os.O_CREAT | _FILE_FLAGS
     try:
-        return _checked_descriptor(os.open(path, os.O_RDWR | os.O_CREAT | FILE_FLAGS, 0o666), path)
+        return _checked_descriptor(os.open(path, flags, 0o666), path)
     except OSError as error:
         if error.errno == errno.ELOOP:
-            raise link_error(path) from error
+            raise LinkError(path) from error
         raise
 
 
 def error_text(error: OSError) -> str:
-    """Why a file could not be read or written, in words."""
+    """The reason why a file could not be read or written, for a message."""
     if error.errno in (errno.ENOTDIR, errno.EISDIR):
         return "a folder in place of a file, or a file in place of a folder"
     return error.strerror or type(error).__name__

@@ -11,13 +11,13 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import Table
 from s2rstore.metrics.bootstrap import Interval
-from s2rstore.security.printable_text import printable
+from s2rstore.security.printable_text import printable_values
 
 _MEMORY = "64MB"
 Stamp = tuple[int, int, int]
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class AxisFigures:
-    """One axis of one measurement; what is unknown is NaN. `state` and the rest as in the table."""
+    """One row of table `axis`; unknown figures are NaN."""
 
     axis: str
     state: str
@@ -145,10 +145,10 @@ def refuse_link(path: Path) -> None:
 def file_stamp(path: Path) -> Stamp | None:
     """A value that changes when the file is replaced; None where it is missing."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns, found.st_size
+    return status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def read(path: Path) -> History:
@@ -166,9 +166,11 @@ def read(path: Path) -> History:
         plain = {name: value for name, value in row.items() if not name.endswith(("_low", "_high"))}
         for name in ("threshold", "golden_margin", "stale_after"):
             plain[name] = _number(row[name])
-        shared = {"axes": axes.get(row["measured"], ()),
-                  "estimates": estimates.get(row["measured"], ())}  # fmt: skip
-        nights.append(Night(**(plain | figures | shared)))
+        measured = row["measured"]
+        nights.append(
+            Night(axes=axes.get(measured, ()), estimates=estimates.get(measured, ()),
+                  **(plain | figures))
+        )  # fmt: skip
     recorded: dict[tuple[str, str], datetime.date] = {}
     for row in rows["recorded"]:
         recorded.setdefault((row["name"], row["part"]), row["night"])
@@ -179,10 +181,10 @@ def report_text(path: Path, measured: int) -> str:
     """The JSON of one measurement's report."""
     with _opened(path) as connection:
         query = "SELECT report FROM history.report WHERE measured = ?"
-        found = connection.execute(query, [measured]).fetchone()
-    if found is None:
+        row = connection.execute(query, [measured]).fetchone()
+    if row is None:
         raise RequestError(f"{path}: holds no report of measurement {measured}; restore it")
-    return str(found[0])
+    return str(row[0])
 
 
 def check(path: Path) -> None:
@@ -199,8 +201,8 @@ def check(path: Path) -> None:
 def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     """A connection that can reach no other file, with the file attached as `history`.
 
-    The file is attached to a database of its own each time: DuckDB would give a second connection
-    to one path the content that the first one saw.
+    Each call attaches the file to a new database: DuckDB would give a second connection to one path
+    the content that the first one read.
     """
     refuse_link(path)
     path = path.resolve()
@@ -211,8 +213,8 @@ def _opened(path: Path) -> Iterator[duckdb.DuckDBPyConnection]:
         locked_connection.attach_read_only(connection, path, "history", schema.TABLES, schema.VIEWS)
         yield connection
     except duckdb.Error as error:
-        reason = locked_connection.first_line(error)
-        raise RequestError(f"{path}: no history that this version reads ({reason})") from error
+        message = f"{path}: no history that this version reads ({first_line(error)})"
+        raise RequestError(message) from error
     finally:
         connection.close()
 
@@ -225,16 +227,12 @@ def tables_of(connection: duckdb.DuckDBPyConnection, database: str) -> tuple[Tab
 
 
 def _rows(connection: duckdb.DuckDBPyConnection, table: str) -> list[Row]:
+    """The rows of a table, with texts in printable characters."""
     known = next(each for each in schema.TABLES if each.name == table)
     names = ", ".join(f'"{name}"' for name in known.column_names)
     query = f'SELECT {names} FROM history."{table}" ORDER BY {", ".join(known.order)}'
-    found = connection.execute(query).fetchall()
-    printed = (tuple(_printable(value) for value in row) for row in found)
-    return [dict(zip(known.column_names, row, strict=True)) for row in printed]
-
-
-def _printable(value: Any) -> Any:
-    return printable(value) if isinstance(value, str) else value
+    rows = connection.execute(query).fetchall()
+    return [printable_values(dict(zip(known.column_names, row, strict=True))) for row in rows]
 
 
 def _grouped(rows: Sequence[Row], parse: Any) -> dict[int, tuple[Any, ...]]:
@@ -253,9 +251,8 @@ def _axis(row: Row) -> AxisFigures:
 
 
 def _estimate(row: Row) -> NightlyEstimate:
-    return NightlyEstimate(
-        row["parameter"], _interval(row, "value"), row["unit"] or "", row["note"]
-    )
+    value = _interval(row, "value")
+    return NightlyEstimate(row["parameter"], value, row["unit"] or "", row["note"])
 
 
 def _interval(row: Row, name: str) -> Interval:

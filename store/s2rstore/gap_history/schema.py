@@ -1,12 +1,12 @@
 """The history of nightly gaps, as data: every table and column with its type and comment.
 
-SQL NULL stands for what is missing, never NaN.
+Missing values are SQL NULL, never NaN.
 """
 
 from __future__ import annotations
 
 from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
-from s2rstore.index.schema import Column, Table, statements_of
+from s2rstore.index.schema import Column, ColumnData, Table, statements_of, table_of
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
 BOUNDS = {
@@ -14,109 +14,93 @@ BOUNDS = {
     "_low": f", lower {LEVEL_TEXT} bound",
     "_high": f", upper {LEVEL_TEXT} bound",
 }
-"""How the columns of a figure and of its interval end, and what is said of each."""
+"""Suffixes of the columns of a figure and its interval, and of their comments."""
 
 
-def _bounds(name: str, comment: str) -> tuple[Column, ...]:
-    return tuple(
-        Column(f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items()
-    )
+def _bounds(name: str, comment: str) -> tuple[ColumnData, ...]:
+    return tuple((f"{name}{end}", "DOUBLE", f"{comment}{suffix}") for end, suffix in BOUNDS.items())
 
 
 _MEASURED: tuple[Table, ...] = (
-    Table(
+    table_of(
         "night",
         "one row per night that said something new; of several for one night the last counts",
+        "night id",
+        ("id", "INTEGER", "order of writing, from 1"),
+        ("name", "VARCHAR", "of the nightly configuration"),
+        ("night", "DATE", "UTC date"),
+        ("key", "VARCHAR", "SHA-256 of all that the figures depend on"),
+        ("evidence", "VARCHAR", "SHA-256 of what was recorded: data set, run, drives"),
+        ("measured", "INTEGER", "id of the night whose figures these are"),
+        ("dataset", "VARCHAR", "name of the environment"),
+        ("dataset_hash", "VARCHAR", "of the store's data set"),
+        ("run", "VARCHAR", "run of the store"),
+        ("run_key", "VARCHAR", "hash of all that its predictions depend on"),
+        ("model", "VARCHAR", "the run's model"),
+        ("expression", "VARCHAR", "which instances were selected"),
         (
-            Column("id", "INTEGER", "order of writing, from 1"),
-            Column("name", "VARCHAR", "of the nightly configuration"),
-            Column("night", "DATE", "UTC date"),
-            Column("key", "VARCHAR", "SHA-256 of all that the figures depend on"),
-            Column("evidence", "VARCHAR", "SHA-256 of what was recorded: data set, run, drives"),
-            Column("measured", "INTEGER", "id of the night whose figures these are"),
-            Column("dataset", "VARCHAR", "name of the environment"),
-            Column("dataset_hash", "VARCHAR", "of the store's data set"),
-            Column("run", "VARCHAR", "run of the store"),
-            Column("run_key", "VARCHAR", "hash of all that its predictions depend on"),
-            Column("model", "VARCHAR", "the run's model"),
-            Column("expression", "VARCHAR", "which instances were selected"),
-            Column(
-                "outcome",
-                "VARCHAR",
-                "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
-                "ERROR = the request does not fit what is there",
-            ),
-            Column("exit_code", "INTEGER", EXIT_CODES_TEXT),
-            Column("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
-            *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
-            Column("worst", "VARCHAR", "the worst axis; NULL = none was judged"),
-            Column("threshold", "DOUBLE", "of G"),
-            Column("reason", "VARCHAR", "of the headline, or why nothing was measured"),
-            Column("golden", "VARCHAR", "PASS, FAIL or INCONCLUSIVE; NULL = no golden run"),
-            *_bounds("golden_change", "mean real error against the golden run, m"),
-            Column("golden_margin", "DOUBLE", "by which it may have grown, m"),
-            Column(
-                "evidence_since", "DATE", "first night that saw the newest part of this evidence"
-            ),
-            Column("evidence_age", "INTEGER", "days from then to this night"),
-            Column("stale_after", "DOUBLE", "days from which on evidence is too old"),
-            Column("written_at", "VARCHAR", "UTC, ISO 8601"),
+            "outcome",
+            "VARCHAR",
+            "PASS, FAIL or INCONCLUSIVE: headline, golden run and age of the evidence; "
+            "ERROR = the request does not fit what is there",
         ),
-        ("night", "id"),
+        ("exit_code", "INTEGER", EXIT_CODES_TEXT),
+        ("headline", "VARCHAR", "PASS, FAIL or INCONCLUSIVE: the worst axis"),
+        *_bounds("gap", "G of the worst axis; 0 = no gap, 100 = the declared bad state"),
+        ("worst", "VARCHAR", "the worst axis; NULL = none was judged"),
+        ("threshold", "DOUBLE", "of G"),
+        ("reason", "VARCHAR", "of the headline, or why nothing was measured"),
+        ("golden", "VARCHAR", "PASS, FAIL or INCONCLUSIVE; NULL = no golden run"),
+        *_bounds("golden_change", "mean real error against the golden run, m"),
+        ("golden_margin", "DOUBLE", "by which it may have grown, m"),
+        ("evidence_since", "DATE", "first night that saw the newest part of this evidence"),
+        ("evidence_age", "INTEGER", "days from then to this night"),
+        ("stale_after", "DOUBLE", "days from which on evidence is too old"),
+        ("written_at", "VARCHAR", "UTC, ISO 8601"),
     ),
-    Table(
+    table_of(
         "axis",
         "axes of the gap, once per measurement; none where nothing could be measured",
-        (
-            Column("measured", "INTEGER", "night.measured"),
-            Column("position", "INTEGER", "order in the report, from 0"),
-            Column("axis", "VARCHAR", "name"),
-            Column(
-                "state", "VARCHAR", "measured, absent (no evidence) or inconclusive (too little)"
-            ),
-            Column("measure", "VARCHAR", "what the value is; NULL = not measured"),
-            Column("unit", "VARCHAR", "of value, floor and anchor; NULL = not measured"),
-            *_bounds("value", "the measure"),
-            *_bounds("floor", "what it would be without a gap"),
-            Column("anchor", "DOUBLE", "what it is in the declared bad state; NULL = not judged"),
-            *_bounds("gap", "G = 100 (value - floor) / (anchor - floor)"),
-            Column("n", "INTEGER", "samples"),
-            Column("note", "VARCHAR", "warnings, or why it was not measured"),
-        ),
-        ("measured", "position"),
+        "measured position",
+        ("measured", "INTEGER", "night.measured"),
+        ("position", "INTEGER", "order in the report, from 0"),
+        ("axis", "VARCHAR", "name"),
+        ("state", "VARCHAR", "measured, absent (no evidence) or inconclusive (too little)"),
+        ("measure", "VARCHAR", "what the value is; NULL = not measured"),
+        ("unit", "VARCHAR", "of value, floor and anchor; NULL = not measured"),
+        *_bounds("value", "the measure"),
+        *_bounds("floor", "what it would be without a gap"),
+        ("anchor", "DOUBLE", "what it is in the declared bad state; NULL = not judged"),
+        *_bounds("gap", "G = 100 (value - floor) / (anchor - floor)"),
+        ("n", "INTEGER", "samples"),
+        ("note", "VARCHAR", "warnings, or why it was not measured"),
     ),
-    Table(
+    table_of(
         "estimate",
         "parameters of the simulator as identified from drives, once per measurement",
-        (
-            Column("measured", "INTEGER", "night.measured"),
-            Column("position", "INTEGER", "order of declaration, from 0"),
-            Column("parameter", "VARCHAR", "name"),
-            *_bounds("value", "estimate"),
-            Column("unit", "VARCHAR", "of the estimate"),
-            Column("note", "VARCHAR", "warnings, as on identifiability"),
-        ),
-        ("measured", "position"),
+        "measured position",
+        ("measured", "INTEGER", "night.measured"),
+        ("position", "INTEGER", "order of declaration, from 0"),
+        ("parameter", "VARCHAR", "name"),
+        *_bounds("value", "estimate"),
+        ("unit", "VARCHAR", "of the estimate"),
+        ("note", "VARCHAR", "warnings, as on identifiability"),
     ),
-    Table(
+    table_of(
         "recorded",
         "what was recorded, once per part; what is deleted later makes the rest no newer",
-        (
-            Column("name", "VARCHAR", "of the nightly configuration"),
-            Column("part", "VARCHAR", "SHA-256 of a log; the data set's or the run's hash"),
-            Column("night", "DATE", "that saw it; of several the first counts"),
-        ),
-        ("name", "part", "night"),
+        "name part night",
+        ("name", "VARCHAR", "of the nightly configuration"),
+        ("part", "VARCHAR", "SHA-256 of a log; the data set's or the run's hash"),
+        ("night", "DATE", "that saw it; of several the first counts"),
     ),
-    Table(
+    table_of(
         "report",
         "the whole report, once per measurement",
-        (
-            Column("measured", "INTEGER", "night.measured"),
-            Column("report", "VARCHAR", "JSON, as `s2r gap --json` prints it"),
-            Column("version", "VARCHAR", "of the program"),
-        ),
-        ("measured",),
+        "measured",
+        ("measured", "INTEGER", "night.measured"),
+        ("report", "VARCHAR", "JSON, as `s2r gap --json` prints it"),
+        ("version", "VARCHAR", "of the program"),
     ),
 )
 

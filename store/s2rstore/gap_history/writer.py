@@ -6,8 +6,9 @@ A copy is changed and then replaces the file, so that readers never see a partia
 from __future__ import annotations
 
 import datetime
+import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -15,11 +16,11 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes
 from s2rstore.gap_history import reader, schema
 from s2rstore.index import locked_connection
-from s2rstore.index.schema import STORAGE_VERSION, Table
+from s2rstore.index.schema import Table
 
 Change = Callable[[duckdb.DuckDBPyConnection], None]
 Rows = dict[str, list[dict[str, Any]]]
@@ -48,8 +49,7 @@ def _replace(path: Path, change: Change) -> None:
         beside.replace(path)
         atomic_writes.sync_path(path.parent)
     except (OSError, duckdb.Error) as error:
-        reason = str(error).splitlines()[0]
-        raise RequestError(f"{path}: cannot be written ({reason})") from error
+        raise RequestError(f"{path}: cannot be written ({first_line(error)})") from error
     finally:
         for name in (beside, beside.with_name(f"{beside.name}.wal")):
             with suppress(OSError):
@@ -60,11 +60,7 @@ def _write(path: Path, base: Path | None, change: Change) -> None:
     """Write a new file with the changed rows of `base`; its views are created again."""
     connection = locked_connection.connect_empty([path.absolute().parent])
     try:
-        name = locked_connection.escaped(locked_connection.literal_path(path))
-        connection.execute(f"ATTACH '{name}' AS history (STORAGE_VERSION '{STORAGE_VERSION}')")
-        connection.execute("USE history")
-        for statement in schema.statements():
-            connection.execute(statement)
+        locked_connection.attach_new(connection, path, "history", schema.statements())
         if base is not None:
             locked_connection.attach_read_only(
                 connection, base, "base", schema.TABLES, schema.VIEWS
@@ -75,17 +71,22 @@ def _write(path: Path, base: Path | None, change: Change) -> None:
                 connection.execute(f'INSERT INTO history."{table.name}" ({names}) {rows}')
             connection.execute("DETACH base")
         change(connection)
-        connection.execute("CHECKPOINT history")
-        connection.execute("USE memory")
-        connection.execute("DETACH history")
+        locked_connection.detach_new(connection, "history")
     finally:
         connection.close()
 
 
 def _add(added: Rows, connection: duckdb.DuckDBPyConnection) -> None:
-    for table, listed in added.items():
-        for row in listed:
-            _insert(connection, table, row)
+    """Insert rows; numbers that are not finite become NULL."""
+    for table, rows in added.items():
+        for row in rows:
+            names = ", ".join(f'"{name}"' for name in row)
+            marks = ", ".join("?" for _ in row)
+            values = [
+                None if isinstance(value, float) and not math.isfinite(value) else value
+                for value in row.values()
+            ]
+            connection.execute(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)
 
 
 def _withdraw(
@@ -104,17 +105,3 @@ def _withdraw(
             [*added.values(), name, night],
         )
         connection.execute(f"DELETE FROM {source} WHERE name = ? AND night = ?", [name, night])
-
-
-def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: Mapping[str, Any]) -> None:
-    names = ", ".join(f'"{name}"' for name in row)
-    marks = ", ".join("?" for _ in row)
-    values = [_finite_or_null(value) for value in row.values()]
-    connection.execute(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)
-
-
-def _finite_or_null(value: Any) -> Any:
-    """None (NULL) for numbers that are not finite."""
-    if isinstance(value, float) and value - value != 0:
-        return None
-    return value

@@ -19,29 +19,28 @@ _MOST_PITCH = 80.0
 
 
 @dataclass(frozen=True, slots=True)
-class CameraMove:
-    """Metres up, radians of pitch up, a factor of the focal lengths; of a rig's both cameras."""
+class RigOffset:
+    """Offset of both cameras of a rig: metres up, a factor of the focal lengths, radians up."""
 
     height: float = 0.0
-    pitch: float = 0.0
     zoom: float = 1.0
+    pitch: float = 0.0
 
     def applied(self, domain: Domain) -> Domain:
-        """The domain with its cameras moved; the very same where nothing moves."""
+        """The domain with its cameras moved; the same object where nothing moves."""
         if self == UNMOVED:
             return domain
-        return replace(
-            domain, rgb=self._lens(domain.rgb), depth=self._lens(domain.depth),
-            camera_height=domain.camera_height + self.height,
-        )  # fmt: skip
-
-    def _lens(self, lens: Intrinsics) -> Intrinsics:
-        return replace(
-            lens, fx=lens.fx * self.zoom, fy=lens.fy * self.zoom, pitch=lens.pitch + self.pitch
+        rgb, depth = (
+            replace(
+                lens, fx=lens.fx * self.zoom, fy=lens.fy * self.zoom, pitch=lens.pitch + self.pitch
+            )
+            for lens in (domain.rgb, domain.depth)
         )
+        height = domain.camera_height + self.height
+        return replace(domain, rgb=rgb, depth=depth, camera_height=height)
 
 
-UNMOVED = CameraMove()
+UNMOVED = RigOffset()
 
 
 def hfov(lens: Intrinsics, width: int) -> float:
@@ -49,10 +48,10 @@ def hfov(lens: Intrinsics, width: int) -> float:
     return 2 * math.degrees(math.atan(width / 2 / lens.fx))
 
 
-def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> CameraMove:
-    """How a chain of adjustments moves the cameras of a domain; `width` of its stored frames.
+def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> RigOffset:
+    """The offset of a domain's cameras by a chain of adjustments; `width` of its stored frames.
 
-    Steps of one name add up; other adjustments are passed over. The field of view is that of the
+    Steps of one name add up; other adjustments are ignored. The field of view is that of the
     domain's RGB camera; both focal lengths follow. Raises RequestError for a camera that sinks
     into the floor, looks straight up or down or sees no sensible field of view.
     """
@@ -76,4 +75,4 @@ def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) 
         )
     if total[PITCH] and abs(math.degrees(domain.rgb.pitch) + total[PITCH]) > _MOST_PITCH:
         raise RequestError(f"{PITCH}={total[PITCH]:g}: at most {_MOST_PITCH:g} degrees up or down")
-    return CameraMove(total[HEIGHT], math.radians(total[PITCH]), zoom)
+    return RigOffset(total[HEIGHT], zoom, math.radians(total[PITCH]))

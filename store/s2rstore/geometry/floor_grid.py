@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import camera
-from s2rstore.geometry.reprojection import HeatSurface, RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.reprojection import HeatSurface
 from s2rstore.records import Bounds, Dataset, Domain, Side
 
 Ray = Literal["rgb", "depth"]
@@ -121,7 +122,7 @@ class Projector:
         ray: Ray,
         grid: MapGrid,
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Cells and values of a batch's heat, each (k,).
+        """Cells and values of the heat of a batch, each (k,).
 
         `heat` (n, h, w) of any size over the whole image, NaN = no value; `depth` (n, H, W);
         `poses` (n, 3). One image at a time stays in the processor's cache.
@@ -157,7 +158,7 @@ class Projector:
         return cells[keep], values[keep]
 
     def _visible_lookup(self, shape: tuple[int, int], ray: Ray) -> _Lookup:
-        """The samples that can carry heat of this shape, with all that is known beforehand."""
+        """The samples that can carry heat of this shape."""
         key = *shape, ray
         if key not in self._lookups:
             cells = self.lookup(shape, ray).ravel()
@@ -181,7 +182,7 @@ class _Lookup:
     forward: NDArray[np.float64]
 
 
-class FloorHeat:
+class FloorHeat(HeatSurface):
     """Lays heatmaps of one side of a run on the floor.
 
     The only way from heatmaps to map grids: precomputed grids, grids of selected instances and of
@@ -194,17 +195,8 @@ class FloorHeat:
     ) -> None:  # fmt: skip
         """`view` is the domain of `side`, `other` that of the other side; see `HeatSurface`."""
         frame = dataset.frame_height, dataset.frame_width
-        self._surface = HeatSurface(view, other, frame, side == "real", rig_offset, surface)
-        self._projector = _projector(_DomainKey(self._surface.domain), frame, dataset.y_down)
-
-    @property
-    def needs_other(self) -> bool:
-        """Whether `depth` needs the images of the other side."""
-        return self._surface.needs_other
-
-    def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
-        """Raw depth (n, h, w) at which the heat lies."""
-        return self._surface.depth(own, other)
+        super().__init__(view, other, frame, side == "real", rig_offset, surface)
+        self._projector = _projector(_DomainKey(self.domain), frame, dataset.y_down)
 
     def add(
         self,

@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import Floats, rays
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import Domain, Intrinsics
 
 _ROWS = 8
 """Frames at a time, so that memory does not grow with the batch."""
-
-
-@dataclass(frozen=True, slots=True)
-class RigOffset:
-    """Offset of a declared rig: metres of height, and a factor of the focal lengths."""
-
-    height: float = 0.0
-    zoom: float = 1.0
-
-    def applied(self, domain: Domain) -> Domain:
-        """The domain with the offset applied."""
-        return replace(
-            domain, rgb=_zoomed(domain.rgb, self.zoom), depth=_zoomed(domain.depth, self.zoom),
-            camera_height=domain.camera_height + self.height,
-        )  # fmt: skip
-
-
-def _zoomed(lens: Intrinsics, zoom: float) -> Intrinsics:
-    return replace(lens, fx=lens.fx * zoom, fy=lens.fy * zoom)
 
 
 class Reprojection:
@@ -72,7 +53,7 @@ class NearerSurface:
 
     def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
         self._view, self._other = view, other
-        self._crossing = Reprojection(view, view.depth, other, frame)
+        self._reprojection = Reprojection(view, view.depth, other, frame)
 
     def __call__(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         """Raw depth of `view` (n, h, w), shortened where the other's raw depth (n, h, w) is less.
@@ -80,16 +61,16 @@ class NearerSurface:
         Pixels that either rig did not measure keep the value of `view`.
         """
         parts = [
-            self._some(depth[row : row + _ROWS], other[row : row + _ROWS])
+            self._nearer(depth[row : row + _ROWS], other[row : row + _ROWS])
             for row in range(0, len(depth), _ROWS)
         ]
         return np.concatenate(parts) if parts else depth
 
-    def _some(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+    def _nearer(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
         a, b = self._view, self._other
         valid = (depth >= a.depth_raw_min) & (depth <= a.depth_raw_max)
         metres = np.where(valid, depth * np.float64(a.depth_scale), np.nan)
-        u, v, expected, inside = self._crossing.targets(metres, b.depth)
+        u, v, expected, inside = self._reprojection.targets(metres, b.depth)
         col, row = (np.where(inside, value, 0).astype(np.intp) for value in (u, v))
         values = other[np.arange(len(other))[:, None, None], row, col]
         measured = inside & (values >= b.depth_raw_min) & (values <= b.depth_raw_max)

@@ -10,10 +10,10 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
-from s2rstore.geometry.reprojection import RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import locked_connection, row_check, schema
 from s2rstore.records import (
     ArrayRecord,
@@ -38,9 +38,8 @@ class IndexCatalog:
     def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
         """Open the published generation, or an earlier one.
 
-        `memory` limits DuckDB, see `locked_connection.connect`.
-
-        Raises RequestError where `path` holds no store that this version can read.
+        `memory` limits DuckDB, see `locked_connection.connect`. Raises RequestError where `path`
+        holds no store that this version can read.
         """
         self.path = Path(path)
         current = layout.read_current(self.path)
@@ -71,7 +70,7 @@ class IndexCatalog:
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
         for table in ["dataset", *tables] if filled else tables:
-            getattr(self, table)  # checks what it reads
+            getattr(self, table)  # reads and checks the table
 
     def close(self) -> None:
         """Close the index."""
@@ -101,28 +100,23 @@ class IndexCatalog:
         return self.connection().execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table, with texts in printable characters.
-
-        Columns that an earlier release did not write are None.
-        """
+        """The rows of a table, with texts in printable characters."""
         return [
             {name: _printable(name, value) for name, value in row.items()}
             for row in self._stored_rows(table)
         ]
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
-        known = schema.BY_NAME[table]
-        missing = self.missing_columns(table)
-        listed = ["NULL" if name in missing else f'"{name}"' for name in known.column_names]
-        query = f'SELECT {", ".join(listed)} FROM "{table}" ORDER BY {", ".join(known.order)}'
+        """The rows of a table; columns that an earlier release did not write are None."""
+        known, missing = schema.BY_NAME[table], self.missing_columns(table)
+        names = ("NULL" if name in missing else f'"{name}"' for name in known.column_names)
+        query = f'SELECT {", ".join(names)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
-            found = self.execute(query)
+            rows = self.execute(query)
         except duckdb.Error as error:
-            reason = locked_connection.first_line(error)
-            raise RequestError(
-                f"{self._index}: table {table}: {reason}; run `s2r verify`"
-            ) from error
-        return [dict(zip(known.column_names, row, strict=True)) for row in found]
+            message = f"{self._index}: table {table}: {first_line(error)}; run `s2r verify`"
+            raise RequestError(message) from error
+        return [dict(zip(known.column_names, row, strict=True)) for row in rows]
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -214,10 +208,9 @@ class IndexCatalog:
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
-        found = self.execute(
-            "SELECT key, value FROM provenance WHERE what = ? ORDER BY key", [what]
-        )
-        return {printable(key): printable_lines(value) for key, value in found}
+        query = "SELECT key, value FROM provenance WHERE what = ? ORDER BY key"
+        rows = self.execute(query, [what])
+        return {printable(key): printable_lines(value) for key, value in rows}
 
     @cached_property
     def checksums(self) -> dict[str, str]:
@@ -235,15 +228,13 @@ class IndexCatalog:
         try:
             if not noted:
                 return None
-            found = RigOffset(float(noted["height"]), float(noted["zoom"]))
-            if not (abs(found.height) < 10 and 0.1 < found.zoom < 10):
+            offset = RigOffset(float(noted["height"]), float(noted["zoom"]))
+            if not (abs(offset.height) < 10 and 0.1 < offset.zoom < 10):
                 raise ValueError("out of range")
-            return found
+            return offset
         except (KeyError, ValueError) as error:
-            raise RequestError(
-                f"{self.path}: the calibration of {sim} and {real} is invalid; "
-                "run `s2r precompute` again"
-            ) from error
+            message = f"{self.path}: the calibration of {sim} and {real} is invalid"
+            raise RequestError(f"{message}; run `s2r precompute` again") from error
 
     @cached_property
     def _array_records(self) -> dict[str, list[ArrayRecord]]:

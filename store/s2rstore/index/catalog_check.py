@@ -13,7 +13,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.index.schema import Table
 
 _MOST_ROWS_PER_BYTE = 1.0
@@ -61,8 +61,8 @@ def check(
         _check_views(connection, views, path, database)
         _check_tables(connection, tables, path, database)
     except duckdb.Error as error:
-        reason = str(error).splitlines()[0]
-        raise RequestError(f"{path}: unreadable catalog ({reason}); run `s2r verify`") from error
+        message = f"{path}: unreadable catalog ({first_line(error)}); run `s2r verify`"
+        raise RequestError(message) from error
 
 
 def _refusal(path: Path, what: str) -> RequestError:
@@ -84,30 +84,30 @@ def _check_views(
 
 def _parts(statement: str) -> tuple[str, str]:
     """Split `CREATE VIEW name AS select` into name and select; empty texts if it differs."""
-    found = _VIEW.match(statement)
-    return (found[1], found[2]) if found else ("", "")
+    match = _VIEW.match(statement)
+    return (match[1], match[2]) if match else ("", "")
 
 
 def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
     """The parsed SELECT of a view, without the positions of its words."""
     query = "SELECT json_serialize_sql(?::VARCHAR)"
-    (found,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
-    return _POSITIONS.sub("", found)
+    (parsed,) = connection.execute(query, [_parts(statement)[1]]).fetchall()[0]
+    return _POSITIONS.sub("", parsed)
 
 
 def _check_tables(
     connection: duckdb.DuckDBPyConnection, tables: Sequence[Table], path: Path, database: str
 ) -> None:
-    found: dict[str, dict[str, tuple[str, str | None]]] = {}
+    present: dict[str, dict[str, tuple[str, str | None]]] = {}
     for table, column, kind, default in connection.execute(_COLUMNS, [database] * 2).fetchall():
-        found.setdefault(table, {})[column] = (kind, default)
+        present.setdefault(table, {})[column] = (kind, default)
     for known in tables:
-        if known.name not in found and known.optional:
+        if known.name not in present and known.optional:
             continue
-        if known.name not in found:
+        if known.name not in present:
             raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
         for expected in known.columns:
-            kind, default = found[known.name].get(expected.name, ("", None))
+            kind, default = present[known.name].get(expected.name, ("", None))
             if not kind and expected.optional:
                 continue
             if kind != expected.type or default is not None:
@@ -116,12 +116,8 @@ def _check_tables(
                     f"{path}: table {known.name}: column {expected.name} is {has}, "
                     f"expected {expected.type}; run `s2r verify`"
                 )
-    _check_counts(connection, path, database)
-
-
-def _check_counts(connection: duckdb.DuckDBPyConnection, path: Path, database: str) -> None:
-    """Refuse tables of repeated rows, which would take far more memory than the file is large."""
-    limit = _MOST_ROWS_PER_BYTE * path.stat().st_size
+    # Tables of repeated rows would take far more memory than the size of the file.
+    size = path.stat().st_size
     for table, rows in connection.execute(_COUNTS, [database]).fetchall():
-        if rows > limit:
-            raise RequestError(f"{path}: table {table}: {rows} rows in {path.stat().st_size} bytes")
+        if rows > _MOST_ROWS_PER_BYTE * size:
+            raise RequestError(f"{path}: table {table}: {rows} rows in {size} bytes")

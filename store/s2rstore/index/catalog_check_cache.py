@@ -22,7 +22,7 @@ MAX_ENTRIES = 256
 
 
 def key(path: Path, expected: str) -> str | None:
-    """SHA-256 over the content of `path` and what it was compared with; None for a large file."""
+    """SHA-256 over the content of `path` and the expected catalog; None for a large file."""
     with suppress(OSError):
         if path.stat().st_size <= MAX_BYTES:
             content = hashlib.sha256(expected.encode())
@@ -62,9 +62,9 @@ def _folder() -> Path:
 
 def _private(folder: Path) -> bool:
     """Whether nobody but the user can add entries."""
-    found = folder.lstat()
+    status = folder.lstat()
     return (
-        stat.S_ISDIR(found.st_mode)
-        and found.st_uid == os.geteuid()
-        and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        stat.S_ISDIR(status.st_mode)
+        and status.st_uid == os.geteuid()
+        and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     )

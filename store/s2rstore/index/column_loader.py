@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -11,7 +11,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
@@ -46,8 +46,8 @@ class ColumnLoader:
         try:
             rows = self.connect().execute(sql, list(parameters)).fetchnumpy()
         except duckdb.Error as error:
-            reason = str(error).splitlines()[0]
-            raise RequestError(f"the index cannot be read ({reason}); run `s2r verify`") from error
+            message = f"the index cannot be read ({first_line(error)}); run `s2r verify`"
+            raise RequestError(message) from error
         iid, values = rows["iid"], rows["value"]
         kind = np.float64 if missing is None else np.int32
         blank = np.nan if missing is None else missing
@@ -61,6 +61,12 @@ class ColumnLoader:
         column = np.full(self.n, blank, dtype=kind)
         column[iid] = values
         return column
+
+    def of_side(
+        self, value: str, table: str, run: str, side: Side, missing: float | None = None
+    ) -> NDArray[Any]:
+        """(n,) an SQL expression over the rows of one side of a run; see `column`."""
+        return self.column(_SELECT.format(value, table), (run, side), missing)
 
 
 def load_instances(
@@ -99,7 +105,7 @@ def load_run_columns(
     """
 
     def cached(side: Side | None, load: Callable[[str], NDArray[Any]]) -> Callable[[str], Any]:
-        return lambda name: loader.cache.get((*_key(run), side, name), partial(load, name))
+        return lambda name: loader.cache.get(("run", run, side, name), partial(load, name))
 
     def of_side(side: Side, name: str) -> NDArray[Any]:
         part = sides[side]
@@ -125,26 +131,6 @@ def load_run_columns(
     return RunColumns(cached(None, of_run), run, sim, real)
 
 
-def drop_run_columns(loader: ColumnLoader, run: str) -> None:
-    """Drop the loaded columns of a run."""
-    loader.cache.drop(lambda key: isinstance(key, tuple) and key[:2] == _key(run))
-
-
-def is_loaded(
-    loader: ColumnLoader, run: str | None, side: Side | None, names: Iterable[str]
-) -> bool:
-    """Whether columns of a run are loaded.
-
-    Side None are the columns of both sides, run None those of the ground truth.
-    """
-    of = ("instance",) if run is None else (*_key(run), side)
-    return all((*of, name) in loader.cache for name in names)
-
-
-def _key(run: str) -> tuple[str, str]:
-    return "run", run
-
-
 def _predicted(
     loader: ColumnLoader, run: str, side: Side, name: str, missing: frozenset[str]
 ) -> NDArray[Any]:
@@ -152,21 +138,14 @@ def _predicted(
         sql = _SELECT.format("list_position(?, split) - 1", "prediction")
         return loader.column(sql, (list(SPLITS), run, side), -1)
     value = "NULL::DOUBLE" if name in missing else f'"{name}"'
-    sql = _SELECT.format(value, "prediction")
-    return loader.column(sql, (run, side), 0 if name == "rank" else None)
+    return loader.of_side(value, "prediction", run, side, 0 if name == "rank" else None)
 
 
 def _projected(
     loader: ColumnLoader, run: str, side: Side, name: str, x: NDArray[np.float64]
 ) -> NDArray[Any]:
     """A projection column, NaN where the side has no prediction."""
-    column = loader.column(_SELECT.format(f'"{name}"', "projection"), (run, side))
+    column = loader.of_side(f'"{name}"', "projection", run, side)
     if not np.isnan(x).any():
         return column
-    predicted = loader.column(_SELECT.format("1", "prediction"), (run, side), 0)
-    return np.where(predicted, column, np.nan)
-
-
-def load_accuracies(loader: ColumnLoader, run: str, side: str) -> NDArray[np.float32]:
-    """Accuracies of one side of a run, (n,), NaN where there is no prediction."""
-    return loader.column(_SELECT.format("accuracy", "prediction"), (run, side)).astype(np.float32)
+    return np.where(loader.of_side("1", "prediction", run, side, 0), column, np.nan)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import safe_files
 from s2rstore.index import catalog_check, catalog_check_cache, schema
 
@@ -45,11 +45,9 @@ def connect(
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
-    By default those of an index.
-
-    `memory`, as DuckDB writes it (128MB), bounds what it holds of the file and what queries may
-    take; the first to open a file in a process decides. Raises RequestError where the file is
-    missing, is not such a database, or does not hold what it should.
+    `memory`, in DuckDB's notation (128MB), limits its cache of the file and the memory of queries;
+    the first connection of a process to a file decides. Raises RequestError where the file is
+    missing, is not a database, or does not hold the expected tables and views.
     """
     require_regular(path)
     try:
@@ -57,8 +55,8 @@ def connect(
         with _opening:
             _lock(connection, memory or DEFAULT_MEMORY)
     except duckdb.Error as error:
-        reason = first_line(error)
-        raise RequestError(f"{path}: cannot be opened ({reason}); run `s2r verify`") from error
+        message = f"{path}: cannot be opened ({first_line(error)}); run `s2r verify`"
+        raise RequestError(message) from error
     try:
         _check(connection, tables, views, path)
     except BaseException:
@@ -91,6 +89,24 @@ def attach_read_only(
     require_regular(path)
     connection.execute(f"ATTACH '{escaped(literal_path(path))}' AS {name} (READ_ONLY)")
     catalog_check.check(connection, tables, views, path, name)
+
+
+def attach_new(
+    connection: duckdb.DuckDBPyConnection, path: Path, name: str, statements: Sequence[str]
+) -> None:
+    """Attach a new file, make it the current database and fill it by SQL statements."""
+    literal = escaped(literal_path(path))
+    version = schema.STORAGE_VERSION
+    connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
+    connection.execute(f"USE {name}")
+    for statement in statements:
+        connection.execute(statement)
+
+
+def detach_new(connection: duckdb.DuckDBPyConnection, name: str) -> None:
+    """Write a file of `attach_new` completely and detach it."""
+    for statement in (f"CHECKPOINT {name}", "USE memory", f"DETACH {name}"):
+        connection.execute(statement)
 
 
 def _lock(connection: duckdb.DuckDBPyConnection, memory: str) -> None:
@@ -135,11 +151,6 @@ def escaped(text: str) -> str:
     return text.replace("'", "''")
 
 
-def first_line(error: BaseException) -> str:
-    """The first line of an error message; DuckDB adds the statement below it."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
-
-
 def _check(
     connection: duckdb.DuckDBPyConnection,
     tables: Sequence[schema.Table],
@@ -147,7 +158,8 @@ def _check(
     path: Path,
 ) -> None:
     """Check the catalog, unless this file, or one of the same content, has passed before."""
-    identity = _identity(path)
+    status = path.stat()
+    identity = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
     if identity in _checked:
         return
     key = catalog_check_cache.key(path, repr((duckdb.__version__, tables, views)))
@@ -156,8 +168,3 @@ def _check(
         if key is not None:
             catalog_check_cache.add(key)
     _checked[identity] = None
-
-
-def _identity(path: Path) -> tuple[int, ...]:
-    found = path.stat()
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -53,6 +53,10 @@ class RowChecker:
             self.refuse(column, f"{value} is not a number from {low:g} to {high:g}")
         return value
 
+    def numbers(self, low: float, high: float, *columns: str) -> None:
+        for column in columns:
+            self.number(column, low, high)
+
     def text(self, column: str, optional: bool = False, longest: int = MAX_TEXT) -> None:
         value = self._row[column]
         if value is None and optional:
@@ -85,6 +89,21 @@ class RowChecker:
         return printable_values(value)
 
 
+def _checkers(
+    index: Path, table: str, rows: Sequence[Row], label: str, unique: str | None = None
+) -> Iterator[tuple[Row, RowChecker]]:
+    """Each row with its checker, labelled by a column; refuses duplicates in column `unique`."""
+    values = set()
+    for row in rows:
+        yield row, RowChecker(index, table, row, row[label])
+        if unique is None:
+            continue
+        if row[unique] in values:
+            where = f"{index}: table {table}: {unique} {row[unique]!r}"
+            raise RequestError(f"{where} is a duplicate; run `s2r verify`")
+        values.add(row[unique])
+
+
 def check_dataset(index: Path, row: Row) -> None:
     check = RowChecker(index, "dataset", row)
     check.text("name")
@@ -97,75 +116,60 @@ def check_dataset(index: Path, row: Row) -> None:
         check.refuse("bounds", "x1 and y1 must be larger than x0 and y0")
     check.number("accuracy_scale", 1e-6, 2 * MAX_COORDINATE)
     check.choice("y_down", (True, False))  # type: ignore[arg-type]
-    for column in ("frame_height", "frame_width"):
-        check.number(column, 1, MAX_IMAGE_SIZE)
+    check.numbers(1, MAX_IMAGE_SIZE, "frame_height", "frame_width")
 
 
 def check_trajectories(index: Path, rows: Sequence[Row]) -> None:
-    for row in rows:
-        check = RowChecker(index, "trajectory", row, row["trajectory"])
+    for _, check in _checkers(index, "trajectory", rows, "trajectory", "trajectory"):
         check.name("trajectory")
         check.text("recorded_at", optional=True)
         check.number("instances", 0, 2**31 - 1)
-    _check_unique(index, "trajectory", "trajectory", rows)
 
 
 def check_rooms(index: Path, rows: Sequence[Row]) -> None:
     """`position` decides which of two rooms a point belongs to, so it must be unique."""
-    for row in rows:
-        check = RowChecker(index, "room", row, row["room"])
+    for _, check in _checkers(index, "room", rows, "room", "position"):
         check.text("room")
         check.number("position", 0, 2**31 - 1)
         x0, y0, x1, y1 = (check.number(edge, -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES)
         if x1 < x0 or y1 < y0:
             check.refuse("x1", "x1 and y1 must not be smaller than x0 and y0")
-    _check_unique(index, "room", "position", rows)
 
 
 def check_domains(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows with `source` as an object of texts."""
     checked = []
-    for row in rows:
-        check = RowChecker(index, "domain", row, row["domain"])
+    for row, check in _checkers(index, "domain", rows, "domain", "domain"):
         check.name("domain")
         check.choice("kind", SIDES)
         for image in ("rgb", "depth"):
-            for figure in ("fx", "fy"):
-                check.number(f"{image}_{figure}", 1e-6, 1e7)
-            for figure in ("cx", "cy"):
-                check.number(f"{image}_{figure}", -1e7, 1e7)
+            check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
+            check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
             check.number(f"{image}_pitch", -math.pi, math.pi)
-        for column in ("camera_height", "forward_offset"):
-            check.number(column, -MAX_COORDINATE, MAX_COORDINATE)
+        check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
         check.number("depth_scale", 1e-12, 1e6)
-        for column in ("depth_raw_min", "depth_raw_max"):
-            check.number(column, 0, 2**31 - 1)
+        check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
         sources = check.parsed("source", dict) if row["source"] else {}
         if not all(isinstance(value, str) for value in sources.values()):
             check.refuse("source", "not an object of texts")
         checked.append({**row, "source": sources})
-    _check_unique(index, "domain", "domain", rows)
     return checked
 
 
 def check_models(index: Path, rows: Sequence[Row]) -> None:
-    for row in rows:
-        check = RowChecker(index, "model", row, row["model"])
+    for row, check in _checkers(index, "model", rows, "model", "model"):
         check.name("model")
         check.text("architecture")
         layout.checked_hash(row["sha256"], f"{index}: table model: sha256 of {row['model']!r}")
-        for column in ("input_height", "input_width"):
-            check.number(column, 1, MAX_IMAGE_SIZE)
+        check.numbers(1, MAX_IMAGE_SIZE, "input_height", "input_width")
         check.parsed("convention", dict)
         check.text("trained_by", optional=True, longest=MAX_JSON)
-    _check_unique(index, "model", "model", rows)
 
 
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows whose adjustments are lists of `{"name", "value"}`."""
     checked = []
-    for row in rows:
-        check = RowChecker(index, "run", row, row["run"])
+    for row, check in _checkers(index, "run", rows, "run", "run"):
         for column in ("run", "model", "sim_domain", "real_domain"):
             check.name(column)
         adjustments = {}
@@ -180,22 +184,18 @@ def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
         check.text("precision", optional=True)
         check.text("created_at")
         checked.append({**row, **adjustments})
-    _check_unique(index, "run", "run", rows)
     return checked
 
 
 def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
     """Rows with `shape` and `axes` as tuples."""
     checked = []
-    for row in rows:
-        check = RowChecker(index, "zarr_array", row, row["path"])
+    for row, check in _checkers(index, "zarr_array", rows, "path"):
         check.text("path")
-        for column in ("kind", "mode"):
+        for column in ("kind", "mode") if row["mode"] is not None else ("kind",):
             text = row[column]
-            if text is None and column == "mode":
-                continue
             if not isinstance(text, str) or not _KIND.match(text):
-                check.refuse(column, f"{text!r} is no name of a kind or mode")
+                check.refuse(column, f"{text!r} does not name a kind or mode")
         check.choice("side", (*SIDES, None))
         check.choice("dtype", sorted(_DTYPES))
         shape, axes = check.parsed("shape", list), check.parsed("axes", list)
@@ -203,21 +203,10 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
             check.refuse("shape", f"{row['shape']} is not a list of sizes")
         if len(axes) != len(shape) or not all(isinstance(axis, str) for axis in axes):
             check.refuse("axes", f"{row['axes']} does not name the axes of {row['shape']}")
-        check.number("scale", -1e9, 1e9)
-        check.number("zero", -1e9, 1e9)
+        check.numbers(-1e9, 1e9, "scale", "zero")
         if row["metadata_sha256"] is not None:
             layout.checked_hash(
                 row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
             )
         checked.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
     return checked
-
-
-def _check_unique(index: Path, table: str, column: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    found = set()
-    for row in rows:
-        if row[column] in found:
-            raise RequestError(
-                f"{index}: table {table}: {column} {row[column]!r} is given twice; run `s2r verify`"
-            )
-        found.add(row[column])

@@ -1,6 +1,6 @@
 """The index, as data: every table and column with its type and comment.
 
-SQL NULL stands for what is missing, never NaN. Angles are radians, lengths metres.
+Missing values are SQL NULL, never NaN. Angles are radians, lengths metres.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 VERSION = 1
 
 CHECKSUMS = "checksums"
-"""What of `provenance`: key is a file's path inside the store, value its SHA-256."""
+"""Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
@@ -24,6 +24,9 @@ class Column:
     type: str
     comment: str
     optional: bool = False
+
+
+ColumnData = tuple[str, str, str] | tuple[str, str, str, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,19 +44,15 @@ class Table:
         return tuple(column.name for column in self.columns)
 
 
-def _table(
-    name: str,
-    comment: str,
-    order: str,
-    *columns: tuple[str, str, str] | tuple[str, str, str, bool],
-) -> Table:
+def table_of(name: str, comment: str, order: str, *columns: ColumnData) -> Table:
+    """A table of columns (name, type, comment); `order` names the columns that sort its rows."""
     return Table(name, comment, tuple(Column(*column) for column in columns), tuple(order.split()))
 
 
 _ADJUSTMENTS = 'JSON list of {"name", "value"}, applied in order; [] = untouched'
 
 TABLES: tuple[Table, ...] = (
-    _table(
+    table_of(
         "dataset",
         "the one environment that this store holds",
         "name",
@@ -69,7 +68,7 @@ TABLES: tuple[Table, ...] = (
         ("frame_height", "INTEGER", "rows of every stored frame"),
         ("frame_width", "INTEGER", "columns of every stored frame"),
     ),
-    _table(
+    table_of(
         "trajectory",
         "recordings, in the order of their instances",
         "trajectory",
@@ -77,7 +76,7 @@ TABLES: tuple[Table, ...] = (
         ("recorded_at", "VARCHAR", "when it was recorded, as the source states it"),
         ("instances", "INTEGER", "number of instances"),
     ),
-    _table(
+    table_of(
         "room",
         "rectangles of the floor plan; a point in several belongs to the first by position",
         "position",
@@ -88,7 +87,7 @@ TABLES: tuple[Table, ...] = (
         ("x1", "DOUBLE", "m"),
         ("y1", "DOUBLE", "m"),
     ),
-    _table(
+    table_of(
         "domain",
         "ways of seeing every instance, with their cameras at the stored frame size",
         "domain",
@@ -112,7 +111,7 @@ TABLES: tuple[Table, ...] = (
         ("depth_raw_max", "INTEGER", "largest valid raw depth"),
         ("source", "VARCHAR", "JSON: for each group of figures, declared or estimated"),
     ),
-    _table(
+    table_of(
         "instance",
         "one row per ground-truth pose, in (trajectory, seq) order",
         "iid",
@@ -129,7 +128,7 @@ TABLES: tuple[Table, ...] = (
         ("odom_heading", "DOUBLE", "the robot's own odometry, in its own frame, rad"),
         ("timestamp", "DOUBLE", "seconds; NULL = not recorded"),
     ),
-    _table(
+    table_of(
         "frame",
         "the source images of each instance in each domain",
         "domain iid",
@@ -140,7 +139,7 @@ TABLES: tuple[Table, ...] = (
         ("sha256", "VARCHAR", "SHA-256 over the bytes of both source files, RGB first"),
         ("valid_depth_fraction", "DOUBLE", "share of stored pixels with a valid depth"),
     ),
-    _table(
+    table_of(
         "model",
         "networks that runs use",
         "model",
@@ -152,7 +151,7 @@ TABLES: tuple[Table, ...] = (
         ("convention", "VARCHAR", "JSON: unit of the heading and frame of the output"),
         ("trained_by", "VARCHAR", "recipe and command; NULL = not by this program"),
     ),
-    _table(
+    table_of(
         "run",
         "one model looking at one sim and one real domain through adjustments",
         "created_at run",
@@ -166,7 +165,7 @@ TABLES: tuple[Table, ...] = (
         ("precision", "VARCHAR", "arithmetic of the predictions; NULL = not computed yet"),
         ("created_at", "VARCHAR", "UTC, ISO 8601"),
     ),
-    _table(
+    table_of(
         "prediction",
         "what each run predicts on each side",
         "run side iid",
@@ -189,7 +188,7 @@ TABLES: tuple[Table, ...] = (
             True,
         ),
     ),
-    _table(
+    table_of(
         "projection",
         "joint UMAP of both sides' embeddings, one per run",
         "run side iid",
@@ -199,7 +198,7 @@ TABLES: tuple[Table, ...] = (
         ("u", "DOUBLE", "first UMAP coordinate"),
         ("v", "DOUBLE", "second UMAP coordinate"),
     ),
-    _table(
+    table_of(
         "zarr_array",
         "published arrays; value = (stored - zero) * scale",
         "run kind side mode",
@@ -216,7 +215,7 @@ TABLES: tuple[Table, ...] = (
         ("unit", "VARCHAR", "of the real value"),
         ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
     ),
-    _table(
+    table_of(
         "provenance",
         "how things came to be: versions, seeds, training curves, command lines",
         "what key",
@@ -228,18 +227,10 @@ TABLES: tuple[Table, ...] = (
 
 BY_NAME: dict[str, Table] = {table.name: table for table in TABLES}
 
-_SIDE_COLUMNS = (
-    ("x", "m"),
-    ("y", "m"),
-    ("heading", "rad"),
-    ("error", "m"),
-    ("heading_error", "rad"),
-    ("loss", "see prediction"),
-    ("accuracy", "see prediction"),
-    ("rank", "see prediction"),
-    ("split", "see prediction"),
-    ("outlier", "see prediction"),
+_SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_error": "rad"} | (
+    dict.fromkeys(("loss", "accuracy", "rank", "split", "outlier"), "see prediction")
 )
+"""Columns of each side in view `pair`, with their comments."""
 
 
 def _pair_view(missing: frozenset[str] = frozenset()) -> str:
@@ -247,9 +238,8 @@ def _pair_view(missing: frozenset[str] = frozenset()) -> str:
     truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
     parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
     for side, alias in (("sim", "s"), ("real", "r")):
-        parts += [
-            f"{alias}.{name} AS {side}_{name}" for name, _ in _SIDE_COLUMNS if name not in missing
-        ]
+        names = [name for name in _SIDE_COLUMNS if name not in missing]
+        parts += [f"{alias}.{name} AS {side}_{name}" for name in names]
         parts += [f"{alias}p.u AS {side}_u", f"{alias}p.v AS {side}_v"]
     parts.append("r.error - s.error AS gap")
     parts.append("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y)) AS shift")
@@ -264,33 +254,25 @@ def _pair_view(missing: frozenset[str] = frozenset()) -> str:
 
 
 VIEWS: tuple[str, ...] = (_pair_view(), _pair_view(frozenset({"outlier"})))
-"""The statements that this release and earlier ones make the views of an index with."""
-
-
-def _pair_comments() -> list[tuple[str, str]]:
-    comments = [("run", "run"), ("iid", "instance")]
-    instance = BY_NAME["instance"]
-    comments += [(c.name, c.comment) for c in instance.columns if c.name != "iid"]
-    for side in ("sim", "real"):
-        comments += [
-            (f"{side}_{name}", f"{side} prediction: {note}") for name, note in _SIDE_COLUMNS
-        ]
-        comments += [(f"{side}_{axis}", f"{side} side of the UMAP") for axis in "uv"]
-    comments.append(("gap", "real error - sim error, m"))
-    comments.append(("shift", "distance between the sim and the real prediction, m"))
-    return comments
+"""The statements with which this release and earlier ones make the views of an index."""
 
 
 def statements() -> list[str]:
     """The SQL that makes an empty index, comments included."""
-    sql = [statement for table in TABLES for statement in statements_of(table)]
-    sql.append(VIEWS[0])
-    sql.append("COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'")
-    sql += [
-        f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comment)}'"
-        for name, comment in _pair_comments()
+    comments = {"run": "run"} | {c.name: c.comment for c in BY_NAME["instance"].columns}
+    comments["iid"] = "instance"
+    for side in ("sim", "real"):
+        for name, comment in _SIDE_COLUMNS.items():
+            comments[f"{side}_{name}"] = f"{side} prediction: {comment}"
+        comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
+    comments["gap"] = "real error - sim error, m"
+    comments["shift"] = "distance between the sim and the real prediction, m"
+    return [
+        *(statement for table in TABLES for statement in statements_of(table)),
+        VIEWS[0],
+        "COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'",
+        *(f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comments[name])}'" for name in comments),
     ]
-    return sql
 
 
 def statements_of(table: Table) -> list[str]:

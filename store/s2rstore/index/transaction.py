@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,18 +35,18 @@ class IndexTransaction:
 
         Missing columns become NULL. Raises KeyError for unknown names.
         """
-        known = schema.BY_NAME[table]
-        unknown = set(columns) - set(known.column_names)
-        if unknown:
-            raise KeyError(f"{table} has no column {sorted(unknown)[0]}")
+        _check_names(table, columns)
         arrays = {name: _column(values) for name, values in columns.items()}
         if not arrays or len(next(iter(arrays.values()))) == 0:
             return
-        picked = [_select_item(name, array) for name, array in arrays.items()]
+        values = [
+            f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
+            for name, array in arrays.items()
+        ]
         names = ", ".join(f'"{name}"' for name in arrays)
         self._connection.register("incoming", arrays)
         self._connection.execute(
-            f'INSERT INTO "{table}" ({names}) SELECT {", ".join(picked)} FROM incoming'
+            f'INSERT INTO "{table}" ({names}) SELECT {", ".join(values)} FROM incoming'
         )
         self._connection.unregister("incoming")
 
@@ -59,25 +59,17 @@ class IndexTransaction:
 
     def delete(self, table: str, **where: str) -> None:
         """Remove the rows whose columns equal the given values."""
-        known = schema.BY_NAME[table]
-        for name in where:
-            if name not in known.column_names:
-                raise KeyError(f"{table} has no column {name}")
+        _check_names(table, where)
         condition = " AND ".join(f'"{name}" = ?' for name in where) or "true"
         self._connection.execute(f'DELETE FROM "{table}" WHERE {condition}', list(where.values()))
 
     def update(self, table: str, where: Mapping[str, str], values: Mapping[str, Any]) -> None:
         """Set columns of the rows whose columns equal the given values."""
-        known = schema.BY_NAME[table].column_names
-        for name in (*where, *values):
-            if name not in known:
-                raise KeyError(f"{table} has no column {name}")
+        _check_names(table, (*where, *values))
         changes = ", ".join(f'"{name}" = ?' for name in values)
         condition = " AND ".join(f'"{name}" = ?' for name in where)
-        self._connection.execute(
-            f'UPDATE "{table}" SET {changes} WHERE {condition}',
-            [*values.values(), *where.values()],
-        )
+        query = f'UPDATE "{table}" SET {changes} WHERE {condition}'
+        self._connection.execute(query, [*values.values(), *where.values()])
 
     def set_provenance(self, what: str, facts: Mapping[str, Any]) -> None:
         """Set provenance facts of `what`, replacing those of the same key."""
@@ -111,7 +103,9 @@ def edit(root: Path) -> Iterator[IndexTransaction]:
     with locks.publish_lock(root):
         is_new = safe_files.kind(root, layout.CURRENT) is None
         base = None if is_new else layout.read_current(root)
-        _remove_leftovers(root)
+        for entry in safe_files.names(root, layout.INDEX):
+            if entry.name.startswith(".building-"):  # of a writer that was killed
+                atomic_writes.remove(root, entry.path)
         building = f"{layout.INDEX}/.building-{os.getpid()}.duckdb"
         beside = safe_files.checked_path(root, building)
         connection = locked_connection.connect_empty([root / layout.INDEX])
@@ -119,8 +113,10 @@ def edit(root: Path) -> Iterator[IndexTransaction]:
             old = safe_files.checked_path(root, base.index) if base else None
             _begin(connection, beside, old)
             yield IndexTransaction(connection)
-            dataset_hash = _finish(connection)
+            rows = connection.execute("SELECT hash FROM dataset").fetchall()
+            locked_connection.detach_new(connection, "draft")
             connection.close()
+            dataset_hash = str(rows[0][0]) if rows else ""
             _publish(root, building, _next_generation(root, base), dataset_hash)
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
@@ -144,34 +140,23 @@ def check_writable(root: Path) -> None:
 
 
 def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
-    connection.execute(
-        f"ATTACH '{_literal(beside)}' AS draft (STORAGE_VERSION '{schema.STORAGE_VERSION}')"
-    )
-    connection.execute("USE draft")
-    for statement in schema.statements():
-        connection.execute(statement)
+    locked_connection.attach_new(connection, beside, "draft", schema.statements())
     if base is not None:
         locked_connection.attach_read_only(connection, base, "base")
         for table in schema.TABLES:
-            names = ", ".join(f'"{name}"' for name in _common_columns(connection, table))
+            described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
+            present = {column[0] for column in described}
+            columns = [c.name for c in table.columns if c.name in present or not c.optional]
+            names = ", ".join(f'"{name}"' for name in columns)
             rows = f'SELECT {names} FROM base."{table.name}"'
             connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
         connection.execute("DETACH base")
 
 
-def _common_columns(connection: duckdb.DuckDBPyConnection, table: schema.Table) -> list[str]:
-    """The table's columns, without optional ones that the base does not have."""
-    described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
-    found = {column[0] for column in described}
-    return [c.name for c in table.columns if c.name in found or not c.optional]
-
-
-def _finish(connection: duckdb.DuckDBPyConnection) -> str:
-    found = connection.execute("SELECT hash FROM dataset").fetchall()
-    connection.execute("CHECKPOINT draft")
-    connection.execute("USE memory")
-    connection.execute("DETACH draft")
-    return str(found[0][0]) if found else ""
+def _check_names(table: str, names: Iterable[str]) -> None:
+    unknown = set(names) - set(schema.BY_NAME[table].column_names)
+    if unknown:
+        raise KeyError(f"{table} has no column {min(unknown)}")
 
 
 def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> None:
@@ -191,19 +176,9 @@ def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> N
 
 def _next_generation(root: Path, base: layout.Current | None) -> int:
     """One above every number that was ever used: a name is never used again."""
-    found = safe_files.names(root, layout.INDEX)
-    used = [layout.generation_of(Path(entry.path)) or 0 for entry in found]
+    entries = safe_files.names(root, layout.INDEX)
+    used = [layout.generation_of(Path(entry.path)) or 0 for entry in entries]
     return max([*used, base.generation if base else 0]) + 1
-
-
-def _remove_leftovers(root: Path) -> None:
-    for entry in safe_files.names(root, layout.INDEX):
-        if entry.name.startswith(".building-"):
-            atomic_writes.remove(root, entry.path)
-
-
-def _literal(path: Path) -> str:
-    return locked_connection.escaped(locked_connection.literal_path(path))
 
 
 def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
@@ -216,10 +191,6 @@ def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
     if known and isinstance(known[0], bool | int | float):
         return np.array([np.nan if v is None else float(v) for v in listed])
     return np.array(listed, dtype=object)
-
-
-def _select_item(name: str, array: NDArray[Any]) -> str:
-    return f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
 
 
 def _json_text(value: Any) -> str:

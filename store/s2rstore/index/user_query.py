@@ -52,9 +52,7 @@ def run(
 
 def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], Rows]:
     result = connection.execute(sql)
-    if result is None:
-        return [], []
-    names = [column[0] for column in result.description or ()]
+    names = [column[0] for column in (result and result.description) or ()]
     rows: Rows = []
     while names and (fetched := result.fetchmany(_FETCH_ROWS)):
         rows += fetched

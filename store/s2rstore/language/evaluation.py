@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import (
-    MaskContext,
-    Neighbours,
-    Node,
-    SqlContext,
-    Vocabulary,
-    mask,
-    parse,
-    to_sql,
-)
+from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -38,16 +30,11 @@ def context(
     saved: Saved | None = None,
 ) -> MaskContext:
     """The context to evaluate masks of a run, by default of the first computed one."""
-    names = None if trajectories is None else tuple(trajectories)
     return MaskContext(
-        store.instances,
-        store.run(run).run,
-        store.run_columns,
-        vocabulary(store, saved),
-        names,
-        _neighbours(store),
-        store.evaluated,
-    )
+        store.instances, store.run(run).run, store.run_columns, vocabulary(store, saved),
+        None if trajectories is None else tuple(trajectories),
+        partial(_neighbours, store), store.evaluated,
+    )  # fmt: skip
 
 
 def select(
@@ -72,23 +59,16 @@ def sql(
     saved: Saved | None = None,
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
-    names = None if trajectories is None else tuple(trajectories)
-    missing = frozenset(
-        f"{s}_{name}" for name in store.missing_columns("prediction") for s in SIDES
-    )
-    words = vocabulary(store, saved)
-    return to_sql(
-        parse(expression),
-        SqlContext(
-            store.run(run).run, words, names, _neighbours(store), missing, store.stored_rooms
-        ),
-    )
+    missing = store.missing_columns("prediction")
+    context = SqlContext(
+        store.run(run).run, vocabulary(store, saved),
+        None if trajectories is None else tuple(trajectories), partial(_neighbours, store),
+        frozenset(f"{side}_{name}" for name in missing for side in SIDES), store.stored_rooms,
+    )  # fmt: skip
+    return to_sql(parse(expression), context)
 
 
-def _neighbours(store: Store) -> Neighbours:
-    def found(
-        run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
-    ) -> NDArray[np.int64]:
-        return nearest_neighbours.neighbours(store, run, side, iid, count, trajectories)[0]
-
-    return found
+def _neighbours(
+    store: Store, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+) -> NDArray[np.int64]:
+    return nearest_neighbours.neighbours(store, run, side, iid, count, trajectories)[0]

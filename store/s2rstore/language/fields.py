@@ -1,20 +1,19 @@
-"""The allow-list of fields: adding one is a line here.
-
-A numeric field has a unit of the language and a scale to the index (degrees to radians); a text
-field is compared with names.
-"""
+"""The fields, words and functions of the language; a new field takes one line here."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
+
+from s2rstore.records import SIDES
 
 
 @dataclass(frozen=True, slots=True)
 class Numeric:
-    """`column` in view `pair` and, as a path, in the dense columns; `scale` = index per unit.
+    """A field of numbers: `column` in view `pair`, `path` in the dense columns.
 
-    `angle` marks values that turn: ranges over them wrap around.
+    `scale` converts `unit` to that of the index. `angle` marks values whose ranges wrap around.
     """
 
     column: str
@@ -27,7 +26,7 @@ class Numeric:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """`column` in view `pair` (`room` of a prediction is worked out), `path` of the codes."""
+    """A field of names: `column` in view `pair` (not for rooms of predictions), `path` of codes."""
 
     column: str
     path: str
@@ -37,18 +36,18 @@ class Text:
 
 _DEGREE = math.pi / 180
 
-_SIDE_NUMERIC = (
-    ("error", "m", "distance to the ground truth", 1.0, False),
-    ("heading_error", "degrees", "angle to the ground truth", _DEGREE, False),
-    ("loss", "", "0.7 error^2 + 0.3 heading error in radians", 1.0, False),
-    ("accuracy", "", "1 - error / accuracy scale, at least 0", 1.0, False),
-    ("rank", "", "by error among the run's side, 1 = smallest", 1.0, False),
-    ("outlier", "", "distance to its nearest embeddings, 1 = the side's median", 1.0, False),
-    ("x", "m", "predicted position", 1.0, False),
-    ("y", "m", "predicted position", 1.0, False),
+_SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
+    ("error", "m", "distance to the ground truth"),
+    ("heading_error", "degrees", "angle to the ground truth", _DEGREE),
+    ("loss", "", "0.7 error^2 + 0.3 heading error in radians"),
+    ("accuracy", "", "1 - error / accuracy scale, at least 0"),
+    ("rank", "", "by error among the run's side, 1 = smallest"),
+    ("outlier", "", "distance to its nearest embeddings, 1 = the side's median"),
+    ("x", "m", "predicted position"),
+    ("y", "m", "predicted position"),
     ("heading", "degrees", "predicted heading", _DEGREE, True),
-    ("u", "", "UMAP coordinate", 1.0, False),
-    ("v", "", "UMAP coordinate", 1.0, False),
+    ("u", "", "UMAP coordinate"),
+    ("v", "", "UMAP coordinate"),
 )
 
 NUMERIC: dict[str, Numeric] = {
@@ -63,10 +62,10 @@ NUMERIC: dict[str, Numeric] = {
     "shift": Numeric("shift", "shift", "m", "between the sim and the real prediction"),
     **{
         f"{side}.{name}": Numeric(
-            f"{side}_{name}", f"{side}.{name}", unit, f"{side}: {text}", scale, angle
+            f"{side}_{name}", f"{side}.{name}", unit, f"{side}: {text}", *turn
         )
-        for side in ("sim", "real")
-        for name, unit, text, scale, angle in _SIDE_NUMERIC
+        for side in SIDES
+        for name, unit, text, *turn in _SIDE_NUMERIC
     },
 }
 
@@ -75,7 +74,7 @@ TEXT: dict[str, Text] = {
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")
-        for side in ("sim", "real")
+        for side in SIDES
         for name, vocabulary, text in (
             ("room", "rooms", "room of the prediction"),
             ("split", "splits", "what the model knew of the image"),
@@ -83,7 +82,7 @@ TEXT: dict[str, Text] = {
     },
 }
 
-# Prefixes of box(...), near(...) and lasso(...): the two columns that each looks at.
+# Prefixes of box(...), near(...) and lasso(...), with the two columns that each compares.
 PLANES: dict[str, tuple[str, str]] = {
     "": ("x", "y"),
     "sim.": ("sim.x", "sim.y"),
@@ -134,6 +133,6 @@ WORDS: dict[str, str] = {
 
 
 def is_truth(name: str) -> bool:
-    """Whether a field is the instance's own, whatever the run."""
+    """Whether a field belongs to the instance and does not depend on the run."""
     known = NUMERIC.get(name) or TEXT[name]
     return known.path == "iid" or known.path.startswith("instances.")

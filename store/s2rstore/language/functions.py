@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from s2rstore.errors import ExpressionError, unknown
@@ -43,10 +43,6 @@ def apply(head: Head, arguments: list[Any]) -> Node:
     raise unknown(head.column, "function", head.name, fields.FUNCTIONS)
 
 
-def has_kind(argument: Any, kind: str) -> bool:
-    return bool(argument[0] == kind)
-
-
 def numeric(head: Head) -> Field:
     """A field of numbers. Raises ExpressionError with the nearest known ones."""
     if head.name not in fields.NUMERIC:
@@ -56,41 +52,32 @@ def numeric(head: Head) -> Field:
 
 def _extreme(head: Head, arguments: list[Any]) -> Node:
     usage = [f"{head.name}(20%, real.error)", f"{head.name}(25, gap)"]
-    if not 1 <= len(arguments) <= 2 or arguments[0][0] not in ("percent", "number"):
+    kinds = [kind for kind, _ in arguments]
+    if kinds[:1] not in (["percent"], ["number"]) or kinds[1:] not in ([], ["field"]):
         raise ExpressionError(head.column, f"{head.name} takes a share and a field", usage)
-    percent = has_kind(arguments[0], "percent")
-    amount = arguments[0][1][0]
+    percent, amount = kinds[0] == "percent", arguments[0][1][0]
     if amount < 0 or (percent and amount > 100) or (not percent and amount != int(amount)):
         raise ExpressionError(head.column, "the share is 0% .. 100% or a whole number", usage)
-    field = Field("real.error", head.run)
-    if len(arguments) == 2:
-        if not has_kind(arguments[1], "field"):
-            raise ExpressionError(head.column, f"{head.name} takes a share and a field", usage)
-        field = numeric(arguments[1][1])
-        field = Field(field.name, field.run or head.run)
+    field = numeric(arguments[1][1]) if len(arguments) == 2 else Field("real.error")
+    field = Field(field.name, field.run or head.run)
     return Extreme("worst" if head.name == "worst" else "best", amount, percent, field)
 
 
 def _ids(head: Head, arguments: list[Any]) -> Node:
-    return Ids(tuple(_id_range(head, argument) for argument in arguments))
-
-
-def _id_range(head: Head, argument: Any) -> tuple[int, int]:
-    if argument[0] not in ("number", "span"):
-        raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
-    ends = argument[1] if has_kind(argument, "span") else (argument[1][0],) * 2
-    if any(end != int(end) for end in ends):
-        raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
-    if ends[0] > ends[1]:
-        raise ExpressionError(head.column, "the range's first end is above its second")
-    return int(ends[0]), int(ends[1])
+    ranges = []
+    for kind, content in arguments:
+        ends = (content[0], content[0]) if kind == "number" else content
+        if kind not in ("number", "span") or any(end != int(end) for end in ends):
+            raise ExpressionError(head.column, "ids takes whole numbers", ["ids(3, 7..12)"])
+        if ends[0] > ends[1]:
+            raise ExpressionError(head.column, "the range's first end is above its second")
+        ranges.append((int(ends[0]), int(ends[1])))
+    return Ids(tuple(ranges))
 
 
 def _like(head: Head, arguments: list[Any], side: Side) -> Node:
     usage = [f"{head.name}(123, 20)"]
-    if len(arguments) != 2 or not all(has_kind(argument, "number") for argument in arguments):
-        raise ExpressionError(head.column, f"{head.name} takes iid, k", usage)
-    iid, count = (argument[1][0] for argument in arguments)
+    iid, count = _numbers(head, arguments, "iid, k", usage)
     if iid != int(iid) or count != int(count) or iid < 0 or not 1 <= count <= MAX_NEIGHBOURS:
         problem = f"{head.name} takes an instance and 1 .. {MAX_NEIGHBOURS} neighbours"
         raise ExpressionError(head.column, problem, usage)
@@ -112,9 +99,7 @@ def _near(head: Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
 
 def _lasso(head: Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
     usage = "x0, y0, x1, y1, x2, y2, ..."
-    if any(not has_kind(argument, "number") for argument in arguments):
-        raise ExpressionError(head.column, f"{head.name} takes {usage}")
-    numbers = [argument[1][0] for argument in arguments]
+    numbers = _numbers(head, arguments, usage)
     if len(numbers) % 2:
         raise ExpressionError(head.column, f"{head.name} takes {usage}; the last corner has no y")
     if not 3 <= len(numbers) // 2 <= MAX_CORNERS:
@@ -124,10 +109,14 @@ def _lasso(head: Head, arguments: list[Any], plane: tuple[str, str]) -> Node:
     return Lasso(Field(plane[0], head.run), Field(plane[1], head.run), corners)
 
 
-def _numbers(head: Head, arguments: list[Any], usage: str) -> list[float]:
-    if len(arguments) != usage.count(",") + 1 or any(not has_kind(a, "number") for a in arguments):
-        raise ExpressionError(head.column, f"{head.name} takes {usage}")
-    return [cast(float, argument[1][0]) for argument in arguments]
+def _numbers(
+    head: Head, arguments: list[Any], usage: str, examples: Sequence[str] = ()
+) -> list[float]:
+    """The arguments, which must be numbers, one for each part of `usage` unless it ends in ..."""
+    has_all = usage.endswith("...") or len(arguments) == usage.count(",") + 1
+    if not has_all or any(kind != "number" for kind, _ in arguments):
+        raise ExpressionError(head.column, f"{head.name} takes {usage}", examples)
+    return [cast(float, value) for _, (value, _) in arguments]
 
 
 _PLAIN: dict[str, Callable[[Head, list[Any]], Node]] = {

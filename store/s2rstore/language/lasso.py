@@ -35,12 +35,12 @@ class Edge:
 
 def edges(corners: Corners) -> list[Edge]:
     """The edges of the closed polygon that some y crosses."""
-    found = []
+    crossed = []
     for first, second in zip(corners, (*corners[1:], corners[0]), strict=True):
         (xa, ya), (xb, yb) = sorted((first, second), key=lambda corner: corner[1])
         if ya < yb:
-            found.append(Edge(ya, yb, xa, yb - ya, xb - xa))
-    return found
+            crossed.append(Edge(ya, yb, xa, yb - ya, xb - xa))
+    return crossed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,8 +118,8 @@ def _right_of(x: Values, y: Values, edge: Edge, spans_all: bool) -> NDArray[np.b
     at /= edge.rise
     at *= edge.run
     at += edge.x
-    found = x < at
+    is_left = x < at
     if not spans_all:
-        found &= y >= edge.low
-        found &= y < edge.high
-    return np.asarray(found)
+        is_left &= y >= edge.low
+        is_left &= y < edge.high
+    return np.asarray(is_left)

@@ -11,29 +11,13 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import ExpressionError, RequestError, unknown
 from s2rstore.language import fields
-from s2rstore.language.syntax_tree import (
-    Around,
-    Between,
-    Box,
-    Compare,
-    Extreme,
-    Field,
-    Lasso,
-    Like,
-    Named,
-    Near,
-    Node,
-    Not,
-    Saved,
-    chain,
-    leaves,
-)
+from s2rstore.language import syntax_tree as tree
 from s2rstore.records import SPLITS, Side
 
 MAX_TERMS = 1_000
 """Terms of an expression once its saved selections are expanded."""
 MAX_LEVELS = 200
-"""Levels of an expression that lie in each other once its saved selections are expanded."""
+"""Nested levels of an expression once its saved selections are expanded."""
 
 
 class Neighbours(Protocol):
@@ -56,7 +40,7 @@ class Vocabulary:
     runs: tuple[str, ...]
     rooms: tuple[str, ...]
     trajectories: tuple[str, ...]
-    saved: Mapping[str, Node] = field(default_factory=dict)
+    saved: Mapping[str, tree.Node] = field(default_factory=dict)
     splits: tuple[str, ...] = SPLITS
 
     def of(self, name: str) -> tuple[str, ...]:
@@ -64,7 +48,7 @@ class Vocabulary:
         return {"rooms": self.rooms, "trajectories": self.trajectories, "splits": self.splits}[name]
 
 
-def expand(node: Node, words: Vocabulary) -> Node:
+def expand(node: tree.Node, words: Vocabulary) -> tree.Node:
     """Check every name and replace saved selections by their expressions.
 
     A saved selection is expanded once, however often it is named. Raises ExpressionError for
@@ -82,7 +66,7 @@ class _Expanded:
     left operand, is evaluated in a loop.
     """
 
-    node: Node
+    node: tree.Node
     terms: int = 1
     height: int = 0
 
@@ -93,34 +77,36 @@ class _Expansion:
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
         self._saved: dict[str, _Expanded] = {}
-        self._open: list[Saved] = []
+        self._open: list[tree.Saved] = []
 
-    def expanded(self, node: Node, level: int) -> _Expanded:
+    def expanded(self, node: tree.Node, level: int) -> _Expanded:
         """`level` is the number of operators that the node is the right operand of, or in."""
         if level > MAX_LEVELS:
             raise self._too_large(f"nested over {MAX_LEVELS} levels deep")
-        first, links = chain(node)
-        found = self._operand(first, level)
+        first, links = tree.chain(node)
+        result = self._operand(first, level)
         for link in links:
             right = self.expanded(link.right, level + 1)
             whole = _Expanded(
-                type(link)(found.node, right.node),
-                found.terms + right.terms,
-                max(found.height, right.height + 1),
+                type(link)(result.node, right.node),
+                result.terms + right.terms,
+                max(result.height, right.height + 1),
             )
-            found = self._checked(whole, level)
-        return found
+            result = self._checked(whole, level)
+        return result
 
-    def _operand(self, node: Node, level: int) -> _Expanded:
-        if isinstance(node, Saved):
+    def _operand(self, node: tree.Node, level: int) -> _Expanded:
+        if isinstance(node, tree.Saved):
             return self._of_name(node, level)
-        if isinstance(node, Not):
+        if isinstance(node, tree.Not):
             inner = self.expanded(node.inner, level + 1)
-            return self._checked(_Expanded(Not(inner.node), inner.terms, inner.height + 1), level)
+            return self._checked(
+                _Expanded(tree.Not(inner.node), inner.terms, inner.height + 1), level
+            )
         _check_names(node, self._words)
         return self._checked(_Expanded(node), level)
 
-    def _of_name(self, node: Saved, level: int) -> _Expanded:
+    def _of_name(self, node: tree.Saved, level: int) -> _Expanded:
         if node.name not in self._words.saved:
             raise unknown(node.column, "saved selection", node.name, self._words.saved)
         if any(node.name == outer.name for outer in self._open):
@@ -128,9 +114,9 @@ class _Expansion:
         self._open.append(node)
         if node.name not in self._saved:
             self._saved[node.name] = self.expanded(self._words.saved[node.name], level + 1)
-        found = self._checked(self._saved[node.name], level)
+        result = self._checked(self._saved[node.name], level)
         self._open.pop()
-        return found
+        return result
 
     def _checked(self, expanded: _Expanded, level: int) -> _Expanded:
         """Return `expanded`; raise ExpressionError where it makes the expression too large."""
@@ -142,43 +128,42 @@ class _Expansion:
 
     def _too_large(self, what: str) -> ExpressionError:
         if not self._open:
-            return ExpressionError(
-                1, f"the expression with its saved selections is {what}; shorten it"
-            )
+            problem = f"the expression with its saved selections is {what}; shorten it"
+            return ExpressionError(1, problem)
         first = self._open[0]
         problem = f"@{first.name} with the selections in it is {what}"
         return ExpressionError(first.column, f"{problem}; save a simpler selection under this name")
 
 
-def _check_names(leaf: Node, words: Vocabulary) -> None:
+def _check_names(leaf: tree.Node, words: Vocabulary) -> None:
     for run in _runs(leaf):
         if run not in words.runs:
             raise unknown(1, "run", run, words.runs)
-    if isinstance(leaf, Named):
+    if isinstance(leaf, tree.Named):
         text = fields.TEXT[leaf.field.name]
         if leaf.value not in words.of(text.vocabulary):
             raise unknown(leaf.column, leaf.field.name, leaf.value, words.of(text.vocabulary))
 
 
-def used_fields(node: Node) -> tuple[Field, ...]:
+def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
     """The fields that a leaf reads."""
-    if isinstance(node, Compare | Between | Around | Named | Extreme):
+    if isinstance(node, tree.Compare | tree.Between | tree.Around | tree.Named | tree.Extreme):
         return (node.field,)
-    return (node.x, node.y) if isinstance(node, Box | Near | Lasso) else ()
+    return (node.x, node.y) if isinstance(node, tree.Box | tree.Near | tree.Lasso) else ()
 
 
-def used_runs(node: Node) -> set[str]:
+def used_runs(node: tree.Node) -> set[str]:
     """The runs that an expanded expression names."""
-    return {run for leaf in leaves(node) for run in _runs(leaf)}
+    return {run for leaf in tree.leaves(node) for run in _runs(leaf)}
 
 
-def _runs(leaf: Node) -> set[str]:
-    named = [leaf.run] if isinstance(leaf, Like) else [f.run for f in used_fields(leaf)]
+def _runs(leaf: tree.Node) -> set[str]:
+    named = [leaf.run] if isinstance(leaf, tree.Like) else [f.run for f in used_fields(leaf)]
     return {run for run in named if run is not None}
 
 
 def similar_instances(
-    node: Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
+    node: tree.Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
 ) -> NDArray[np.int64]:
     """The instances that `like` selects, where `run` is the current run.
 

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
+from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.index.columns import InstanceColumns, RunColumns, valid_in_trajectories
 from s2rstore.language import fields, lasso
+from s2rstore.language import syntax_tree as tree
 from s2rstore.language.name_resolution import (
     Neighbours,
     Vocabulary,
@@ -20,42 +22,20 @@ from s2rstore.language.name_resolution import (
     similar_instances,
     used_fields,
 )
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Box,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Ids,
-    Lasso,
-    Like,
-    Minus,
-    Named,
-    Near,
-    Node,
-    Not,
-    Nothing,
-    chain,
-)
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics.top_k import top_k
 
 Mask = NDArray[np.bool_]
 Values = NDArray[np.float64]
-_STRAIGHT_BELOW = 10.0
-_CURVATURE = Field("curvature")
+_CURVATURE = tree.Field("curvature")
 _BLOCK = 32_768
-_CACHE_BYTES = 64 * 2**20
-_OPERATORS = {
+_OPERATORS: dict[str, Callable[..., Any]] = {
     "<": np.less,
     "<=": np.less_equal,
     ">": np.greater,
     ">=": np.greater_equal,
     "=": np.equal,
+    "!=": lambda values, limit: (values != limit) & ~np.isnan(values),
 }
 
 
@@ -73,10 +53,10 @@ class MaskContext:
     words: Vocabulary
     trajectories: tuple[str, ...] | None = None
     neighbours: Neighbours | None = None
-    evaluated: LruCache = field(default_factory=lambda: LruCache(_CACHE_BYTES))
+    evaluated: LruCache = field(default_factory=lambda: LruCache(64 * 2**20))
 
 
-def mask(node: Node, context: MaskContext) -> Mask:
+def mask(node: tree.Node, context: MaskContext) -> Mask:
     """The selected instances, shape (N,). Raises ExpressionError for unknown names."""
     base = base_population(context)
     return _evaluate(expand(node, context.words), context, base) & base
@@ -94,8 +74,6 @@ def base_population(context: MaskContext, run: str | None = None) -> Mask:
 
 
 def _cached(context: MaskContext, key: Hashable, compute: Callable[[], Mask]) -> Mask:
-    """A mask from the cache, or else the computed one."""
-
     def read_only() -> Mask:
         computed = compute()
         computed.flags.writeable = False
@@ -104,72 +82,83 @@ def _cached(context: MaskContext, key: Hashable, compute: Callable[[], Mask]) ->
     return context.evaluated.get(key, read_only)
 
 
-def _evaluate(node: Node, context: MaskContext, base: Mask) -> Mask:
-    first, links = chain(node)
+def _evaluate(node: tree.Node, context: MaskContext, base: Mask) -> Mask:
+    first, links = tree.chain(node)
     result = _operand(first, context, base)
     for link in links:
         right = _evaluate(link.right, context, base)
-        if isinstance(link, And):
+        if isinstance(link, tree.And):
             result = result & right
-        elif isinstance(link, Minus):
+        elif isinstance(link, tree.Minus):
             result = result & ~right
         else:
             result = result | right
     return result
 
 
-def _operand(node: Node, context: MaskContext, base: Mask) -> Mask:
-    if isinstance(node, Not):
-        return ~_evaluate(node.inner, context, base)
-    if isinstance(node, Everything):
-        return base
-    if isinstance(node, Nothing):
-        return np.zeros_like(base)
-    return _cached(context, _key(node, context), lambda: _leaf(node, context))
+def _operand(node: tree.Node, context: MaskContext, base: Mask) -> Mask:
+    match node:
+        case tree.Not(inner):
+            return ~_evaluate(inner, context, base)
+        case tree.Everything():
+            return base
+        case tree.Nothing():
+            return np.zeros_like(base)
+        case _:
+            return _cached(context, _key(node, context), lambda: _leaf(node, context))
 
 
-def _key(node: Node, context: MaskContext) -> Hashable:
-    """Everything that a leaf's mask depends on."""
-    if isinstance(node, Extreme | Like):
+def _key(node: tree.Node, context: MaskContext) -> Hashable:
+    """All that a leaf's mask depends on."""
+    if isinstance(node, tree.Extreme | tree.Like):
         return node, context.run, context.trajectories
     needs_run = not all(fields.is_truth(used.name) for used in used_fields(node))
     return node, context.run if needs_run else None
 
 
-def _leaf(node: Node, context: MaskContext) -> Mask:
+def _leaf(node: tree.Node, context: MaskContext) -> Mask:
     with np.errstate(over="ignore", invalid="ignore"):
         match node:
-            case Ids(ranges):
-                return _ids(ranges, len(context.instances))
-            case Compare(field, operator, value):
-                limit = value * _scale(field)
-                return _blockwise(lambda v: _compare(v, operator, limit), context, field)
-            case Between():
+            case tree.Ids(ranges):
+                chosen = np.zeros(len(context.instances), dtype=np.bool_)
+                for first, last in ranges:
+                    chosen[max(0, first) : max(0, last + 1)] = True
+                return chosen
+            case tree.Compare(field, operator, value):
+                compare, limit = _OPERATORS[operator], value * fields.NUMERIC[field.name].scale
+                return _blockwise(lambda v: compare(v, limit), context, field)
+            case tree.Between():
                 return _between(node, context)
-            case Around():
+            case tree.Around():
                 return _around(node, context)
-            case Named():
+            case tree.Named():
                 return _named(node, context)
-            case Extreme():
+            case tree.Extreme():
                 return _extreme(node, context)
-            case Box():
-                return _box(node, context)
-            case Near():
-                return _near(node, context)
-            case Lasso(x, y, corners):
-                return lasso.inside(_bands(x, y, context), corners, len(context.instances))
-            case Like():
-                return _like(node, context)
-            case Bend(straight):
-                compare = np.less if straight else np.greater_equal
+            case tree.Box(x, y, (x0, y0, x1, y1)):
                 return _blockwise(
-                    lambda v: compare(np.abs(v), _STRAIGHT_BELOW), context, _CURVATURE
+                    lambda u, v: (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1), context, x, y
                 )
+            case tree.Near(x, y, (cx, cy), radius):
+                limit = radius * radius
+                return _blockwise(
+                    lambda u, v: np.square(u - cx) + np.square(v - cy) <= limit, context, x, y
+                )
+            case tree.Lasso(x, y, corners):
+                return lasso.inside(_bands(x, y, context), corners, len(context.instances))
+            case tree.Like():
+                chosen = np.zeros(len(context.instances), dtype=np.bool_)
+                view, neighbours = context.trajectories, context.neighbours
+                chosen[similar_instances(node, context.run, view, neighbours)] = True
+                return chosen
+            case tree.Bend(straight):
+                compare = np.less if straight else np.greater_equal
+                return _blockwise(lambda v: compare(np.abs(v), STRAIGHT_BELOW), context, _CURVATURE)
             case _:
                 raise TypeError(f"{type(node).__name__} is not a leaf")
 
 
-def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: Field) -> Mask:
+def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: tree.Field) -> Mask:
     """A condition over fields, evaluated in blocks that stay in the processor's cache."""
     columns = [_column(fields.NUMERIC[field.name].path, field.run, context) for field in used]
     result = np.empty(len(context.instances), dtype=np.bool_)
@@ -182,36 +171,23 @@ def _blockwise(condition: Callable[..., Mask], context: MaskContext, *used: Fiel
     return result
 
 
-def _ids(ranges: tuple[tuple[int, int], ...], n: int) -> Mask:
-    chosen = np.zeros(n, dtype=np.bool_)
-    for low, high in ranges:
-        chosen[max(0, low) : max(0, high + 1)] = True
-    return chosen
-
-
-def _compare(values: Values, operator: str, limit: float) -> Mask:
-    if operator == "!=":
-        return np.asarray((values != limit) & ~np.isnan(values))
-    return np.asarray(_OPERATORS[operator](values, limit))
-
-
-def _between(node: Between, context: MaskContext) -> Mask:
-    if not fields.NUMERIC[node.field.name].angle:
-        low, high = node.low * _scale(node.field), node.high * _scale(node.field)
+def _between(node: tree.Between, context: MaskContext) -> Mask:
+    field = fields.NUMERIC[node.field.name]
+    if not field.angle:
+        low, high = node.low * field.scale, node.high * field.scale
         return _blockwise(lambda v: (v >= low) & (v <= high), context, node.field)
     ends = angles.heading_range(node.low, node.high)
     if ends is None:
         return _blockwise(lambda v: ~np.isnan(v), context, node.field)
     first, last = ends
-    if first <= last:
-        return _blockwise(lambda v: (v >= first) & (v <= last), context, node.field)
-    return _blockwise(lambda v: (v >= first) | (v <= last), context, node.field)
+    joined = np.logical_and if first <= last else np.logical_or
+    return _blockwise(lambda v: joined(v >= first, v <= last), context, node.field)
 
 
-def _around(node: Around, context: MaskContext) -> Mask:
-    if not fields.NUMERIC[node.field.name].angle:
-        scale = _scale(node.field)
-        centre, tolerance = node.centre * scale, node.tolerance * scale
+def _around(node: tree.Around, context: MaskContext) -> Mask:
+    field = fields.NUMERIC[node.field.name]
+    if not field.angle:
+        centre, tolerance = node.centre * field.scale, node.tolerance * field.scale
         return _blockwise(lambda v: np.abs(v - centre) <= tolerance, context, node.field)
     middle = math.radians(angles.wrap_degrees(node.centre))
     limit = math.radians(node.tolerance) + angles.ROUNDING
@@ -223,25 +199,7 @@ def _around(node: Around, context: MaskContext) -> Mask:
     return _blockwise(near, context, node.field)
 
 
-def _box(node: Box, context: MaskContext) -> Mask:
-    x0, y0, x1, y1 = node.corners
-    return _blockwise(
-        lambda u, v: (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1), context, node.x, node.y
-    )
-
-
-def _near(node: Near, context: MaskContext) -> Mask:
-    cx, cy = node.centre
-    limit = node.radius * node.radius
-
-    def near(u: Values, v: Values) -> Mask:
-        dx, dy = u - cx, v - cy
-        return np.asarray(dx * dx + dy * dy <= limit)
-
-    return _blockwise(near, context, node.x, node.y)
-
-
-def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
+def _bands(x: tree.Field, y: tree.Field, context: MaskContext) -> lasso.Bands:
     run = None if fields.is_truth(x.name) else x.run or context.run
     return context.evaluated.get(
         ("bands", x.name, y.name, run),
@@ -249,39 +207,27 @@ def _bands(x: Field, y: Field, context: MaskContext) -> lasso.Bands:
     )
 
 
-def _like(node: Like, context: MaskContext) -> Mask:
-    chosen = np.zeros(len(context.instances), dtype=np.bool_)
-    chosen[similar_instances(node, context.run, context.trajectories, context.neighbours)] = True
-    return chosen
-
-
-def _named(node: Named, context: MaskContext) -> Mask:
+def _named(node: tree.Named, context: MaskContext) -> Mask:
     text = fields.TEXT[node.field.name]
-    names = {
-        "rooms": context.instances.room_names,
-        "trajectories": context.instances.trajectory_names,
-        "splits": context.words.splits,
-    }[text.vocabulary]
+    truth = context.instances
+    own = {"rooms": truth.room_names, "trajectories": truth.trajectory_names}
+    names = own.get(text.vocabulary, context.words.splits)
     codes = _column(text.path, node.field.run, context)
     return np.asarray(codes == names.index(node.value))
 
 
-def _extreme(node: Extreme, context: MaskContext) -> Mask:
+def _extreme(node: tree.Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
     total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
     return top_k(_values(node.field, context), base, count, node.which == "worst")
 
 
-def _scale(field: Field) -> float:
-    return fields.NUMERIC[field.name].scale
-
-
-def _values(field: Field, context: MaskContext) -> Values:
+def _values(field: tree.Field, context: MaskContext) -> Values:
     return _nan_for_null(field, _column(fields.NUMERIC[field.name].path, field.run, context))
 
 
-def _nan_for_null(field: Field, column: NDArray[Any]) -> Values:
+def _nan_for_null(field: tree.Field, column: NDArray[Any]) -> Values:
     """A field's column, or a part of it, with NaN for NULL."""
     if field.name.endswith(".rank"):
         return np.where(column > 0, column, np.nan)

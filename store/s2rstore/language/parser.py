@@ -12,24 +12,8 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from s2rstore.errors import ExpressionError, unknown
 from s2rstore.language import fields
-from s2rstore.language.functions import Call, Head, apply, has_kind, numeric
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Minus,
-    Named,
-    Node,
-    Not,
-    Nothing,
-    Or,
-    Saved,
-)
+from s2rstore.language import syntax_tree as tree
+from s2rstore.language.functions import Call, Head, apply, numeric
 from s2rstore.security.printable_text import printable
 
 _EXPECTED = {
@@ -54,27 +38,26 @@ _EXPECTED = {
     "__ANON_1": "+-",
 }
 MAX_LENGTH, MAX_DEPTH, MAX_TERMS, MAX_NUMBER = 20_000, 100, 200, 1e12
-_SHORT = re.compile(r"(worst|best|min|max)15\Z")
 _QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
-_WHICH: dict[str, Literal["worst", "best"]] = {
-    "worst": "worst",
-    "min": "worst",
-    "best": "best",
-    "max": "best",
+_SHORT: dict[str, Literal["worst", "best"]] = {
+    "worst15": "worst",
+    "min15": "worst",
+    "best15": "best",
+    "max15": "best",
 }
 
 
 @lru_cache(64)
-def parse(text: str) -> Node:
+def parse(text: str) -> tree.Node:
     """The tree of an expression. Raises ExpressionError with the column and the valid alternatives.
 
     An empty text means `all`.
     """
     if not text.strip():
-        return Everything()
+        return tree.Everything()
     _check_size(text)
     try:
-        return cast(Node, _parser().parse(text))
+        return cast(tree.Node, _parser().parse(text))
     except VisitError as error:
         if isinstance(error.orig_exc, ExpressionError):
             raise error.orig_exc from None
@@ -88,13 +71,13 @@ def parse(text: str) -> Node:
 
 
 def _check_size(text: str) -> None:
-    """Refuse what no person writes, before it exhausts the stack."""
+    """Refuse expressions that are too large, before they exhaust the stack."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(MAX_LENGTH, f"longer than {MAX_LENGTH} characters")
-    bare = _QUOTED.sub(lambda found: "_" * len(found[0]), text)
+    bare = _QUOTED.sub(lambda match: "_" * len(match[0]), text)
     if sum(bare.count(sign) for sign in "&|") > MAX_TERMS or bare.count(" - ") > MAX_TERMS:
         raise ExpressionError(1, f"more than {MAX_TERMS} parts; save some of it and use @name")
-    groups, signs = [0], 0  # the depth at which each open parenthesis stands; ! before an operand
+    groups, signs = [0], 0  # the depth of each open parenthesis; ! before an operand
     for column, character in enumerate(bare, 1):
         if character == "!":
             signs += 1
@@ -125,35 +108,38 @@ def _unexpected(error: UnexpectedToken, text: str) -> ExpressionError:
     )
 
 
+def _tagged(kind: str) -> Any:
+    """A method of `_Build` that returns its argument with its kind."""
+    return lambda self, value: (kind, value)
+
+
 @v_args(inline=True)
 class _Build(Transformer[Token, Any]):
     """Builds nodes bottom up; every problem is an ExpressionError."""
 
-    def start(self, node: Node) -> Node:
+    def start(self, node: tree.Node) -> tree.Node:
         return node
 
-    def either(self, first: Node, *rest: Node) -> Node:
+    number, percent, field, name = map(_tagged, ("number", "percent", "field", "name"))
+
+    def either(self, first: tree.Node, *rest: tree.Node) -> tree.Node:
         for node in rest:
-            first = Or(first, node)
+            first = tree.Or(first, node)
         return first
 
-    def both(self, first: Node, *rest: Any) -> Node:
+    def both(self, first: tree.Node, *rest: Any) -> tree.Node:
         for sign, node in zip(rest[::2], rest[1::2], strict=True):
-            first = And(first, node) if sign.type == "AND" else Minus(first, node)
+            first = tree.And(first, node) if sign.type == "AND" else tree.Minus(first, node)
         return first
 
-    def negation(self, inner: Node) -> Node:
-        return Not(inner)
+    def negation(self, inner: tree.Node) -> tree.Node:
+        return tree.Not(inner)
 
     def head(self, name: Token | Head) -> Head:
         return _head(name)
 
     def dotted(self, call: Call, rest: Token) -> Head:
-        if (
-            call.name != "run"
-            or len(call.arguments) != 1
-            or not has_kind(call.arguments[0], "text")
-        ):
+        if call.name != "run" or [kind for kind, _ in call.arguments] != ["text"]:
             raise ExpressionError(call.column, "only a run has fields", ['run("name").field'])
         return Head(str(rest)[1:], call.column, call.arguments[0][1])
 
@@ -169,20 +155,11 @@ class _Build(Transformer[Token, Any]):
             raise ExpressionError(int(tokens[0].column or 1), f"{text} is beyond {MAX_NUMBER:g}")
         return float(text), text
 
-    def number(self, value: tuple[float, str]) -> Any:
-        return "number", value
-
-    def percent(self, value: tuple[float, str]) -> Any:
-        return "percent", value
-
     def span(self, low: tuple[float, str], high: tuple[float, str]) -> Any:
         return "span", (low[0], high[0])
 
     def around(self, centre: tuple[float, str], tolerance: tuple[float, str]) -> Any:
         return "around", (centre[0], tolerance[0])
-
-    def field(self, head: Head) -> Any:
-        return "field", head
 
     def text(self, token: Token) -> Any:
         return "text", _unquoted(token)
@@ -190,61 +167,55 @@ class _Build(Transformer[Token, Any]):
     def label(self, token: Token) -> tuple[str, int]:
         return _unquoted(token), int(token.column or 1)
 
-    def name(self, label: tuple[str, int]) -> Any:
-        return "name", label
+    def saved(self, at: Token, label: tuple[str, int]) -> tree.Node:
+        return tree.Saved(label[0], int(at.column or 1))
 
-    def saved(self, at: Token, label: tuple[str, int]) -> Node:
-        return Saved(label[0], int(at.column or 1))
-
-    def word(self, name: Token | Head) -> Node:
+    def word(self, name: Token | Head) -> tree.Node:
         head = _head(name)
-        short = _SHORT.match(head.name)
-        if short:
-            return Extreme(_WHICH[short[1]], 15.0, True, Field("real.error", head.run))
+        if head.name in _SHORT:
+            return tree.Extreme(_SHORT[head.name], 15.0, True, tree.Field("real.error", head.run))
         if head.run is None and head.name in ("all", "none"):
-            return Everything() if head.name == "all" else Nothing()
+            return tree.Everything() if head.name == "all" else tree.Nothing()
         if head.run is None and head.name in ("straight", "curved"):
-            return Bend(head.name == "straight")
+            return tree.Bend(head.name == "straight")
+        after = head.column + len(head.name)
         if head.name in fields.NUMERIC or head.name in fields.TEXT:
-            raise ExpressionError(
-                head.column + len(head.name), f"{head.name} needs a condition", [" > 1", ":value"]
-            )
+            raise ExpressionError(after, f"{head.name} needs a condition", [" > 1", ":value"])
         if head.name in fields.FUNCTIONS:
-            after = head.column + len(head.name)
             raise ExpressionError(after, f"{head.name} needs ( and its arguments")
         words = ["worst15", "best15"] if head.run else [*fields.WORDS, *fields.FUNCTIONS]
         raise unknown(head.column, "word", head.name, words)
 
-    def comparison(self, head: Head, operator: Token, value: tuple[float, str]) -> Node:
-        return Compare(numeric(head), cast(Any, str(operator)), value[0])
+    def comparison(self, head: Head, operator: Token, value: tuple[float, str]) -> tree.Node:
+        return tree.Compare(numeric(head), cast(Any, str(operator)), value[0])
 
-    def tag(self, head: Head, value: Any) -> Node:
+    def tag(self, head: Head, value: Any) -> tree.Node:
         kind, content = value
         if head.name in fields.TEXT:
             if kind not in ("name", "number"):
                 raise ExpressionError(head.column, f"{head.name}: takes one name")
             name = content[0] if kind == "name" else content[1]
             column = content[1] if kind == "name" else head.column
-            return Named(Field(head.name, head.run), name, column)
+            return tree.Named(tree.Field(head.name, head.run), name, column)
         if kind == "name" and head.name not in fields.NUMERIC:
             raise unknown(head.column, "field", head.name, [*fields.TEXT, *fields.NUMERIC])
         field = numeric(head)
         if kind == "span":
             if content[0] > content[1] and not fields.NUMERIC[field.name].angle:
                 raise ExpressionError(head.column, "the range's first end is above its second")
-            return Between(field, *content)
+            return tree.Between(field, *content)
         if kind == "around":
             if content[1] < 0:
                 raise ExpressionError(head.column, "the tolerance is below 0")
-            return Around(field, *content)
+            return tree.Around(field, *content)
         if kind == "number":
-            return Between(field, content[0], content[0])
+            return tree.Between(field, content[0], content[0])
         raise ExpressionError(content[1], f"{head.name}: takes a number", ["1..5", "90+-20"])
 
-    def function(self, call: Call) -> Node:
+    def function(self, call: Call) -> tree.Node:
         return apply(call, call.arguments)
 
-    def run_function(self, head: Head, arguments: list[Any]) -> Node:
+    def run_function(self, head: Head, arguments: list[Any]) -> tree.Node:
         return apply(head, arguments)
 
 

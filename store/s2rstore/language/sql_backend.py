@@ -8,37 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from s2rstore.geometry import angles
+from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.language import fields, lasso
-from s2rstore.language.name_resolution import (
-    Neighbours,
-    Vocabulary,
-    expand,
-    similar_instances,
-)
-from s2rstore.language.syntax_tree import (
-    And,
-    Around,
-    Bend,
-    Between,
-    Box,
-    Compare,
-    Everything,
-    Extreme,
-    Field,
-    Ids,
-    Lasso,
-    Like,
-    Minus,
-    Named,
-    Near,
-    Node,
-    Not,
-    Nothing,
-    Or,
-    chain,
-)
-
-_STRAIGHT_BELOW = 10.0
+from s2rstore.language import syntax_tree as tree
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
+from s2rstore.records import SIDES
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +43,13 @@ class _Writer:
         self.parameters.append(value)
         return "?"
 
-    def column(self, field: Field) -> str:
+    def column(self, field: tree.Field) -> str:
         """A numeric column on alias q, NULL where the index does not have it."""
         name = fields.NUMERIC[field.name].column
         return "NULL::DOUBLE" if name in self.context.missing else f"q.{name}"
 
 
-def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
+def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
     """`SELECT iid ... ORDER BY iid` and its parameters. Raises ExpressionError."""
     writer = _Writer(context)
     base = _base(writer, None, "q")
@@ -87,12 +61,9 @@ def to_sql(node: Node, context: SqlContext) -> tuple[str, list[Any]]:
 
 
 def _base(writer: _Writer, run: str | None, alias: str) -> str:
-    """The condition of the base population of a run."""
-    parts = [
-        f"{alias}.run = {writer.bind(run or writer.context.run)}",
-        f"{_known(f'{alias}.sim_error')}",
-        f"{_known(f'{alias}.real_error')}",
-    ]
+    """The condition on `alias` of the base population of a run, by default the current one."""
+    parts = [f"{alias}.run = {writer.bind(run or writer.context.run)}"]
+    parts += [_known(f"{alias}.{side}_error") for side in SIDES]
     if writer.context.trajectories is not None:
         listed = writer.bind(list(writer.context.trajectories))
         parts.append(f"list_contains({listed}, {alias}.trajectory)")
@@ -103,60 +74,53 @@ def _known(column: str) -> str:
     return f"({column} IS NOT NULL AND NOT isnan({column}::DOUBLE))"
 
 
-def _condition(node: Node, writer: _Writer) -> str:
+def _condition(node: tree.Node, writer: _Writer) -> str:
     """A condition in parentheses; a chain of one operator takes one pair."""
-    first, links = chain(node)
-    if not links:
-        return _operand(first, writer)
-    parts, joined = [_operand(first, writer)], _joined(links[0])
+    first, links = tree.chain(node)
+    parts, joined = [_operand(first, writer)], ""
     for link in links:
-        if _joined(link) != joined:
-            parts, joined = [f"({f' {joined} '.join(parts)})"], _joined(link)
+        operator = "OR" if isinstance(link, tree.Or) else "AND"
+        if joined not in ("", operator):
+            parts = [f"({f' {joined} '.join(parts)})"]
         right = _condition(link.right, writer)
-        parts.append(f"NOT {right}" if isinstance(link, Minus) else right)
-    return f"({f' {joined} '.join(parts)})"
+        parts.append(f"NOT {right}" if isinstance(link, tree.Minus) else right)
+        joined = operator
+    return f"({f' {joined} '.join(parts)})" if links else parts[0]
 
 
-def _joined(link: And | Minus | Or) -> str:
-    return "OR" if isinstance(link, Or) else "AND"
-
-
-def _operand(node: Node, writer: _Writer) -> str:
-    if isinstance(node, Not):
-        return f"(NOT {_condition(node.inner, writer)})"
-    return _leaf(node, writer)
-
-
-def _leaf(node: Node, writer: _Writer) -> str:
+def _operand(node: tree.Node, writer: _Writer) -> str:
     match node:
-        case Everything():
+        case tree.Not(inner):
+            return f"(NOT {_condition(inner, writer)})"
+        case tree.Everything():
             return "true"
-        case Nothing():
+        case tree.Nothing():
             return "false"
-        case Ids(ranges):
+        case tree.Ids(ranges):
             parts = [f"q.iid BETWEEN {writer.bind(a)} AND {writer.bind(b)}" for a, b in ranges]
             return f"({' OR '.join(parts) or 'false'})"
-        case Compare(field, operator, value):
+        case tree.Compare(field, operator, value):
             column = writer.column(field)
             sign = "<>" if operator == "!=" else operator
-            return _among(writer, field, lambda w: (
-                f"{_known(column)} AND {column} {sign} {w.bind(value * _scale(field))}"
-            ))  # fmt: skip
-        case Between():
+            compared = value * fields.NUMERIC[field.name].scale
+            return _among(
+                writer, field, lambda w: f"{_known(column)} AND {column} {sign} {w.bind(compared)}"
+            )
+        case tree.Between():
             return _among(writer, node.field, lambda w: _between(node, w))
-        case Around():
+        case tree.Around():
             return _among(writer, node.field, lambda w: _around(node, w))
-        case Named():
+        case tree.Named():
             return _among(writer, node.field, lambda w: _named(node, w))
-        case Extreme():
+        case tree.Extreme():
             return _extreme(node, writer)
-        case Box(x, y, corners):
+        case tree.Box(x, y, corners):
             u, v = writer.column(x), writer.column(y)
             return _among(writer, x, lambda w: (
                 f"{u} >= {w.bind(corners[0])} AND {v} >= {w.bind(corners[1])} AND "
                 f"{u} <= {w.bind(corners[2])} AND {v} <= {w.bind(corners[3])}"
             ))  # fmt: skip
-        case Near(x, y, centre, radius):
+        case tree.Near(x, y, centre, radius):
             dx = f"({writer.column(x)} - {{}})"
             dy = f"({writer.column(y)} - {{}})"
             return _among(writer, x, lambda w: (
@@ -164,45 +128,39 @@ def _leaf(node: Node, writer: _Writer) -> str:
                 f"{dy.format(w.bind(centre[1]))} * {dy.format(w.bind(centre[1]))} "
                 f"<= {w.bind(radius * radius)}"
             ))  # fmt: skip
-        case Lasso(x):
+        case tree.Lasso(x):
             return _among(writer, x, lambda w: _lasso(node, w))
-        case Like():
+        case tree.Like():
             context = writer.context
-            found = similar_instances(node, context.run, context.trajectories, context.neighbours)
-            return f"q.iid IN (SELECT unnest({writer.bind(found.tolist())}::INTEGER[]))"
-        case Bend(straight):
+            iids = similar_instances(node, context.run, context.trajectories, context.neighbours)
+            return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
+        case tree.Bend(straight):
             sign = "<" if straight else ">="
             column = "q.curvature"
-            limit = writer.bind(_STRAIGHT_BELOW)
+            limit = writer.bind(STRAIGHT_BELOW)
             return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
         case _:
-            raise TypeError(f"{type(node).__name__} is no leaf")
+            raise TypeError(f"{type(node).__name__} is not a leaf")
 
 
-def _among(writer: _Writer, field: Field, condition: Any) -> str:
+def _among(writer: _Writer, field: tree.Field, condition: Any) -> str:
     """The instances whose row of the field's run satisfies a condition on alias q.
 
-    Ground truth does not depend on the run. The row of the current run is at hand;
-    that of another one takes a subquery, whose q hides the outer one.
+    Ground truth does not depend on the run, and the outer query reads the row of the current run.
+    That of another run takes a subquery, whose q hides the outer one.
     """
-    if fields.is_truth(field.name):
-        return f"coalesce({condition(writer)}, false)"
     joins = field.name in fields.TEXT  # a room of a prediction: slow unless it has its own query
-    if field.run in (None, writer.context.run) and not joins:
+    is_current = field.run in (None, writer.context.run)
+    if fields.is_truth(field.name) or (is_current and not joins):
         return f"coalesce({condition(writer)}, false)"
     run = writer.bind(field.run or writer.context.run)
     return f"q.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
 
 
-def _scale(field: Field) -> float:
-    return fields.NUMERIC[field.name].scale
-
-
-def _between(node: Between, writer: _Writer) -> str:
-    column = writer.column(node.field)
-    if not fields.NUMERIC[node.field.name].angle:
-        scale = _scale(node.field)
-        low, high = writer.bind(node.low * scale), writer.bind(node.high * scale)
+def _between(node: tree.Between, writer: _Writer) -> str:
+    column, field = writer.column(node.field), fields.NUMERIC[node.field.name]
+    if not field.angle:
+        low, high = writer.bind(node.low * field.scale), writer.bind(node.high * field.scale)
         return f"{_known(column)} AND {column} >= {low} AND {column} <= {high}"
     ends = angles.heading_range(node.low, node.high)
     if ends is None:
@@ -212,11 +170,11 @@ def _between(node: Between, writer: _Writer) -> str:
     return f"{_known(column)} AND ({column} >= {low} {word} {column} <= {high})"
 
 
-def _around(node: Around, writer: _Writer) -> str:
-    column = writer.column(node.field)
-    if not fields.NUMERIC[node.field.name].angle:
-        scale = _scale(node.field)
-        centre, tolerance = writer.bind(node.centre * scale), writer.bind(node.tolerance * scale)
+def _around(node: tree.Around, writer: _Writer) -> str:
+    column, field = writer.column(node.field), fields.NUMERIC[node.field.name]
+    if not field.angle:
+        centre = writer.bind(node.centre * field.scale)
+        tolerance = writer.bind(node.tolerance * field.scale)
         return f"{_known(column)} AND abs({column} - {centre}) <= {tolerance}"
     middle = math.radians(angles.wrap_degrees(node.centre))
     first = f"abs({column} - {writer.bind(middle)})"
@@ -226,7 +184,7 @@ def _around(node: Around, writer: _Writer) -> str:
     return f"{_known(column)} AND least({first}, {turn} - {second}) <= {limit}"
 
 
-def _lasso(node: Lasso, writer: _Writer) -> str:
+def _lasso(node: tree.Lasso, writer: _Writer) -> str:
     """An odd number of edges to the right, as `lasso` defines it."""
     x, y = writer.column(node.x), writer.column(node.y)
     parts = ["0"]
@@ -238,7 +196,7 @@ def _lasso(node: Lasso, writer: _Writer) -> str:
     return f"{_known(x)} AND {_known(y)} AND ({' + '.join(parts)}) % 2 = 1"
 
 
-def _named(node: Named, writer: _Writer) -> str:
+def _named(node: tree.Named, writer: _Writer) -> str:
     side, _, name = node.field.name.rpartition(".")
     value = node.value
     if name == "room":
@@ -252,7 +210,7 @@ def _named(node: Named, writer: _Writer) -> str:
     )
 
 
-def _extreme(node: Extreme, writer: _Writer) -> str:
+def _extreme(node: tree.Extreme, writer: _Writer) -> str:
     column = writer.column(node.field)
     direction = "ASC" if node.which == "best" else "DESC"
     inner = (

@@ -140,48 +140,50 @@ class Not:
 
 
 @dataclass(frozen=True)
-class And:
+class Operation:
+    """Two expressions that an operator joins."""
+
     left: Node
     right: Node
 
 
-@dataclass(frozen=True)
-class Minus:
-    left: Node
-    right: Node
+class And(Operation):
+    """`&`: the instances of both."""
 
 
-@dataclass(frozen=True)
-class Or:
-    left: Node
-    right: Node
+class Minus(Operation):
+    """`-`: the instances of the left without those of the right."""
+
+
+class Or(Operation):
+    """`|`: the instances of either."""
 
 
 Node = (
     Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Lasso
-    | Like | Bend | Saved | Not | And | Minus | Or
+    | Like | Bend | Saved | Not | Operation
 )  # fmt: skip
 
 
 def leaves(node: Node) -> list[Node]:
     """Every node without operands, from left to right."""
-    found: list[Node] = []
+    operands: list[Node] = []
     waiting = [node]
     while waiting:
         node = waiting.pop()
         if isinstance(node, Not):
             waiting.append(node.inner)
-        elif isinstance(node, And | Minus | Or):
+        elif isinstance(node, Operation):
             waiting += [node.right, node.left]
         else:
-            found.append(node)
-    return found
+            operands.append(node)
+    return operands
 
 
-def chain(node: Node) -> tuple[Node, list[And | Minus | Or]]:
+def chain(node: Node) -> tuple[Node, list[Operation]]:
     """The first operand of a chain of operators, and the operators in order."""
-    links: list[And | Minus | Or] = []
-    while isinstance(node, And | Minus | Or):
+    links: list[Operation] = []
+    while isinstance(node, Operation):
         links.append(node)
         node = node.left
     return node, links[::-1]

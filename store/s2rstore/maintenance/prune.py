@@ -1,7 +1,7 @@
-"""Remove the files that no kept generation needs, and those that killed writes have left.
+"""Remove the files that no remaining generation needs, and those that killed writes have left.
 
-Nothing outside the store is removed but folders that an interrupted `s2r ingest` has left beside
-it. Links are neither followed nor removed: they are reported.
+Outside the store, only folders are removed that an interrupted `s2r ingest` has left beside it.
+Links are neither followed nor removed, but reported.
 """
 
 from __future__ import annotations
@@ -49,13 +49,16 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         current = layout.read_current(root)
         if current.schema != schema.VERSION:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
-        _check_index(root, current)
+        path = safe_files.checked_path(root, current.index)
+        if safe_files.kind(root, current.index) is None:
+            raise RequestError(f"{path}: the published index is missing")
+        if safe_files.sha256(root, current.index) != current.sha256:
+            raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
         indexes = _indexes(root)
-        numbers = sorted(number for number, _ in indexes if number <= current.generation)
-        kept = numbers[-max(1, keep) :]
-        removed = [entry.path for number, entry in indexes if number not in kept]
-        removed += _unreferenced(root, [entry.path for number, entry in indexes if number in kept])
-        removed += [path for path in _unfinished(root) if not _is_below(path, removed)]
+        needed = [number for number, _ in indexes if number <= current.generation][-max(1, keep) :]
+        removed = [path for number, path in indexes if number not in needed]
+        removed += _unreferenced(root, [path for number, path in indexes if number in needed])
+        removed += [path for path in _unfinished(root) if not _is_in(path, removed)]
         files = {path: _files_below(root, path) for path in removed}
         size = sum(entry.bytes for entries in files.values() for entry in entries)
         links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
@@ -64,27 +67,18 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
     return _with_beside(PruneResult(tuple(removed), size, links), beside, dry_run)
 
 
-def _check_index(root: Path, current: layout.Current) -> None:
-    """Raise RequestError where the published index is missing or was changed."""
-    path = safe_files.checked_path(root, current.index)
-    if safe_files.kind(root, current.index) is None:
-        raise RequestError(f"{path}: the published index is missing")
-    if safe_files.sha256(root, current.index) != current.sha256:
-        raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
+def _indexes(root: Path) -> list[tuple[int, str]]:
+    """The generations whose index exists, oldest first, with its path.
 
-
-def _indexes(root: Path) -> list[tuple[int, FolderEntry]]:
-    """The generations whose index is there, oldest first.
-
-    Raises RequestError for one that is no regular file: what it references must not be removed.
+    Raises RequestError for one that is not a regular file: files that it references must stay.
     """
-    found = []
+    paths = []
     for entry in safe_files.names(root, layout.INDEX):
         number = layout.generation_of(Path(entry.path))
         if number is not None:
             safe_files.checked_path(root, entry.path)
-            found.append((number, entry))
-    return sorted(found, key=lambda pair: pair[0])
+            paths.append((number, entry.path))
+    return sorted(paths)
 
 
 def _entries(root: Path, folder: str, kind: safe_files.Kind) -> list[FolderEntry]:
@@ -98,14 +92,11 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     arrays: set[str] = set()
     weights: set[str] = set()
     for index in indexes:
-        connection = locked_connection.connect(safe_files.checked_path(root, index))
-        try:
-            arrays |= {
-                row[0] for row in connection.execute("SELECT path FROM zarr_array").fetchall()
-            }
-            weights |= {row[0] for row in connection.execute("SELECT sha256 FROM model").fetchall()}
-        finally:
-            connection.close()
+        with locked_connection.connect(safe_files.checked_path(root, index)) as connection:
+            for query, values in (
+                ("SELECT path FROM zarr_array", arrays), ("SELECT sha256 FROM model", weights)
+            ):  # fmt: skip
+                values.update(row[0] for row in connection.execute(query).fetchall())
     used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
     unused = [
         key.path
@@ -119,20 +110,17 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
 
 def _unfinished(root: Path) -> list[str]:
     """Files that killed writes have left; not those that a process still writes without a lock."""
-    found = []
+    paths = []
     for entry in atomic_writes.partial_files(root):
         process = _PROCESS.search(entry.name)
         in_history = entry.path.startswith(f"{layout.HISTORY}/")
-        if process and is_running(int(process[1])):
-            continue
-        if in_history and process is None:
-            continue
-        found.append(entry.path)
-    return found
+        if not is_running(int(process[1])) if process else not in_history:
+            paths.append(entry.path)
+    return paths
 
 
-def _is_below(path: str, folders: list[str]) -> bool:
-    return any(path == folder or path.startswith(f"{folder}/") for folder in folders)
+def _is_in(path: str, removed: list[str]) -> bool:
+    return any(path == other or path.startswith(f"{other}/") for other in removed)
 
 
 def _files_below(root: Path, path: str) -> list[FolderEntry]:

@@ -2,22 +2,23 @@
 
 Every file that can change a figure or an image is compared with a checksum: shards against the
 ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
-`CURRENT.json`; the gap history against those of its own blocks. Stores that version 0.1.0 wrote
-lack some of the checksums: there the structure of arrays and floor plan is checked, and a note says
-so.
+`CURRENT.json`; the gap history against the checksums of its blocks. Stores of version 0.1.0 have
+only some of the checksums: there the structure of arrays and floor plan is checked, with a note.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import duckdb
 
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import building_folders
@@ -37,7 +38,7 @@ _MAX_NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A file or table that is not as published, and what is wrong with it."""
+    """A file or table that is not as published, with a description of the difference."""
 
     where: str
     what: str
@@ -45,7 +46,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class VerifyReport:
-    """The damage in a store, and notes on what is no damage but worth knowing."""
+    """The damage in a store, and notes on other things that the user should know."""
 
     damages: tuple[Damage, ...]
     notes: tuple[str, ...] = ()
@@ -60,8 +61,7 @@ def verify(root: Path) -> list[Damage]:
 
 
 def check(root: Path) -> VerifyReport:
-    """The damage in the published generation, and notes on unfinished files and on files that no
-    checksum covers.
+    """The damage in the published generation, with notes on unfinished and unchecked files.
 
     Raises RequestError where there is no store at all, or none that DuckDB can open.
     """
@@ -81,7 +81,7 @@ def check(root: Path) -> VerifyReport:
             verification = _Verification(root, store, current)
             verification.run()
     except _FAILURES as error:
-        return VerifyReport((*foreign, Damage(current.index, _first_line(error))), tuple(notes))
+        return VerifyReport((*foreign, Damage(current.index, first_line(error))), tuple(notes))
     return VerifyReport((*foreign, *verification.damages), (*notes, *verification.all_notes()))
 
 
@@ -115,10 +115,6 @@ def _index_damage(root: Path, current: layout.Current) -> Damage | None:
     return Damage(current.index, "its size or checksum is not the published one")
 
 
-def _first_line(error: BaseException) -> str:
-    return next(iter(str(error).splitlines()), "") or type(error).__name__
-
-
 @dataclass
 class _Verification:
     """The checks of an open store; they add to `damages` and `notes`.
@@ -146,7 +142,7 @@ class _Verification:
             try:
                 check_part()
             except _FAILURES as error:
-                self._add(where, _first_line(error))
+                self._add(where, first_line(error))
 
     def all_notes(self) -> list[str]:
         if not self.uncovered:
@@ -162,6 +158,7 @@ class _Verification:
 
     def _check_tables(self) -> None:
         self.damages.extend(_table_damages(self.store, self.current))
+        self.damages.extend(_incomplete_runs(self.store))
 
     def _check_weights(self) -> None:
         """Compare each model's file with the checksum of the index, or else of the ledger."""
@@ -197,39 +194,35 @@ class _Verification:
         except FileNotFoundError:
             self._add(path, "missing")
         except (RequestError, OSError) as error:
-            self._add(path, _first_line(error))
+            self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
-        for domain in self.store.domains:
-            for trajectory in self.store.trajectories:
-                for image in ("rgb", "depth"):
-                    names = domain, trajectory.trajectory, image
-                    relative = "/".join((layout.FRAMES, *names))
-                    covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
-                    if not covered:
-                        self.uncovered["the metadata of frames"] = None
-                    try:
-                        array = self.store.frames_array(*names)
-                    except _FAILURES as error:
-                        self._add(relative, _first_line(error))
-                        continue
-                    self._check_shards(array, covered)
+        trajectories = [trajectory.trajectory for trajectory in self.store.trajectories]
+        for names in product(self.store.domains, trajectories, ("rgb", "depth")):
+            relative = "/".join((layout.FRAMES, *names))
+            is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
+            if not is_covered:
+                self.uncovered["the metadata of frames"] = None
+            self._check_array(relative, partial(self.store.frames_array, *names), is_covered)
 
     def _check_arrays(self) -> None:
         for run in self.store.runs:
             for record in self.store.arrays(run):
-                covered = record.metadata_sha256 is not None
-                if not covered:
+                is_covered = record.metadata_sha256 is not None
+                if not is_covered:
                     self.uncovered["the metadata of computed arrays"] = None
-                try:
-                    array = self.store.stored(record)
-                except _FAILURES as error:
-                    self._add(f"{layout.RUNS}/{record.path}", _first_line(error))
-                    continue
-                self._check_shards(array, covered)
+                relative = f"{layout.RUNS}/{record.path}"
+                self._check_array(relative, partial(self.store.stored, record), is_covered)
 
-    def _check_shards(self, array: StoredArray, covered: bool) -> None:
+    def _check_array(
+        self, relative: str, open_array: Callable[[], StoredArray], is_covered: bool
+    ) -> None:
         """Every shard must have an intact entry in the ledger."""
+        try:
+            array = open_array()
+        except _FAILURES as error:
+            self._add(relative, first_line(error))
+            return
         for shard in range(array.layout.shards):
             path, rows = array.file(shard), array.rows_in(shard)
             entries = self._entries.get(path)
@@ -241,11 +234,11 @@ class _Verification:
                 self._add(path, "its checksum is not the ledger's")
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
-            elif not covered:
+            elif not is_covered:
                 try:
                     array.check(shard)
                 except RequestError as error:
-                    self._add(path, _first_line(error))
+                    self._add(path, first_line(error))
 
     def _check_floor_plan(self) -> None:
         """Check the format of a floor plan that has no checksum."""
@@ -286,7 +279,7 @@ class _Verification:
             try:
                 reader.check(path)
             except RequestError as error:
-                self._add(relative.as_posix(), _first_line(error))
+                self._add(relative.as_posix(), first_line(error))
 
     def _check_ledger_lines(self) -> None:
         count = self._ledger.unreadable_lines()
@@ -330,15 +323,17 @@ _RULES = (
     ),
     ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
     ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
-    ("run", "name given twice", "run IN (SELECT run FROM run GROUP BY run HAVING count(*) > 1)"),
-    (
-        "model",
-        "name given twice",
-        "model IN (SELECT model FROM model GROUP BY model HAVING count(*) > 1)",
+    *(
+        (
+            name,
+            "duplicate name",
+            f"{name} IN (SELECT {name} FROM {name} GROUP BY 1 HAVING count(*) > 1)",
+        )
+        for name in ("run", "model")
     ),
 )
 
-# What readers rely on to find an instance's row in the frames of its trajectory.
+# Readers find an instance's row in the frames of its trajectory by this order.
 _ORDER = """
     SELECT count(*) FROM (
         SELECT trajectory, count(*) AS n, max(iid) - min(iid) + 1 AS span,
@@ -361,7 +356,6 @@ _FORMULAS = (
 )
 _TOLERANCE = 1e-9
 """Relative; absolute for figures below 1."""
-_RANK = ("rank is not that of its error", "rank IS DISTINCT FROM place")
 _FIGURES = """WITH figures AS (
     SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
            p.x - i.x AS dx, p.y - i.y AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
@@ -375,10 +369,10 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     rules = list(_RULES)
     if "outlier" not in store.missing_columns("prediction"):
         rules.append(_OUTLIER_RULE)
-    for table, what, condition in rules:
-        count = store.execute(f'SELECT count(*) FROM "{table}" WHERE {condition}')[0][0]
+    for name, what, condition in rules:
+        count = store.execute(f'SELECT count(*) FROM "{name}" WHERE {condition}')[0][0]
         if count:
-            yield Damage(f"table {table}", f"{count} rows: {what}")
+            yield Damage(f"table {name}", f"{count} rows: {what}")
     total, least, most, distinct = store.execute(
         "SELECT count(*), min(iid), max(iid), count(DISTINCT iid) FROM instance"
     )[0]
@@ -391,22 +385,21 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     if stated != total:
         yield Damage("table trajectory", f"states {stated} instances, there are {total}")
     comparisons = [
-        *((what, _differs(name, formula)) for what, name, formula in _FORMULAS), _RANK
-    ]  # fmt: skip
+        *((what, _differs(name, formula)) for what, name, formula in _FORMULAS),
+        ("rank is not that of its error", "rank IS DISTINCT FROM place"),
+    ]
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
     for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
-        found = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
-        for count, (what, _) in zip(found, comparisons, strict=True):
+        row = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
+        for count, (what, _) in zip(row, comparisons, strict=True):
             if count:
                 yield Damage("table prediction", f"run {run}: {count} rows: {what}")
-    yield from _incomplete_runs(store, total)
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
-    for known in schema.TABLES:
-        names = [
-            name for name in known.column_names if name not in store.missing_columns(known.name)
-        ]
-        store.execute(f'SELECT {", ".join(names)} FROM "{known.name}" LIMIT 0')
+    for table in schema.TABLES:
+        missing = store.missing_columns(table.name)
+        names = ", ".join(name for name in table.column_names if name not in missing)
+        store.execute(f'SELECT {names} FROM "{table.name}" LIMIT 0')
 
 
 def _differs(name: str, formula: str) -> str:
@@ -415,16 +408,13 @@ def _differs(name: str, formula: str) -> str:
     return f"NOT ({name} = ({formula}) OR {near})"
 
 
-def _incomplete_runs(store: Store, total: int) -> Iterator[Damage]:
+def _incomplete_runs(store: Store) -> Iterator[Damage]:
     """Every computed run has one prediction per instance and side."""
-    counted = {
-        (run, side): count
-        for run, side, count in store.execute(
-            "SELECT run, side, count(DISTINCT iid) FROM prediction GROUP BY run, side"
-        )
-    }
+    query = "SELECT run, side, count(DISTINCT iid) FROM prediction GROUP BY run, side"
+    counts = {(run, side): count for run, side, count in store.execute(query)}
+    total = len(store.instances)
     for name, run in store.runs.items():
         for side in SIDES if run.key else ():
-            if counted.get((name, side), 0) != total:
-                have = counted.get((name, side), 0)
-                yield Damage("table prediction", f"run {name}: {have} of {total} {side} rows")
+            count = counts.get((name, side), 0)
+            if count != total:
+                yield Damage("table prediction", f"run {name}: {count} of {total} {side} rows")

@@ -191,7 +191,7 @@ class Blocks:
         return int(np.unique(self.units).size)
 
     def ungrouped(self) -> Blocks:
-        """The same blocks, each a unit of its own."""
+        """The same blocks, each as one unit."""
         return Blocks(self.start, np.arange(self.count))
 
     def sums(self, values: Floats) -> Floats:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.index.columns import valid_in_trajectories
 from s2rstore.metrics.top_k import top_k
@@ -33,13 +32,10 @@ def neighbours(
     (None = all), the nearest first, ties by iid. Empty where the instance has no embedding.
     Raises RequestError for an unknown instance and for a run without embeddings.
     """
-    truth = store.instances
-    if not 0 <= iid < len(truth):
-        raise RequestError(f"no instance {iid}: the store holds 0 .. {len(truth) - 1}")
-    points = embedding(store, run, side)
-    return nearest(
-        points, iid, count, valid_in_trajectories(store.run_columns(run).valid, truth, trajectories)
-    )
+    store.check_instance(iid)
+    valid = store.run_columns(run).valid
+    base = valid_in_trajectories(valid, store.instances, trajectories)
+    return nearest(embedding(store, run, side), iid, count, base)
 
 
 def can_compare(store: Store, run: str) -> bool:
@@ -58,11 +54,10 @@ def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
         kind = next((kind for kind in _KINDS if kind in kinds), None)
         if kind is None:
             raise RequestError(f"run {run!r} has no embeddings to compare; run `s2r precompute`")
-        _, array = store.array(run, kind, side)
-        found = np.asarray(stored_array.read_rows(array, 0, array.shape[0]), dtype=np.float32)
-        if found.shape[0] != len(store.instances):
-            raise RequestError(f"run {run!r}: {kind} has {found.shape[0]} rows; run `s2r verify`")
-        return found
+        vectors = np.asarray(store.array(run, kind, side)[1], dtype=np.float32)
+        if len(vectors) != len(store.instances):
+            raise RequestError(f"run {run!r}: {kind} has {len(vectors)} rows; run `s2r verify`")
+        return vectors
 
     return store.embeddings.get((run, side), read)
 
@@ -75,22 +70,22 @@ def nearest(
     `points` (n, d); Euclidean distance, ties by index. Points that are not finite are near
     nothing, and nothing is near them.
     """
-    found = _distances(points, points[row])
-    if not np.isfinite(found[row]):
+    distances = _distances(points, points[row])
+    if not np.isfinite(distances[row]):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
-    others = base & np.isfinite(found)
+    others = base & np.isfinite(distances)
     others[row] = False
-    rows = np.flatnonzero(top_k(found, others, count, largest=False))
-    rows = rows[np.argsort(found[rows], kind="stable")]
+    rows = np.flatnonzero(top_k(distances, others, count, largest=False))
+    rows = rows[np.argsort(distances[rows], kind="stable")]
     chosen = np.concatenate([[row], rows]).astype(np.int64)
-    return chosen, np.sqrt(found[chosen])
+    return chosen, np.sqrt(distances[chosen])
 
 
 def _distances(points: NDArray[np.float32], centre: NDArray[np.float32]) -> NDArray[np.float32]:
     """Squared distances, summed over differences so that near ones stay exact; shape (n,)."""
-    found = np.empty(len(points), dtype=np.float32)
+    distances = np.empty(len(points), dtype=np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         for start in range(0, len(points), _BLOCK):
             block = points[start : start + _BLOCK] - centre
-            np.einsum("ij,ij->i", block, block, out=found[start : start + _BLOCK])
-    return found
+            np.einsum("ij,ij->i", block, block, out=distances[start : start + _BLOCK])
+    return distances

@@ -10,6 +10,7 @@ import numpy as np
 from s2rstore.errors import RequestError
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
+from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 
 MIN_INSTANCES = 5
@@ -30,15 +31,15 @@ def worst_rooms(store: Store, run: str) -> list[RoomSummary]:
     columns = store.run_columns(run)
     held_out = run_metrics.held_out(store, run)
     truth = store.instances
-    found = []
+    summaries = []
     for code, name in enumerate(truth.room_names):
         members = held_out & (truth.room == code)
         n = int(members.sum())
         if n >= MIN_INSTANCES:
             real = float(np.median(columns.real.error[members]))
             sim = float(np.median(columns.sim.error[members]))
-            found.append(RoomSummary(name, n, real, sim))
-    return sorted(found, key=lambda region: -region.real_median)
+            summaries.append(RoomSummary(name, n, real, sim))
+    return sorted(summaries, key=lambda region: -region.real_median)
 
 
 def summary_lines(store: Store) -> list[str]:
@@ -46,44 +47,39 @@ def summary_lines(store: Store) -> list[str]:
     computed = [name for name, run in store.runs.items() if run.key]
     if not computed:
         return ["no run is computed yet"]
-    truth = store.instances
     summary = [
-        f"{len(truth)} instances, {len(computed)} runs; predicting the mean position scores "
+        f"{len(store.instances)} instances, {len(computed)} runs; "
+        f"predicting the mean position scores "
         f"{100 * run_metrics.baseline_accuracy(store, computed[0]):.1f} % accuracy"
     ]
     summary += [_run_line(store, name) for name in computed]
     best = max(computed, key=lambda name: _accuracy(store, name))
     summary.append(f"best in reality: {best} ({100 * _accuracy(store, best):.1f} %)")
-    found = worst_rooms(store, computed[0])
-    if found:
-        worst = found[0]
+    rooms = worst_rooms(store, computed[0])
+    if rooms:
+        worst = rooms[0]
         summary.append(
             f"worst region of {computed[0]}: {worst.room} (median real error "
             f"{worst.real_median:.2f} m, sim {worst.sim_median:.2f} m; {worst.n} new instances)"
         )
-    return [printable(line) for line in [*summary, *_score_lines(store)]]
+    if "report" in store.provenance("score"):
+        try:
+            summary += _score_lines(store, store.provenance_object("score", "report"))
+        except (RequestError, ValueError, TypeError, KeyError, AttributeError):
+            summary.append("the stored score is invalid; run `s2r score` again")
+    return [printable(line) for line in summary]
 
 
-def _score_lines(store: Store) -> list[str]:
-    """Why, and which heatmap to trust: what `s2r score` stored of the first run that it fits."""
-    stored = store.provenance("score").get("report")
-    if stored is None:
-        return []
-    try:
-        return _report_lines(store, store.provenance_object("score", "report"))
-    except (RequestError, ValueError, TypeError, KeyError, AttributeError):
-        return ["the stored score makes no sense; run `s2r score` again"]
-
-
-def _report_lines(store: Store, report: dict[str, Any]) -> list[str]:
-    known = report["runs"]
-    runs = [name for name, run in store.runs.items() if run.key and run.key == known.get(name)]
+def _score_lines(store: Store, report: dict[str, Any]) -> list[str]:
+    """The costliest factor and the best heatmap of the first run that a score report fits."""
+    keys = report["runs"]
+    runs = [name for name, run in store.runs.items() if run.key and run.key == keys.get(name)]
     if not runs:
         return []
-    mine = [
+    factors, heatmaps = (
         [row for row in report[part] if row["run"] == runs[0]] for part in ("factors", "heatmaps")
-    ]
-    return [*_cause_lines(runs[0], mine[0]), *_heatmap_lines(runs[0], mine[1])]
+    )
+    return [*_cause_lines(runs[0], factors), *_heatmap_lines(runs[0], heatmaps)]
 
 
 def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
@@ -99,7 +95,7 @@ def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
 
 
 def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
-    """On the floor as both sides paint it, so that all kinds answer for the same cells."""
+    """By the scores on the floor map of both sides, where all kinds cover the same cells."""
     floors = [row for row in heatmaps if (row["place"], row["side"]) == ("floor", "both")]
     known = sorted((row for row in floors if row["auroc"] is not None), key=lambda r: -r["auroc"])
     if not known:
@@ -127,15 +123,15 @@ def _accuracy(store: Store, run: str) -> float:
 
 def _run_line(store: Store, run: str) -> str:
     parts = []
-    for side in ("sim", "real"):
-        found = run_metrics.side_metrics(store, run, "sim" if side == "sim" else "real")
-        if not found.n:
-            parts.append(f"{side} n/a (all {found.trained_on} trained on)")
+    for side in SIDES:
+        metrics = run_metrics.side_metrics(store, run, side)
+        if not metrics.n:
+            parts.append(f"{side} n/a (all {metrics.trained_on} trained on)")
             continue
-        span = f"{100 * found.accuracy.low:.1f} .. {100 * found.accuracy.high:.1f}"
-        left_out = f", {found.trained_on} trained on left out" if found.trained_on else ""
+        span = f"{100 * metrics.accuracy.low:.1f} .. {100 * metrics.accuracy.high:.1f}"
+        left_out = f", {metrics.trained_on} trained on left out" if metrics.trained_on else ""
         parts.append(
-            f"{side} {100 * found.accuracy.value:.1f} % ({span}), median "
-            f"{found.median_error:.2f} m, n {found.n}{left_out}"
+            f"{side} {100 * metrics.accuracy.value:.1f} % ({span}), median "
+            f"{metrics.median_error:.2f} m, n {metrics.n}{left_out}"
         )
     return f"  {run}: " + "; ".join(parts)

@@ -35,10 +35,10 @@ def top_k(
 
 def first_largest(values: NDArray[np.float64], rows: NDArray[np.intp]) -> int | None:
     """The first of `rows` (ascending) with the largest known value, all at least 0; or None."""
-    found = values[rows]
-    found = np.where(found >= 0, found, -1.0)
-    place = int(found.argmax()) if found.size else 0
-    return int(rows[place]) if found.size and found[place] >= 0 else None
+    candidates = values[rows]
+    candidates = np.where(candidates >= 0, candidates, -1.0)
+    place = int(candidates.argmax()) if candidates.size else 0
+    return int(rows[place]) if candidates.size and candidates[place] >= 0 else None
 
 
 def _taken(

@@ -15,12 +15,11 @@ _limiting = threading.Lock()
 
 @contextmanager
 def bounded_memory(more: int, largest_file: int | None = None) -> Iterator[None]:
-    """Let this process allocate at most `more` bytes beyond what it has.
+    """Let this process allocate at most `more` bytes in addition to its present memory.
 
     With `largest_file` it writes no larger file, either. Beyond that, allocations raise MemoryError
-    and writes OSError. For libraries that inflate what a file declares, or what a query computes,
-    without a limit of their own. Linux alone can bound memory so; elsewhere the block runs without
-    a limit on memory.
+    and writes OSError. This serves libraries that have no limit and allocate the sizes that a file
+    declares or a query computes. Only Linux can limit memory; elsewhere the block runs without it.
     """
     limits = {} if largest_file is None else {resource.RLIMIT_FSIZE: largest_file}
     used = _allocated()

@@ -22,7 +22,7 @@ def printable_lines(text: str) -> str:
     """The same for text of several lines: line feeds and tabs stay."""
     if text.isprintable():
         return text
-    return _NOT_PLAIN.sub(lambda found: found[0] if found[0] in "\n\t" else _escape(found), text)
+    return _NOT_PLAIN.sub(lambda match: match[0] if match[0] in "\n\t" else _escape(match), text)
 
 
 def printable_values(value: Any) -> Any:
@@ -36,16 +36,9 @@ def printable_values(value: Any) -> Any:
     return value
 
 
-def _escape(found: re.Match[str]) -> str:
-    character = found[0]
-    if character.isprintable():
-        return character
-    if character in "\n\r\t":
-        return {"\n": "\\n", "\r": "\\r", "\t": "\\t"}[character]
-    code = ord(character)
-    return f"\\x{code:02x}" if code < 0x100 else (
-        f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
-    )  # fmt: skip
+def _escape(match: re.Match[str]) -> str:
+    character = match[0]
+    return character if character.isprintable() else repr(character)[1:-1]
 
 
 class PrintableStream:

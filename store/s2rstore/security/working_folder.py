@@ -98,7 +98,7 @@ _IMPORTS = {
 
 
 class _Finder:
-    """Finds what the other finders find and imports the modules of `_IMPORTS` with care."""
+    """Delegates to the other finders, and runs the functions of `_IMPORTS` at the imports."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera import into_rgb
-from s2rstore.geometry.reprojection import Reprojection, RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.reprojection import Reprojection
 from s2rstore.records import Domain
 
 COLOUR_FLOOR = 5.0

@@ -107,7 +107,7 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
     for spec in (s for s in specs if s.kind in HEATMAP_KINDS):
         array = spec.open_array(store.path, run)
         rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
-        values = np.asarray(array.oindex[rows], dtype=np.float32)
+        values = np.asarray(array.at(rows), dtype=np.float32)
         modes = HEATMAP_KINDS[spec.kind].planes
         for number, mode in enumerate(modes or (spec.mode,)):
             name = ":".join(part for part in (spec.kind, mode) if part)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
-from s2rstore.geometry.reprojection import RigOffset
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Intrinsics, Run

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.reader import Store
 
 
@@ -19,17 +19,17 @@ class FrameRenderer(Protocol):
     domains: tuple[str, ...]
 
     def frames(
-        self, domain: str, start: int, stop: int, move: CameraMove
+        self, domain: str, start: int, stop: int, move: RigOffset
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """RGB (n, H, W, 3) and raw depth (n, H, W) of iids [start, stop), as they are stored."""
 
 
 @dataclass(frozen=True, slots=True)
 class RendererKind:
-    """A way to render: `claims(store)` is quick and says whether the store's data is of its kind.
+    """A way to render: `claims(store)` states quickly whether it supports the store's data.
 
-    `open(store)` may take seconds; it raises RequestError where what it renders now would not be
-    what the store holds. `version` changes whenever the frames of moved cameras would.
+    `open(store)` may take seconds; it raises RequestError where it would now render other frames
+    than those of the store. `version` changes whenever the frames of moved cameras do.
     """
 
     name: str

@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
 
 if TYPE_CHECKING:
     from s2rtools.synthetic_world.dataset import WorldData
-
-_NOTES = "world"
 
 
 class WorldRenderer:
@@ -31,7 +29,7 @@ class WorldRenderer:
         self._numbers = data.noise_numbers(store)
 
     def frames(
-        self, domain: str, start: int, stop: int, move: CameraMove
+        self, domain: str, start: int, stop: int, move: RigOffset
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)
@@ -40,19 +38,15 @@ class WorldRenderer:
         return views.rgb, self._data.raw_depth(views)
 
 
-def _claims(store: Store) -> bool:
-    return "recipe" in store.provenance(_NOTES)
-
-
 def _open(store: Store) -> FrameRenderer:
     from s2rtools.synthetic_world.dataset import WorldData
 
     data = WorldData.of_store(store)
     if data is None or not data.matches(store):
         raise RequestError(
-            f"{store.path}: its images are not what this version renders; ingest the world again"
+            f"{store.path}: this version renders other images; ingest the world again"
         )
     return WorldRenderer(store, data)
 
 
-WORLD = RendererKind("world", 1, _claims, _open)
+WORLD = RendererKind("world", 1, lambda store: "recipe" in store.provenance("world"), _open)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import CameraMove
+from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rstore.records import Run
@@ -80,23 +80,19 @@ class Counterfactuals:
         self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
         self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
-        self._by_move: dict[CameraMove, list[tuple[Run, Backend]]] = {}
+        self._by_move: dict[RigOffset, list[tuple[Run, Backend]]] = {}
         for run, backend in evaluated:
             self._by_move.setdefault(truth.camera_moves(run.run)["real"], []).append((run, backend))
 
     def factor_scores(self) -> list[FactorScore]:
         """Scores of each active factor for each run with held-out instances."""
-        names = [
-            name
-            for name, factor in FACTORS.items()
-            if name in self.active and not factor.moves_robot
-        ]
+        names = [n for n, f in FACTORS.items() if n in self.active and not f.moves_robot]
         conditions: dict[str, Factors] = {"none": {}, "all": self.active}
         for name in names:
             conditions[f"only {name}"] = {name: self.active[name]}
             conditions[f"no {name}"] = {k: v for k, v in self.active.items() if k != name}
         errors = self.errors(conditions)
-        found = []
+        scores = []
         for run, _ in self._evaluated:
             fresh = run_metrics.held_out(self._truth.store, run.run)[self.iids]
             if not fresh.any():
@@ -105,7 +101,7 @@ class Counterfactuals:
             of = {label: made[run.run][fresh] for label, made in errors.items()}
             for name in names:
                 alone, without = of[f"only {name}"], of[f"no {name}"]
-                found.append(
+                scores.append(
                     FactorScore(
                         run.run, name, mean_interval(alone, trajectory),
                         mean_interval(without, trajectory),
@@ -115,7 +111,7 @@ class Counterfactuals:
                         int(fresh.sum()), int((~fresh).sum()),
                     )
                 )  # fmt: skip
-        return found
+        return scores
 
     def errors(self, conditions: Mapping[str, Factors]) -> dict[str, Errors]:
         """Position errors (n,) in metres of `iids` by condition and run."""
@@ -145,19 +141,12 @@ class Counterfactuals:
         return self._renderers[key]
 
     def _errors(
-        self,
-        evaluated: EvaluatedRuns,
-        views: RenderedViews,
-        poses: NDArray[np.float64],
-        factors: Factors,
-        numbers: NDArray[np.intp],
-    ) -> Errors:
+        self, evaluated: EvaluatedRuns, views: RenderedViews, poses: NDArray[np.float64],
+        factors: Factors, numbers: NDArray[np.intp],
+    ) -> Errors:  # fmt: skip
         """Errors by run on rendered views after the factors' sensor effects."""
         sensed = apply_sensor_factors(views, factors, self._truth.data.recipe.seed, numbers)
-        return {
-            run.run: self._position_errors(run, backend, sensed, poses)
-            for run, backend in evaluated
-        }
+        return {run.run: self._position_errors(run, b, sensed, poses) for run, b in evaluated}
 
     def _errors_of_all(
         self, renderer: SceneRenderer, rows: NDArray[np.intp], poses: NDArray[np.float64]
@@ -176,21 +165,16 @@ class Counterfactuals:
         lie between them.
         """
         changes = {item["object"]: item for item in labelled_changes(self._truth.data.world)}
-        fresh = {
-            run.run: run_metrics.held_out(self._truth.store, run.run).all()
-            for run, _ in self._evaluated
-        }
-        found = []
+        store, names = self._truth.store, [run.run for run, _ in self._evaluated]
+        fresh = [name for name in names if run_metrics.held_out(store, name).all()]
+        scores = []
         for number, before, after in self._restored():
-            for run, _ in self._evaluated:
-                gain = before[run.run] - after[run.run]
-                if fresh[run.run]:
-                    found.append(
-                        ObjectScore(run.run, number, changes[number]["name"],
-                                    changes[number]["change"], _mean_of_views(gain), gain.size)
-                    )  # fmt: skip
-        order = {run.run: place for place, (run, _) in enumerate(self._evaluated)}
-        return sorted(found, key=lambda row: (order[row.run], row.object))
+            name, change = changes[number]["name"], changes[number]["change"]
+            for run in fresh:
+                gain = before[run] - after[run]
+                mean = _mean_of_views(gain)
+                scores.append(ObjectScore(run, number, name, change, mean, gain.size))
+        return sorted(scores, key=lambda score: (names.index(score.run), score.object))
 
     def _restored(self) -> Iterator[tuple[int, Errors, Errors]]:
         """Per visible object: errors on the same views before and after restoring it."""
@@ -240,10 +224,8 @@ class Counterfactuals:
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
         rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
         x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
-        predicted = [
-            backend.forward_all(x[start : start + backend.batch]).pose
-            for start in range(0, len(x), backend.batch)
-        ]
+        batches = np.split(x, range(backend.batch, len(x), backend.batch))
+        predicted = [backend.forward_all(batch).pose for batch in batches]
         offset = np.concatenate(predicted)[:, :2] - poses[:, :2]
         return np.asarray(np.hypot(offset[:, 0], offset[:, 1]), dtype=np.float64)
 

@@ -87,15 +87,14 @@ def _image_scores(
         )
         cells = np.concatenate([to_cells(block) for block in blocks])
         positive = truth.visible_objects(side, truth.camera_moves(run)[side]).cells
-        auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
-        yield HeatScore(run, kind, mode, side, "image", auroc, precision, base, n, without)
+        yield HeatScore(run, kind, mode, side, "image", *_per_frame(truth, cells, positive, seed))
 
 
 def _random_image(truth: GroundTruth, seed: int) -> HeatScore:
     positive = truth.visible_objects("real").cells
     cells = np.random.default_rng([seed, 1]).random(positive.shape)
-    auroc, precision, base, n, without = _per_frame(truth, cells, positive, seed)
-    return HeatScore("-", "random", None, "real", "image", auroc, precision, base, n, without)
+    scores = _per_frame(truth, cells, positive, seed)
+    return HeatScore("-", "random", None, "real", "image", *scores)
 
 
 def _per_frame(
@@ -137,15 +136,9 @@ def _random_floor(truth: GroundTruth, seed: int) -> HeatScore:
 
 
 def _floor_score(
-    truth: GroundTruth,
-    run: str,
-    kind: str,
-    mode: str | None,
-    side: Side | Literal["both"],
-    heat: NDArray[Any],
-    seed: int,
-    moves: CameraMoves = NO_CAMERA_MOVES,
-) -> HeatScore:
+    truth: GroundTruth, run: str, kind: str, mode: str | None, side: Side | Literal["both"],
+    heat: NDArray[Any], seed: int, moves: CameraMoves = NO_CAMERA_MOVES,
+) -> HeatScore:  # fmt: skip
     positive, observed = floor_truth(truth, side, moves)
     rows, cols = np.indices(observed.shape) // TILE
     tile = (rows * (observed.shape[1] // TILE + 1) + cols)[observed]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -55,13 +55,10 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         reporter.begin("score", 3)
         maps = heatmap_metrics.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
-        evaluated = [
-            (
-                store.run(name),
-                open_backend(load_model(store, store.run(name).model, settings.trust), "torch"),
-            )
-            for name in runs
-        ]
+        evaluated = []
+        for run in map(store.run, runs):
+            backend = open_backend(load_model(store, run.model, settings.trust), "torch")
+            evaluated.append((run, backend))
         table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()
         reporter.advance(1)
@@ -101,18 +98,15 @@ def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
 
 def _json_row(row: Any) -> dict[str, Any]:
     """A record as JSON: intervals as three numbers, NaN as null."""
-    json_row: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, Interval):
-            low_high = asdict(value)
-            json_row[field.name] = _json_number(low_high["value"])
-            json_row[f"{field.name}_low"] = _json_number(low_high["low"])
-            json_row[f"{field.name}_high"] = _json_number(low_high["high"])
+            low, high = f"{field.name}_low", f"{field.name}_high"
+            values |= {field.name: value.value, low: value.low, high: value.high}
         else:
-            json_row[field.name] = _json_number(value) if isinstance(value, float) else value
-    return json_row
-
-
-def _json_number(value: float) -> float | None:
-    return round(value, 6) if math.isfinite(value) else None
+            values[field.name] = value
+    for name, value in values.items():
+        if isinstance(value, float):
+            values[name] = round(value, 6) if math.isfinite(value) else None
+    return values

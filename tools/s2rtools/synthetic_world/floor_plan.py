@@ -203,20 +203,12 @@ def _doors(
 
 def _windows(area: Rectangle) -> tuple[tuple[Wall, float], ...]:
     """Windows spread evenly along the outer walls."""
-    outer: list[Wall] = []
-    if area.y0 < 0.01:
-        outer.append("north")
-    if area.y1 > BUILDING_SIZE - 0.01:
-        outer.append("south")
-    if area.x0 < 0.01:
-        outer.append("west")
-    if area.x1 > BUILDING_SIZE - 0.01:
-        outer.append("east")
     windows: list[tuple[Wall, float]] = []
-    for wall in outer:
-        length = area.length(wall)
-        count = int((length - 1.0) // 2.6)
-        windows += [(wall, length * (k + 0.5) / count) for k in range(count)]
+    for wall in WALLS:
+        if _is_outer(area, wall):
+            length = area.length(wall)
+            count = int((length - 1.0) // 2.6)
+            windows += [(wall, length * (k + 0.5) / count) for k in range(count)]
     return tuple(windows)
 
 
@@ -226,25 +218,18 @@ WINDOW_WIDTH = 1.8
 def _corridors(west: float, east: float, north: float, south: float) -> list[PlanRoom]:
     paint: Colour = (0.74, 0.75, 0.72)
     warm: Colour = (0.78, 0.72, 0.62)
-    flat = {"floor": 0, "colour": paint}
-    wood = {"floor": 1, "colour": warm}
-    pieces: list[tuple[str, Rectangle, tuple[Wall, ...], dict[str, object]]] = [
-        ("west corridor", Rectangle(0, north, west, south), ("east",), flat),
-        ("east corridor", Rectangle(east, north, BUILDING_SIZE, south), ("west",), flat),
-        ("north corridor", Rectangle(west, 0, east, north), ("south",), wood),
-        ("south corridor", Rectangle(west, south, east, BUILDING_SIZE), ("north",), wood),
-        ("crossing", Rectangle(west, north, east, south), WALLS, flat),
+    pieces: list[tuple[str, Rectangle, Colour, int, tuple[Wall, ...]]] = [
+        ("west corridor", Rectangle(0, north, west, south), paint, 0, ("east",)),
+        ("east corridor", Rectangle(east, north, BUILDING_SIZE, south), paint, 0, ("west",)),
+        ("north corridor", Rectangle(west, 0, east, north), warm, 1, ("south",)),
+        ("south corridor", Rectangle(west, south, east, BUILDING_SIZE), warm, 1, ("north",)),
+        ("crossing", Rectangle(west, north, east, south), paint, 0, WALLS),
     ]
     rooms = []
-    for name, area, open_walls, look in pieces:
-        windows = tuple(
-            (wall, area.length(wall) / 2) for wall in WALLS
-            if wall not in open_walls and _is_outer(area, wall)
-        )  # fmt: skip
-        rooms.append(
-            PlanRoom(name, "corridor", area, look["colour"], int(str(look["floor"])),  # type: ignore[arg-type]
-                 open_walls, windows)
-        )  # fmt: skip
+    for name, area, colour, floor, open_walls in pieces:
+        outer = [wall for wall in WALLS if wall not in open_walls and _is_outer(area, wall)]
+        windows = tuple((wall, area.length(wall) / 2) for wall in outer)
+        rooms.append(PlanRoom(name, "corridor", area, colour, floor, open_walls, windows))
     return rooms
 
 
@@ -298,14 +283,9 @@ def _wall(plan: BuildingPlan, room: PlanRoom, wall: Wall) -> list[ScenePart]:
 
 
 def _wall_slab(
-    room: PlanRoom,
-    wall: Wall,
-    a: float,
-    b: float,
-    low: float,
-    high: float,
+    room: PlanRoom, wall: Wall, a: float, b: float, low: float, high: float,
     material: Material = Material.PLASTER,
-) -> ScenePart:
+) -> ScenePart:  # fmt: skip
     x, y = room.area.on_wall(wall, (a + b) / 2, HALF_WALL / 2)
     half, thin = (b - a) / 2, HALF_WALL / 2
     along_x = wall in ("north", "south")
@@ -318,15 +298,13 @@ def _wall_slab(
 def _door_frame(door: Door) -> list[ScenePart]:
     """Posts and lintel of a door opening."""
     parts = []
-    reach = DOOR_WIDTH / 2
-    for along in (-reach, reach):
+    reach, thick = DOOR_WIDTH / 2, HALF_WALL + 0.02
+    for along, half, low in (
+        (-reach, _FRAME / 2, 0.0), (reach, _FRAME / 2, 0.0), (0.0, reach, DOOR_HEIGHT)
+    ):  # fmt: skip
         x, y = (door.x + along, door.y) if door.flat else (door.x, door.y + along)
-        half = (_FRAME / 2, HALF_WALL + 0.02)
-        parts.append(ScenePart(x, y, *(half if door.flat else half[::-1]), 0, DOOR_HEIGHT + 0.05,
-                         FRAME_COLOUR, Material.WOOD))  # fmt: skip
-    half = (reach, HALF_WALL + 0.02)
-    parts.append(ScenePart(door.x, door.y, *(half if door.flat else half[::-1]),
-                     DOOR_HEIGHT, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))  # fmt: skip
+        halves = (half, thick) if door.flat else (thick, half)
+        parts.append(ScenePart(x, y, *halves, low, DOOR_HEIGHT + 0.05, FRAME_COLOUR, Material.WOOD))
     return parts
 
 

@@ -214,12 +214,10 @@ def furnish(
         _clear_paths(furnishing, room, first)
     for door in plan.doors:
         is_open = (door_leaf(plan, door, True),)
+        item = SceneObject("door", is_open, is_open)
         if door in shut:
-            furnishing.objects.append(
-                SceneObject("door", is_open, (door_leaf(plan, door, False),), "closed")
-            )
-        else:
-            furnishing.objects.append(SceneObject("door", is_open, is_open))
+            item = SceneObject("door", is_open, (door_leaf(plan, door, False),), "closed")
+        furnishing.objects.append(item)
     return furnishing.objects
 
 
@@ -232,17 +230,14 @@ def _place_change(furnishing: Furnishing, name: str, kind: str, rooms: list[Plan
         furnishing.spots.append(spot)
         parts = FURNITURE[name].make(furnishing.rng)
         here = place_at_wall(parts, room, spot)
+        sim, real = ((), here) if kind == "added" else (here, ())
         if kind == "moved":
             other = furnishing.find_spot(FURNITURE[name], room)
             if other is None:
                 continue
             furnishing.spots.append(other)
-            furnishing.objects.append(
-                SceneObject(name, here, place_at_wall(parts, room, other), kind)
-            )
-        else:
-            sim, real = (here, ()) if kind == "removed" else ((), here)
-            furnishing.objects.append(SceneObject(name, sim, real, kind))
+            real = place_at_wall(parts, room, other)
+        furnishing.objects.append(SceneObject(name, sim, real, kind))
         return
 
 
@@ -281,7 +276,9 @@ def _connected(furnishing: Furnishing, room: PlanRoom, building: list[ScenePart]
     rows = slice(round(area.y0 / FLOOR_CELL), round(area.y1 / FLOOR_CELL))
     cols = slice(round(area.x0 / FLOOR_CELL), round(area.x1 / FLOOR_CELL))
     labels, _ = ndimage.label(free[rows, cols], structure=np.ones((3, 3)))
-    connected = [labels[half] for half in _halves(labels.shape)]
+    upright = labels if labels.shape[0] >= labels.shape[1] else labels.T
+    third = upright.shape[0] // 3
+    connected = [upright[:third], upright[-third:]]  # the outer thirds along the longer side
     for door in furnishing.plan.doors_of(room.name):
         i, j = (int(v / FLOOR_CELL) - s.start for v, s in ((door.y, rows), (door.x, cols)))
         connected.append(labels[max(i - 4, 0) : i + 5, max(j - 4, 0) : j + 5])
@@ -289,11 +286,3 @@ def _connected(furnishing: Furnishing, room: PlanRoom, building: list[ScenePart]
     for part in connected[1:]:
         common &= set(np.unique(part))
     return bool(common)
-
-
-def _halves(shape: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """The outer thirds of a grid along its longer side."""
-    rows, cols = shape
-    if rows >= cols:
-        return [(slice(0, rows // 3), slice(None)), (slice(-(rows // 3), None), slice(None))]
-    return [(slice(None), slice(0, cols // 3)), (slice(None), slice(-(cols // 3), None))]

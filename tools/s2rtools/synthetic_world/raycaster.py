@@ -17,29 +17,18 @@ from s2rtools.synthetic_world.materials import noise, textured
 
 _FAR = 1e9
 
+Vector = tuple[float, float, float]
+
 
 @njit(cache=True)
 def _hit_box(
-    lx: float,
-    ly: float,
-    oz: float,
-    kx: float,
-    ky: float,
-    dz: float,
-    half_x: float,
-    half_y: float,
-    low: float,
-    high: float,
+    origin: Vector, direction: Vector, half_x: float, half_y: float, low: float, high: float
 ) -> tuple[float, int]:
     """Entry distance and the axis of the face: 0 x, 1 y, 2 z; -1 for a miss."""
     near, far, axis = -_FAR, _FAR, -1
+    lows, highs = (-half_x, -half_y, low), (half_x, half_y, high)
     for number in range(3):
-        if number == 0:
-            o, d, a, b = lx, kx, -half_x, half_x
-        elif number == 1:
-            o, d, a, b = ly, ky, -half_y, half_y
-        else:
-            o, d, a, b = oz, dz, low, high
+        o, d, a, b = origin[number], direction[number], lows[number], highs[number]
         if abs(d) < 1e-12:
             if o < a or o > b:
                 return _FAR, -1
@@ -57,19 +46,11 @@ def _hit_box(
 
 @njit(cache=True)
 def _hit_pillar(
-    lx: float,
-    ly: float,
-    oz: float,
-    kx: float,
-    ky: float,
-    dz: float,
-    half_x: float,
-    half_y: float,
-    low: float,
-    high: float,
+    origin: Vector, direction: Vector, half_x: float, half_y: float, low: float, high: float
 ) -> tuple[float, int]:
     """As `_hit_box`; axis 0 is the round side, 2 the top."""
     best, axis = _FAR, -1
+    (lx, ly, oz), (kx, ky, dz) = origin, direction
     ox, oy, dx, dy = lx / half_x, ly / half_y, kx / half_x, ky / half_y
     a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - 1.0
     root = b * b - a * c
@@ -90,12 +71,8 @@ def _hit_pillar(
 
 @njit(cache=True)
 def _hit_bush(
-    lx: float,
-    ly: float,
-    oz: float,
-    kx: float,
-    ky: float,
-    dz: float,
+    origin: Vector,
+    direction: Vector,
     half_x: float,
     half_y: float,
     low: float,
@@ -104,6 +81,7 @@ def _hit_bush(
 ) -> tuple[float, int]:
     """An ellipsoid with random holes between its leaves; axis 3."""
     half_z = 0.5 * (high - low)
+    (lx, ly, oz), (kx, ky, dz) = origin, direction
     ox, oy, pz = lx / half_x, ly / half_y, (oz - 0.5 * (low + high)) / half_z
     dx, dy, ez = kx / half_x, ky / half_y, dz / half_z
     a = dx * dx + dy * dy + ez * ez
@@ -124,17 +102,10 @@ def _hit_bush(
 
 @njit(cache=True)
 def _hit_wheel(
-    lx: float,
-    ly: float,
-    oz: float,
-    kx: float,
-    ky: float,
-    dz: float,
-    half_x: float,
-    low: float,
-    high: float,
+    origin: Vector, direction: Vector, half_x: float, low: float, high: float
 ) -> tuple[float, int]:
     """A tyre with spokes in the plane y = 0; axis 1."""
+    (lx, ly, oz), (kx, ky, dz) = origin, direction
     if abs(ky) < 1e-9:
         return _FAR, -1
     t = -ly / ky
@@ -154,24 +125,15 @@ def _hit_wheel(
 
 @njit(cache=True)
 def trace(
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    ceiling: float,
-    numbers: Any,
-    codes: Any,
-    start: Any,
-    members: Any,
-    cell: float,
-    cells: int,
+    origin: Vector, direction: Vector, ceiling: float, parts: tuple[Any, ...]
 ) -> tuple[float, int, int]:
-    """Distance along (dx, dy, dz), index of the hit part, and its face.
+    """Distance along the direction, index of the hit part, and its face.
 
-    Part -1 is the floor, -2 the ceiling, -3 no hit.
+    `parts` are numbers, codes, start, members, cell and cells of a `PackedScene`. Part -1 is the
+    floor, -2 the ceiling, -3 no hit.
     """
+    (ox, oy, oz), (dx, dy, dz) = origin, direction
+    numbers, codes, start, members, cell, cells = parts
     best, part, face = _FAR, -3, 2
     if dz < -1e-9:
         best, part = -oz / dz, -1
@@ -190,18 +152,18 @@ def trace(
             p = members[slot]
             rx, ry = ox - numbers[p, 0], oy - numbers[p, 1]
             c, s = numbers[p, 2], numbers[p, 3]
-            lx, ly = rx * c + ry * s, ry * c - rx * s
-            kx, ky = dx * c + dy * s, dy * c - dx * s
+            local = rx * c + ry * s, ry * c - rx * s, oz
+            ray = dx * c + dy * s, dy * c - dx * s, dz
             hx, hy, low, high = numbers[p, 4], numbers[p, 5], numbers[p, 6], numbers[p, 7]
             shape = codes[p, 0]
             if shape == 0:
-                t, axis = _hit_box(lx, ly, oz, kx, ky, dz, hx, hy, low, high)
+                t, axis = _hit_box(local, ray, hx, hy, low, high)
             elif shape == 1:
-                t, axis = _hit_pillar(lx, ly, oz, kx, ky, dz, hx, hy, low, high)
+                t, axis = _hit_pillar(local, ray, hx, hy, low, high)
             elif shape == 2:
-                t, axis = _hit_bush(lx, ly, oz, kx, ky, dz, hx, hy, low, high, codes[p, 3])
+                t, axis = _hit_bush(local, ray, hx, hy, low, high, codes[p, 3])
             else:
-                t, axis = _hit_wheel(lx, ly, oz, kx, ky, dz, hx, low, high)
+                t, axis = _hit_wheel(local, ray, hx, low, high)
             if axis >= 0 and t < best:
                 best, part, face = t, p, axis
         if next_x < next_y:
@@ -230,27 +192,18 @@ def _sampled(field: Any, x: float, y: float, cell: float, channel: int) -> float
 
 @njit(cache=True)
 def shade(
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    t: float,
-    part: int,
-    face: int,
-    numbers: Any,
-    codes: Any,
-    floor: Any,
-    palette: Any,
-    light: Any,
-    cell: float,
-) -> tuple[float, float, float]:
-    """Linear colour at the hit point of a ray.
+    origin: Vector, direction: Vector, hit: tuple[float, int, int], parts: tuple[Any, ...],
+    surfaces: tuple[Any, ...],
+) -> Vector:  # fmt: skip
+    """Linear colour at the hit point of a ray; `parts` and `hit` as in `trace`.
 
-    `floor` holds palette rows per cell, `palette` (m, 5) material, r, g, b, seed; `light`
-    (rows, cols, 4) is the light that reaches a cell and, last, the openness of the floor.
+    `surfaces` are floor, palette, light and cell: `floor` holds palette rows per cell, `palette`
+    (m, 5) material, r, g, b, seed; `light` (rows, cols, 4) is the light that reaches a cell and,
+    last, the openness of the floor.
     """
+    (ox, oy, oz), (dx, dy, dz), (t, part, face) = origin, direction, hit
+    numbers, codes = parts[0], parts[1]
+    floor, palette, light, cell = surfaces
     if part == -3:
         return 0.0, 0.0, 0.0
     x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
@@ -260,16 +213,9 @@ def shade(
         i = min(max(int(y / cell), 0), rows - 1)
         j = min(max(int(x / cell), 0), cols - 1)
         row = floor[i, j]
-        r, g, b = textured(
-            int(palette[row, 0]),
-            x,
-            y,
-            int(palette[row, 4]),
-            True,
-            palette[row, 1],
-            palette[row, 2],
-            palette[row, 3],
-        )
+        tile, seed = int(palette[row, 0]), int(palette[row, 4])
+        red, green, blue = palette[row, 1], palette[row, 2], palette[row, 3]
+        r, g, b = textured(tile, x, y, seed, True, red, green, blue)
         facing = 0.45 + 0.55 * _sampled(light, x, y, cell, 3)
     elif part == -2:
         r, g, b = textured(21, x, y, 7, True, 0.80, 0.80, 0.79)
@@ -304,19 +250,9 @@ def shade(
         flat = face == 2
         if (material == 4 or material == 5 or material == 12) and face != 1:
             material = 0
-        r, g, b = textured(
-            material,
-            u,
-            v,
-            codes[part, 3],
-            flat,
-            numbers[part, 8],
-            numbers[part, 9],
-            numbers[part, 10],
-        )
-        if material == 15:
-            return r, g, b
-        if material == 11:
+        red, green, blue = numbers[part, 8], numbers[part, 9], numbers[part, 10]
+        r, g, b = textured(material, u, v, codes[part, 3], flat, red, green, blue)
+        if material == 15 or material == 11:
             return r, g, b
         if material == 4:
             return 0.8 * r, 0.8 * g, 0.8 * b
@@ -342,24 +278,9 @@ def _srgb(value: float) -> int:
 
 @njit(cache=True, parallel=True)
 def render(
-    poses: Any,
-    lens: Any,
-    samples: int,
-    ceiling: float,
-    numbers: Any,
-    codes: Any,
-    start: Any,
-    members: Any,
-    grid_cell: float,
-    cells: int,
-    floor: Any,
-    palette: Any,
-    light: Any,
-    cell: float,
-    rgb: Any,
-    depth: Any,
-    identity: Any,
-) -> None:
+    poses: Any, lens: Any, samples: int, ceiling: float, parts: tuple[Any, ...],
+    surfaces: tuple[Any, ...], rgb: Any, depth: Any, identity: Any,
+) -> None:  # fmt: skip
     """Fill rgb (n, h, w, 3) uint8, depth (n, h, w) float32 planar metres, identity (n, h, w).
 
     `poses` (n, 3) are x, y, heading with y down; `lens` (8,) fx, fy, cx, cy, pitch, height,
@@ -367,11 +288,12 @@ def render(
     mean of samples x samples rays.
     """
     count, height, width = depth.shape
+    codes = parts[1]
     for row in prange(count * height):
         n, i = row // height, row % height
         cos_a, sin_a = math.cos(poses[n, 2]), math.sin(poses[n, 2])
         ox, oy = poses[n, 0] + lens[6] * cos_a, poses[n, 1] + lens[6] * sin_a
-        oz, cos_p, sin_p = lens[5], math.cos(lens[4]), math.sin(lens[4])
+        origin, cos_p, sin_p = (ox, oy, lens[5]), math.cos(lens[4]), math.sin(lens[4])
         for j in range(width):
             red, green, blue = 0.0, 0.0, 0.0
             for sample in range(-1, samples * samples):
@@ -383,42 +305,12 @@ def render(
                 right, up = (u - lens[2]) / lens[0], -(v - lens[3]) / lens[1]
                 ahead, dz = cos_p - sin_p * up, sin_p + cos_p * up
                 dx, dy = ahead * cos_a - right * sin_a, ahead * sin_a + right * cos_a
-                t, part, face = trace(
-                    ox,
-                    oy,
-                    oz,
-                    dx,
-                    dy,
-                    dz,
-                    ceiling,
-                    numbers,
-                    codes,
-                    start,
-                    members,
-                    grid_cell,
-                    cells,
-                )
+                hit = trace(origin, (dx, dy, dz), ceiling, parts)
                 if sample < 0:
-                    depth[n, i, j] = t if part > -3 else 0.0
-                    identity[n, i, j] = codes[part, 2] if part >= 0 else 0
+                    depth[n, i, j] = hit[0] if hit[1] > -3 else 0.0
+                    identity[n, i, j] = codes[hit[1], 2] if hit[1] >= 0 else 0
                 else:
-                    r, g, b = shade(
-                        ox,
-                        oy,
-                        oz,
-                        dx,
-                        dy,
-                        dz,
-                        t,
-                        part,
-                        face,
-                        numbers,
-                        codes,
-                        floor,
-                        palette,
-                        light,
-                        cell,
-                    )
+                    r, g, b = shade(origin, (dx, dy, dz), hit, parts, surfaces)
                     red += min(r, 2.0)
                     green += min(g, 2.0)
                     blue += min(b, 2.0)
@@ -460,21 +352,13 @@ def light_map(lamps: Any, walls: Any, cell: float) -> NDArray[np.float64]:
 
 @njit(cache=True, parallel=True)
 def render_plan(
-    pixels: int, metres: float, from_height: float,
-    numbers: Any, codes: Any, start: Any, members: Any, grid_cell: float, cells: int,
-    floor: Any, palette: Any, light: Any, cell: float, rgb: Any,
+    pixels: int, metres: float, from_height: float, parts: tuple[Any, ...],
+    surfaces: tuple[Any, ...], rgb: Any,
 ) -> None:  # fmt: skip
     """Fill rgb (pixels, pixels, 3) uint8 with the view from straight above."""
     for i in prange(pixels):
         for j in range(pixels):
-            x, y = (j + 0.5) * metres / pixels, (i + 0.5) * metres / pixels
-            dx, dy = 1e-9, 1e-9
-            t, part, face = trace(
-                x, y, from_height, dx, dy, -1.0, 10.0,
-                numbers, codes, start, members, grid_cell, cells,
-            )  # fmt: skip
-            r, g, b = shade(
-                x, y, from_height, dx, dy, -1.0, t, part, face, numbers, codes,
-                floor, palette, light, cell,
-            )  # fmt: skip
+            origin = (j + 0.5) * metres / pixels, (i + 0.5) * metres / pixels, from_height
+            down = 1e-9, 1e-9, -1.0
+            r, g, b = shade(origin, down, trace(origin, down, 10.0, parts), parts, surfaces)
             rgb[i, j, 0], rgb[i, j, 1], rgb[i, j, 2] = _srgb(r), _srgb(g), _srgb(b)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import raycaster
 from s2rtools.synthetic_world.scene_geometry import (
     Lamp,
-    PackedScene,
     ScenePart,
     WorldScene,
     footprint,
@@ -86,8 +85,9 @@ class RayCaster:
         self._scene = scene
 
     @cached_property
-    def _packed(self) -> PackedScene:
-        return pack_scene(self._scene)
+    def _parts(self) -> tuple[Any, ...]:
+        scene = pack_scene(self._scene)
+        return scene.numbers, scene.codes, scene.start, scene.members, scene.cell, scene.cells
 
     @cached_property
     def _light(self) -> NDArray[np.float64]:
@@ -107,7 +107,6 @@ class RayCaster:
     def render(
         self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES
     ) -> RenderedViews:
-        scene, packed = self._scene, self._packed
         shape = (len(poses), *camera.frame)
         views = RenderedViews(
             np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
@@ -117,10 +116,8 @@ class RayCaster:
              camera.height, camera.forward_offset]
         )  # fmt: skip
         arguments = (
-            np.ascontiguousarray(poses, dtype=np.float64), lens, samples, scene.ceiling,
-            packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
-            scene.floor, self._palette, self._light, LIGHT_CELL,
-            views.rgb, views.depth, views.identity,
+            np.ascontiguousarray(poses, dtype=np.float64), lens, samples, self._scene.ceiling,
+            self._parts, self._surfaces, views.rgb, views.depth, views.identity,
         )  # fmt: skip
         with _KERNEL_LOCK:
             raycaster.render(*arguments)
@@ -128,13 +125,9 @@ class RayCaster:
 
     def plan(self, pixels: int) -> NDArray[np.uint8]:
         """The scene from above without its ceiling, (pixels, pixels, 3) uint8, walls dark."""
-        scene, packed = self._scene, self._packed
+        scene = self._scene
         rgb = np.empty((pixels, pixels, 3), np.uint8)
-        arguments = (
-            pixels, scene.size, _PLAN_HEIGHT,
-            packed.numbers, packed.codes, packed.start, packed.members, packed.cell, packed.cells,
-            scene.floor, self._palette, self._light, LIGHT_CELL, rgb,
-        )  # fmt: skip
+        arguments = pixels, scene.size, _PLAN_HEIGHT, self._parts, self._surfaces, rgb
         with _KERNEL_LOCK:
             raycaster.render_plan(*arguments)
         tall = [part for part in scene.building if part.low < 0.5]
@@ -142,8 +135,9 @@ class RayCaster:
         return rgb
 
     @cached_property
-    def _palette(self) -> NDArray[np.float64]:
-        return np.array([(m, *colour, seed) for m, colour, seed in self._scene.palette])
+    def _surfaces(self) -> tuple[Any, ...]:
+        palette = np.array([(m, *colour, seed) for m, colour, seed in self._scene.palette])
+        return self._scene.floor, palette, self._light, LIGHT_CELL
 
 
 @lru_cache(maxsize=8)

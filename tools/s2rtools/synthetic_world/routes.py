@@ -59,9 +59,8 @@ class DrivableFloor:
         """The point of a rectangle with the largest clearance, metres."""
         rows = slice(round(y0 / FLOOR_CELL), round(y1 / FLOOR_CELL))
         cols = slice(round(x0 / FLOOR_CELL), round(x1 / FLOOR_CELL))
-        i, j = np.unravel_index(
-            self.clearance[rows, cols].argmax(), self.clearance[rows, cols].shape
-        )
+        clear = self.clearance[rows, cols]
+        i, j = np.unravel_index(clear.argmax(), clear.shape)
         return (cols.start + int(j) + 0.5) * FLOOR_CELL, (rows.start + int(i) + 0.5) * FLOOR_CELL
 
     def route(self, stops: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
@@ -138,18 +137,9 @@ def drive_along(
     poses = np.stack([x, y, angles.wrap(heading + sway)], axis=1)[:-45]
     turning = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2])) / _TURN
     clock = np.cumsum(0.02 / 0.25 + turning)
-    poses = (
-        poses[has_content(poses)]
-        if len(poses) < 2
-        else _sample_evenly(poses, clock, has_content, count)
-    )
-    return poses
-
-
-def _sample_evenly(
-    poses: Poses, clock: NDArray[np.float64], has_content: HasContent, count: int
-) -> Poses:
-    """Poses whose views have content, evenly spaced in driving time."""
+    if len(poses) < 2:
+        return poses[has_content(poses)]
+    # Poses whose views have content, evenly spaced in driving time.
     keep = np.flatnonzero(has_content(poses[::3])) * 3
     at = np.interp(np.linspace(0, len(keep) - 1, count), np.arange(len(keep)), clock[keep])
     nearest = np.clip(np.searchsorted(clock[keep], at), 0, len(keep) - 1)

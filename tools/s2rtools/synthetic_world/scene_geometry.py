@@ -17,7 +17,7 @@ Colour = tuple[float, float, float]
 
 class Shape(IntEnum):
     """BOX fills its rectangle, PILLAR the ellipse in it; BUSH is an ellipsoid with holes; WHEEL is
-    a spoked ring that stands in its box's x-z plane.
+    an upright ring with spokes in the x-z plane of its box.
     """
 
     BOX = 0

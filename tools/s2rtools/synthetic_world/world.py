@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -47,12 +48,12 @@ class World:
         self.seed = seed
         self.plan = planning.plan_building(seed)
         stops = {name: self._stops(number) for number, name in enumerate(TRAJECTORIES)}
-        visited = _interleave([room for room, _ in stops[name]] for name in TRAJECTORIES)
-        visited_rooms = {room for rooms in stops.values() for room, _ in rooms}
+        in_turn = [stop for pair in zip_longest(*stops.values()) for stop in pair if stop]
+        visited = list(dict.fromkeys(room for room, _ in in_turn))
         closable = [
             door for door in self.plan.doors
             if not any(self.plan.room(name).is_corridor for name in door.rooms)
-            and set(door.rooms) & visited_rooms
+            and set(door.rooms) & set(visited)
         ]  # fmt: skip
         self.objects: list[SceneObject] = furnish(self.plan, visited, closable, seed)
         self._stops_of = stops
@@ -129,7 +130,7 @@ class World:
         return good
 
     def renderer(self, factors: Mapping[str, float], restored: int | None = None) -> SceneRenderer:
-        """Renderer of one side; `restored` is the id of an object kept as in simulation."""
+        """Renderer of one side; object `restored` (an id) stays as in simulation."""
         if restored is not None:
             return RayCaster(self.scene(factors, restored))
         return _renderer(self, tuple(sorted(factors.items())))
@@ -242,14 +243,6 @@ def _lamp_fixture(lamp: Lamp) -> ScenePart:
     return ScenePart(
         lamp.x, lamp.y, 0.55, 0.15, 2.66, 2.70, (colour[0], colour[1], colour[2]), Material.LAMP
     )
-
-
-def _interleave(lists: Iterable[list[str]]) -> list[str]:
-    """Names in turn from each list, each once."""
-    rows = list(lists)
-    longest = max(map(len, rows))
-    mixed = [row[k] for k in range(longest) for row in rows if k < len(row)]
-    return list(dict.fromkeys(mixed))
 
 
 def labelled_changes(world: World) -> list[dict[str, Any]]:

@@ -146,5 +146,5 @@ def sample_rows(valid: NDArray[np.bool_], limit: int, seed: int) -> NDArray[np.i
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:
     """Rows of a Zarr or numpy array."""
-    picked = side[rows] if isinstance(side, np.ndarray) else side.oindex[rows]
+    picked = side[rows] if isinstance(side, np.ndarray) else side.at(rows)
     return np.asarray(picked, dtype=np.float32)
