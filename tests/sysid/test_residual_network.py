@@ -25,7 +25,7 @@ def test_an_untrained_network_is_the_simulator(plain: Identification) -> None:
 def test_it_does_not_help_where_only_noise_is_left(plain: Identification) -> None:
     residual = learn(plain, Silent(), epochs=40)
     assert not residual.accepted
-    assert "did not help" in residual.sentence
+    assert "does not help" in residual.sentence
 
 
 def test_it_helps_where_the_structure_differs(unequal: Identification) -> None:

@@ -21,7 +21,7 @@ _WEIGHT_ROUNDS = 2
 @dataclass(frozen=True, slots=True)
 class SearchTrace:
     """Search of one seed: best `costs` (k,) after `evaluations` (k,) on the windows of the search,
-    its end (p,), the refined end (p,), and the cost of that on all windows.
+    the `end` (p,) of the search, the `refined` end (p,), and its `cost` on all windows.
     """
 
     seed: int
@@ -60,7 +60,7 @@ def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: i
 
 
 def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generator, number: int,
-            evaluations: int, advance: Advance) -> SearchTrace:  # fmt: skip
+                 evaluations: int, advance: Advance) -> SearchTrace:  # fmt: skip
     part = problem.of(problem.windows.only(_random_windows(problem, rng)))
     counts, costs, end = minimize(part.cost, start, rng, evaluations, _SPREAD, advance)
     whole, fine = refine(problem, end)
@@ -70,8 +70,8 @@ def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generat
 def _random_windows(problem: PredictionError, rng: np.random.Generator) -> Integers:
     """Windows of together `_MAX_SECONDS` seconds, drawn without replacement."""
     count = len(problem.windows)
-    keep = max(1, int(count * min(1.0, _MAX_SECONDS / problem.windows.seconds())))
-    return np.sort(rng.permutation(count)[:keep])
+    size = max(1, int(count * min(1.0, _MAX_SECONDS / problem.windows.seconds())))
+    return np.sort(rng.permutation(count)[:size])
 
 
 def _residual_noise(problem: PredictionError, cube: Floats) -> Floats:
