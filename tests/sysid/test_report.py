@@ -163,7 +163,7 @@ def test_coarse_logs_lose_only_the_network(
     monkeypatch.setattr(residual_training, "STEP", 0.001)
     drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
-    assert "--residual: poses every" in capsys.readouterr().err
+    assert "--residual: needs at least 4 poses" in capsys.readouterr().err
     told = json.loads((out / "sysid.json").read_text())
     assert told["conclusive"]
     assert "residual" not in told

@@ -12,7 +12,7 @@ from s2rtools.gap.gate.reference import AxisScale, freeze
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Results by axis; `absent` and `inconclusive` hold the reasons of axes without a result."""
+    """Results by axis; `absent` and `inconclusive` hold the reasons for axes without a result."""
 
     measured: Mapping[str, AxisResult]
     absent: Mapping[str, str]
