@@ -41,7 +41,7 @@ def test_one_held_out_drive_cannot_judge_it(unequal: Identification) -> None:
     assert dataclasses.replace(residual, error=better).accepted
     alone = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
     assert not alone.accepted
-    assert "it takes 2 held-out drives" in alone.sentence
+    assert "needs 2 held-out drives" in alone.sentence
 
 
 def test_weights_are_safetensors_that_tell_their_inputs(unequal: Identification) -> None:

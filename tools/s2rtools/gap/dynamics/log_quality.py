@@ -34,7 +34,7 @@ def require_sampling(log: Log, horizon: float) -> None:
 
 
 def require_motion(real: Log, horizon: float, measured: Noise) -> None:
-    """Raises InconclusiveError where a robot stays in place, or its motion looks like noise."""
+    """Raises InconclusiveError where the robot stays in place, or moves less than the noise."""
     covered = ape_rpe.travel(real, horizon)
     if covered < max(MIN_TRAVEL, MIN_TRAVEL_OVER_NOISE * measured.position):
         raise InconclusiveError(
