@@ -45,17 +45,17 @@ def digest(path: Path) -> str:
     return sha256.hexdigest()
 
 
-def numbers(words: Sequence[str], names: Sequence[str], place: str) -> list[float]:
+def numbers(texts: Sequence[str], names: Sequence[str], place: str) -> list[float]:
     """The texts of one row as finite numbers."""
     values = []
-    for word, name in zip(words, names, strict=True):
+    for text, name in zip(texts, names, strict=True):
         try:
-            value = float(word)
+            value = float(text)
         except ValueError:
-            value_text = word.strip() or "empty"
-            raise RequestError(f"{place}: {name} is {value_text}, not a number") from None
+            shown = text.strip() or "empty"
+            raise RequestError(f"{place}: {name} is {shown}, not a number") from None
         if not np.isfinite(value):
-            raise RequestError(f"{place}: {name} is {word.strip()}; remove the row")
+            raise RequestError(f"{place}: {name} is {text.strip()}; remove the row")
         values.append(value)
     return values
 

@@ -19,14 +19,14 @@ def read(path: Path) -> Log:
     lines: list[int] = []
     rows: list[list[float]] = []
     for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
+        values = line.split()
+        if not values or values[0].startswith("#"):
             continue
-        if len(words) != len(_COLUMNS):
+        if len(values) != len(_COLUMNS):
             raise RequestError(
-                f"{path}:{number}: {len(words)} values; TUM has 8: {' '.join(_COLUMNS)}"
+                f"{path}:{number}: {len(values)} values; TUM has 8: {' '.join(_COLUMNS)}"
             )
-        rows.append(row_checks.numbers(words, _COLUMNS, f"{path}:{number}"))
+        rows.append(row_checks.numbers(values, _COLUMNS, f"{path}:{number}"))
         lines.append(number)
     if not rows:
         raise RequestError(f"{path}: no poses, only comments")

@@ -19,24 +19,24 @@ MAX_REACH = 60.0
 _PARTS = ("rigid", "reflection", "scale")
 
 
-def axes(words: Sequence[str]) -> dict[str, Axis]:
+def axes(texts: Sequence[str]) -> dict[str, Axis]:
     """Both axes, configured by options NAME=VALUE.
 
     Raises RequestError for unknown and repeated names and for invalid values.
     """
     options: dict[str, Any] = {}
-    for word in words:
-        name, equals, text = (part.strip() for part in word.partition("="))
+    for option in texts:
+        name, equals, value = (part.strip() for part in option.partition("="))
         if not equals or name not in OPTIONS:
             raise RequestError(
-                f"--dynamics {word}: expected NAME=VALUE with NAME one of {', '.join(OPTIONS)}"
+                f"--dynamics {option}: expected NAME=VALUE with NAME one of {', '.join(OPTIONS)}"
             )
         if name in options:
-            raise RequestError(f"--dynamics {word}: {name} is repeated")
+            raise RequestError(f"--dynamics {option}: {name} is repeated")
         try:
-            options[name] = OPTIONS[name](text)
+            options[name] = OPTIONS[name](value)
         except RequestError as error:
-            raise RequestError(f"--dynamics {word}: {error}") from error
+            raise RequestError(f"--dynamics {option}: {error}") from error
 
     def arguments(**names: str) -> dict[str, Any]:
         return {target: options[name] for name, target in names.items() if name in options}
@@ -53,7 +53,7 @@ def axes(words: Sequence[str]) -> dict[str, Axis]:
 
 def _horizons(text: str) -> WindowPlan:
     """Horizons in seconds; windows start every half of the shortest one."""
-    horizons = tuple(_number(word, "seconds such as 0.5,1,2") for word in text.split(","))
+    horizons = tuple(_number(part, "seconds such as 0.5,1,2") for part in text.split(","))
     if not all(0 < horizon <= 3600 for horizon in horizons):
         raise RequestError("expected seconds above 0, up to 3600")
     return WindowPlan(horizons, stride=0.5 * horizons[0])
@@ -90,7 +90,7 @@ def _noise(text: str) -> Noise | None:
     if text == "measured":
         return None
     expected = "measured, or metres and radians such as 0.002,0.003"
-    values = [_number(word, expected) for word in text.split(",")]
+    values = [_number(part, expected) for part in text.split(",")]
     if len(values) != 2 or min(values) < 0:
         raise RequestError(f"expected {expected}")
     return Noise(*values)

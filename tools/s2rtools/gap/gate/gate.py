@@ -18,7 +18,7 @@ from s2rtools.gap.dynamics import options
 from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge, unjudged
-from s2rtools.gap.measure import freeze_scales, measure
+from s2rtools.gap.measure import measure
 from s2rtools.gap.report import GapResult, Report, across_report, report
 from s2rtools.gap.task.rank_consistency import rank_consistency
 from s2rtools.motion_logs import Drive
@@ -142,7 +142,13 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
         "model_sha256": store.models[run.model].sha256,
         "expression": evidence.expression,
     }
-    scales = freeze_scales(measurement, evidence, request.settings, request.requested_axes)
+    settings, requested = request.settings, request.requested_axes
+    scales = {
+        name: reference.freeze(
+            result, requested[name].anchor(evidence, settings), requested[name].unit, settings
+        )
+        for name, result in measurement.measured.items()
+    }
     return replace(measured, scales=scales), reference.text(scales, made_from)
 
 
