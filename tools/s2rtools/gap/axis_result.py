@@ -96,5 +96,5 @@ class Axis:
         raise NotImplementedError
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
-        """The declared bad state on the same evidence; raises RequestError where there is none."""
+        """The declared bad state on the same evidence. Raises RequestError if it is missing."""
         raise NotImplementedError

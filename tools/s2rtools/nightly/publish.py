@@ -87,21 +87,21 @@ def _set_latest(link: Path, target: str) -> bool:
     """Point `latest` to the newest night: a link, or a copy where links are not supported."""
     if link.is_symlink() and os.readlink(link) == target:
         return False
-    beside = link.with_name(f".{link.name}.{os.getpid()}")
+    temporary = link.with_name(f".{link.name}.{os.getpid()}")
     try:
         try:
-            beside.symlink_to(target)
+            temporary.symlink_to(target)
         except OSError:
-            return _copy_latest(link, target, beside)
-        beside.replace(link)
+            return _copy_latest(link, target, temporary)
+        temporary.replace(link)
     except OSError as error:
         with suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
         raise RequestError(f"{link}: {error.strerror or error}") from error
     return True
 
 
-def _copy_latest(link: Path, target: str, beside: Path) -> bool:
+def _copy_latest(link: Path, target: str, temporary: Path) -> bool:
     names = sorted(path.name for path in (link.parent / target).iterdir())
     same = link.is_dir() and all(
         (link / name).is_file() and (link / name).read_bytes() == path.read_bytes()
@@ -109,7 +109,7 @@ def _copy_latest(link: Path, target: str, beside: Path) -> bool:
     )  # fmt: skip
     if same:
         return False
-    shutil.copytree(link.parent / target, beside)
+    shutil.copytree(link.parent / target, temporary)
     shutil.rmtree(link, ignore_errors=True)
-    beside.replace(link)
+    temporary.replace(link)
     return True

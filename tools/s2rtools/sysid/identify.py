@@ -104,8 +104,9 @@ def identify(
     problem = PredictionError(space, windows.only(number[~is_held]))
     evaluations = settings.evaluations or simulator.evaluations
     reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
-    result = search(problem, settings.seeds, settings.seed, evaluations, reporter.advance)
-    problem, cube = result.problem, result.cube
+    problem, cube, traces = search(
+        problem, settings.seeds, settings.seed, evaluations, reporter.advance
+    )
     normal = normal_equations(problem, cube)
     rng = np.random.default_rng((settings.seed, 10_000))
     refits = refit_replicates(normal, cube, settings.replicates, rng)
@@ -132,7 +133,7 @@ def identify(
     return Identification(
         settings, space, cube, _estimates(space, cube, limits, (*information.undetermined, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
-        result.traces, problem, everything, error, information, shape, ends, tuple(warnings),
+        tuple(traces), problem, everything, error, information, shape, ends, tuple(warnings),
     )  # fmt: skip
 
 

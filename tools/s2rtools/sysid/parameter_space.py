@@ -132,7 +132,7 @@ def _check_names(simulator: Simulator, chosen: Sequence[str], fixed: Mapping[str
 
 
 def _declared(simulator: Simulator, names: Iterable[str]) -> dict[str, Parameter]:
-    """All parameters by name. Raises RequestError where the simulator has none of a name."""
+    """All parameters by name. Raises RequestError where one of `names` is unknown."""
     known = {one.name: one for one in simulator.parameters}
     for name in names:
         if name not in known:

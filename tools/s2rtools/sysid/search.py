@@ -32,18 +32,12 @@ class SearchTrace:
     cost: float
 
 
-@dataclass(frozen=True, slots=True)
-class SearchResult:
-    """The optimum `cube` (p,) and the problem with its start states and weights."""
-
-    cube: Floats
-    problem: PredictionError
-    traces: tuple[SearchTrace, ...]
-
-
 def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: int,
-           advance: Advance) -> SearchResult:  # fmt: skip
-    """Search with at most `evaluations` per seed; `advance` receives those of each generation."""
+           advance: Advance) -> tuple[PredictionError, Floats, list[SearchTrace]]:  # fmt: skip
+    """Search with at most `evaluations` per seed; `advance` receives those of each generation.
+
+    Returns the problem with the best start states and weights, the optimum (p,), and the traces.
+    """
     traces = []
     for number in range(seeds):
         rng = np.random.default_rng((first_seed, number))
@@ -56,7 +50,7 @@ def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: i
     problem = problem.restarted(cube)
     for _ in range(_WEIGHT_ROUNDS):
         problem, cube = refine(problem.weighted(_residual_noise(problem, cube)), cube)
-    return SearchResult(cube, problem, tuple(traces))
+    return problem, cube, traces
 
 
 def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generator, number: int,

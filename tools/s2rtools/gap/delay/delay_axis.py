@@ -59,7 +59,7 @@ class DelayAxis(Axis):
         if not evidence.drives:
             return "no drives: name a folder of real and simulated logs (--drives)"
         if self.period is None and all(drive.commands is None for drive in evidence.drives):
-            return "no commands.csv beside the logs: the control period is not known"
+            return "no drive has commands.csv: the control period is not known"
         return None
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:

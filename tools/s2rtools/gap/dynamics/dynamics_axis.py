@@ -288,7 +288,7 @@ def _notes(drives: Sequence[_DriveResult], floor_source: str) -> tuple[str, ...]
         notes.append("one drive: the interval does not cover differences between drives")
     if floor_source in (_NOISE, "mixed"):
         notes.append(
-            "the noise floor holds the noise of the real poses alone; repeat real drives with the "
-            "same commands to include how much reality itself varies"
+            "the noise floor contains only the noise of the real poses; repeat real drives with "
+            "the same commands to include the variation of reality"
         )
     return tuple(notes)

@@ -9,7 +9,7 @@ and the real images of A, averaged over all splits. Pairs of images of one block
 because neighbouring images are alike and would count as a gap. The average has a closed form, a sum
 over pairs of blocks: d' (SS + RR - 2 SR) d / d' N d, with S and R the block sums of the kernel, N
 the numbers of pairs and d all ones. Where sim and real images are identical every term is 0.
-Bootstrap replicates and permutations change d alone.
+Bootstrap replicates and permutations change only d.
 
 Source: Binkowski et al., "Demystifying MMD GANs", 2018; Gretton et al., "A kernel two-sample test",
 2012.

@@ -167,7 +167,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
 
 
 def _anchor_run(evidence: Evidence, run: Run) -> Run:
-    """The declared run whose sim images are the bad state; its features must be those of `run`."""
+    """The declared run whose sim images are the bad state; its features must fit those of `run`."""
     raw = evidence.store.run(evidence.anchor_run)
     if raw.model != run.model and evidence.features is None:
         raise RequestError(
