@@ -184,8 +184,11 @@ def _estimates(space: Space, cube: Floats, limits: Floats,
         space.parameters, space.natural(cube).tolist(), low_ends, high_ends, strict=True
     ):
         is_open = one.name in unknown
-        ends = (one.low, one.high) if is_open else (low, high)
+        if is_open:
+            low, high = one.low, one.high
         estimates.append(
-            ParameterEstimate(one.name, one.unit, one.meaning, one.default, value, *ends, is_open)
+            ParameterEstimate(
+                one.name, one.unit, one.meaning, one.default, value, low, high, is_open
+            )
         )
     return tuple(estimates)

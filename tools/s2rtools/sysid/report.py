@@ -60,6 +60,7 @@ def check_writable(folder: Path) -> None:
 def table(content: dict[str, Any]) -> str:
     """A text table of estimates, held-out errors and warnings."""
     level = f"{100 * content['level']:.0f} %"
+    rows: list[tuple[str, ...]]
     rows = [("parameter", "untuned", "estimate", f"{level} interval", "unit")]
     for name, one in content["estimates"].items():
         limits = f"{one['low']:.5g} .. {one['high']:.5g}" if one["identified"] else "not determined"
