@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import s2rstore
 from s2rstore.errors import InconclusiveError, RequestError
@@ -47,26 +48,26 @@ def test_a_change_beyond_the_margin_fails(
     rng = np.random.default_rng(0)
     now = golden_run.take(evidence)
     before = {iid: error - shift + rng.normal(0, 0.05) for iid, error in now.errors.items()}
-    found = golden_run.compare(evidence, replace(now, errors=before), SETTINGS)
+    found = golden_run.compare(evidence, structs.replace(now, errors=before), SETTINGS)
     assert found.change.value == pytest.approx(shift, abs=0.03)
     assert found.outcome == (outcome or "INCONCLUSIVE")
 
 
 def test_other_poses_are_refused(evidence: Evidence) -> None:
-    other = replace(golden_run.take(evidence), poses="f" * 64)
+    other = structs.replace(golden_run.take(evidence), poses="f" * 64)
     with pytest.raises(RequestError, match="other poses than the golden run"):
         golden_run.compare(evidence, other, SETTINGS)
 
 
 def test_another_selection_is_refused(evidence: Evidence) -> None:
-    other = replace(golden_run.take(evidence), expression="best15")
+    other = structs.replace(golden_run.take(evidence), expression="best15")
     with pytest.raises(RequestError, match="the golden run is of 'best15', not of 'all'"):
         golden_run.compare(evidence, other, SETTINGS)
 
 
 def test_few_shared_instances_say_nothing(evidence: Evidence) -> None:
     taken = golden_run.take(evidence)
-    few = replace(taken, errors=dict(list(taken.errors.items())[:5]))
+    few = structs.replace(taken, errors=dict(list(taken.errors.items())[:5]))
     found = golden_run.compare(evidence, few, SETTINGS)
     assert found.outcome == "INCONCLUSIVE"
     assert "5 instances in 2 blocks are common to both runs, 20 in 4 are needed" in found.reason
@@ -85,7 +86,7 @@ def test_what_is_gone_cannot_pass(evidence: Evidence, left: int, outcome: str) -
 
 def test_what_is_gone_hides_no_failure(evidence: Evidence) -> None:
     now = golden_run.take(evidence)
-    before = replace(now, errors={iid: error - 1 for iid, error in now.errors.items()})
+    before = structs.replace(now, errors={iid: error - 1 for iid, error in now.errors.items()})
     part = replace(evidence, iids=np.arange(150))
     assert golden_run.compare(part, before, SETTINGS).outcome == "FAIL"
 

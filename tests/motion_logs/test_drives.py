@@ -56,7 +56,7 @@ def test_what_is_wrong_with_a_folder_is_named(tmp_path: Path) -> None:
         read_drives(tmp_path)
     folder = put(tmp_path / "a", 1)
     (folder / "sim.tum").write_text("0 0 0 0 0 0 0 1\n")
-    with pytest.raises(RequestError, match=r"a: sim\.csv, sim\.tum; keep one sim log"):
+    with pytest.raises(RequestError, match=r"a: sim\.csv, sim\.tum; only one sim log is allowed"):
         read_drives(tmp_path)
     (folder / "sim.tum").unlink()
     (folder / "sim.csv").unlink()

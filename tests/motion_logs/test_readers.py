@@ -71,10 +71,10 @@ def test_tum_headings_are_yaws_whatever_pitch_and_roll(
         ("a.csv", b"time,x,y,heading\n0,0,0,0\n", r"a\.csv: 1 poses"),
         ("a.csv", b"time,x,heading\n0,0,0\n1,0,0\n", r"a\.csv: no column y \(has: time, x"),
         ("a.csv", b"time,x,y\n0,0,0\n1,0,0\n", r"no column heading \(rad\) or heading_deg"),
-        ("a.csv", b"time,x,x,y,heading\n0,0,0,0,0\n", r"a\.csv:1: column x stands twice"),
+        ("a.csv", b"time,x,x,y,heading\n0,0,0,0,0\n", r"a\.csv:1: column x is repeated"),
         ("a.csv", b"# c\n" + GOOD.encode() + b"0.2,nan,0,0\n", r"a\.csv:5: x is nan; remove"),
         ("a.csv", GOOD.encode() + b"0.2,1,inf,0\n", r"a\.csv:4: y is inf"),
-        ("a.csv", GOOD.encode() + b"0.2,1,,0\n", r"a\.csv:4: y is nothing, not a number"),
+        ("a.csv", GOOD.encode() + b"0.2,1,,0\n", r"a\.csv:4: y is empty, not a number"),
         ("a.csv", GOOD.encode() + b"0.2,1,0\n", r"a\.csv:4: 3 values for 4 columns"),
         ("a.csv", GOOD.encode() + b"0.05,1,0,0\n", r"a\.csv:4: the clock runs backward \(0\.1 s"),
         ("a.csv", GOOD.encode() + b"0.1,1,0,0\n", r"a\.csv:4: the clock stands still"),
@@ -85,7 +85,7 @@ def test_tum_headings_are_yaws_whatever_pitch_and_roll(
         ("a.tum", b"0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0\n", r"a\.tum:2: the quaternion is 0"),
         ("a.tum", b"0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1\n", r"a\.tum:2: tx is nan"),
         ("a.tum", b"1 0 0 0 0 0 0 1\n#\n0 0 0 0 0 0 0 1\n", r"a\.tum:3: the clock runs backward"),
-        ("a.xlsx", b"PK", r"a\.xlsx: unknown kind of log"),
+        ("a.xlsx", b"PK", r"a\.xlsx: unknown log format"),
     ],
 )
 def test_faults_are_one_line_that_says_where(

@@ -97,10 +97,10 @@ def test_what_drives_leave_open_ends_with_3(
     (["latency=0..1:root"], "expected LOW..HIGH"),
     (["weight=1..2"], "weight: no parameter"),
     (["mass=9..3"], "the lower first"),
-    (["mass=0..3"], "must be over 0"),
+    (["mass=0..3"], "must be above 0"),
     (["mass=1..inf"], "must be two numbers"),
     (["latency=-1..1"], "must be at least 0"),
-    (["latency=0..1:log"], "must begin over 0"),
+    (["latency=0..1:log"], "must begin above 0"),
     (["wheels=-2..2"], "must lie within -1 .. 1"),
     (["track=0.1..0.2"], "track: not searched"),
 ])  # fmt: skip
@@ -163,7 +163,7 @@ def test_coarse_logs_lose_only_the_network(
     monkeypatch.setattr(residual_training, "STEP", 0.001)
     drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
-    assert "--residual: poses every" in capsys.readouterr().err
+    assert "--residual: needs at least 4 poses" in capsys.readouterr().err
     told = json.loads((out / "sysid.json").read_text())
     assert told["conclusive"]
     assert "residual" not in told

@@ -25,7 +25,7 @@ def test_an_untrained_network_is_the_simulator(plain: Identification) -> None:
 def test_it_does_not_help_where_only_noise_is_left(plain: Identification) -> None:
     residual = learn(plain, Silent(), epochs=40)
     assert not residual.accepted
-    assert "did not help" in residual.sentence
+    assert "does not help" in residual.sentence
 
 
 def test_it_helps_where_the_structure_differs(unequal: Identification) -> None:
@@ -41,7 +41,7 @@ def test_one_held_out_drive_cannot_judge_it(unequal: Identification) -> None:
     assert dataclasses.replace(residual, error=better).accepted
     alone = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
     assert not alone.accepted
-    assert "it takes 2 held-out drives" in alone.sentence
+    assert "needs 2 held-out drives" in alone.sentence
 
 
 def test_weights_are_safetensors_that_tell_their_inputs(unequal: Identification) -> None:

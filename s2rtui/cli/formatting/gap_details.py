@@ -45,15 +45,19 @@ def _visual(details: Details) -> Iterator[str]:
         if isinstance(row, dict) and "floor_low" in row
     ]
     yield f"permutation p value of the kernel distance: {details['kid_p']:.3g}"
-    names = ("figure", "sim and real", "real and real")
-    yield f"two halves of the instances, n = {halves['n']}:\n" + output.table(names, rows)
+    names = ("metric", "sim and real", "real and real (noise floor)")
+    yield (
+        f"means over {halves['splits']} random splits of the instances into two halves, n = "
+        f"{halves['n']} each: sim images of one half and real images of the other, and real images "
+        f"of both halves\n{output.table(names, rows)}"
+    )
     columns = halves["wasserstein_by_dimension"]
     largest = sorted(
         zip(columns["value"], columns["floor"], columns["dimension"], strict=True), reverse=True
     )[:_DIMENSIONS]
     yield f"Wasserstein-1 of single features, the largest of {len(columns['value'])}:\n" + (
         output.table(
-            ("dimension", "sim and real", "real and real"),
+            ("dimension", "sim and real", "real and real (noise floor)"),
             [(dimension, value, floor) for value, floor, dimension in largest],
         )
     )

@@ -1,4 +1,4 @@
-"""The axes of the gap. Adding one is a file and a line here."""
+"""The axes of the gap; a new axis is one module and one line here."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ AXES: dict[str, str] = {
     "dynamics": "dynamics.dynamics_axis:DynamicsAxis",
     "delay": "delay.delay_axis:DelayAxis",
 }
-"""Where each is; imported when it is measured."""
+"""Module and class of each axis; imported when the axis is measured."""
 
 
 def axis(name: str) -> Axis:
-    """The axis of a name in `AXES`."""
+    """The axis with default options."""
     module, _, kind = AXES[name].partition(":")
-    found: Axis = getattr(importlib.import_module(f"s2rtools.gap.{module}"), kind)()
-    return found
+    instance: Axis = getattr(importlib.import_module(f"s2rtools.gap.{module}"), kind)()
+    return instance

@@ -1,4 +1,4 @@
-"""What an axis of the gap measures, and what it hands to the verdict."""
+"""Evidence, interface and result of an axis of the gap."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class GapSettings(BootstrapSettings):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the gap is measured on: a run of a store with the selected iids (n,), and drives.
+    """Data on which the gap is measured: a run of a store with the selected iids (n,), and drives.
 
-    `features` is a file that describes an image network; None means the run's own embedding.
-    `anchor_run` is the run whose sim images are the bad state; None finds it by the adjustments.
+    `features` is a file that describes an image network; None: the embedding of the run.
+    `anchor_run` is the run whose sim images are the bad state; None: derived from the adjustments.
     """
 
     store: Store
@@ -46,13 +46,13 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class AxisResult:
-    """One axis measured.
+    """Measurement of one axis.
 
-    `value` is m and `floor` what m would be without a gap, both in the axis' unit, from `n`
-    samples (images, instances or windows). `replicates` and `floor_replicates` (R,) are drawn
-    together: row r of both comes from one resample. `fingerprint` is all that must agree for two
-    measurements to be comparable, n only where m depends on it. `details` are further figures as
-    plain JSON data, `notes` are sentences for the reader (warnings, what was refused).
+    `value` is the measure m and `floor` its value without a gap, in the unit of the axis, from `n`
+    samples (images, instances or windows). `replicates` and `floor_replicates` (R,) are paired: row
+    r of both comes from one resample. Two measurements are comparable if their `fingerprint` is
+    equal; it holds n only where m depends on it. `details` are further figures as JSON data,
+    `notes` are sentences for the reader (warnings, omissions).
     """
 
     axis: str
@@ -68,7 +68,7 @@ class AxisResult:
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """m in a declared bad state: its value, replicates (R,), and which state that is."""
+    """m in the declared bad state: its value, replicates (R,), and the name of the state."""
 
     value: float
     replicates: Floats
@@ -76,19 +76,19 @@ class Anchor:
 
 
 class Axis:
-    """One axis of the gap: a file of its own and a line in `axes`."""
+    """Interface of an axis of the gap."""
 
     name: ClassVar[str]
     unit: ClassVar[str]
     measure_is: ClassVar[str]
-    """What m is, in a few words."""
+    """Short description of m."""
     floor_is: ClassVar[str]
-    """What the floor is, in a few words; all four are 0, for a reason of their own each."""
+    """Short description of the floor, which is 0 for every axis, for different reasons."""
     reason: ClassVar[str]
-    """Why this m, this floor and this anchor."""
+    """Reasons for this m, this floor and this anchor."""
 
     def missing(self, evidence: Evidence) -> str | None:
-        """Why this evidence says nothing about the axis; None where it does."""
+        """The reason why the evidence does not cover the axis; None where it does."""
         return None
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
@@ -96,5 +96,5 @@ class Axis:
         raise NotImplementedError
 
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
-        """The declared bad state on the same evidence; raises RequestError where there is none."""
+        """The declared bad state on the same evidence. Raises RequestError if it is missing."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Defaults and limits of the gap's options; imports nothing, so that help texts stay fast."""
+"""Defaults and limits of the options of `s2r gap`; imports nothing, to keep `--help` fast."""
 
 from __future__ import annotations
 
@@ -10,4 +10,4 @@ SEED, MAX_SEED = 1, 2**31 - 1
 REPLICATES, MIN_REPLICATES, MAX_REPLICATES = 1000, 100, 100_000
 """Replicates of every bootstrap."""
 ODOMETRY = "odometry"
-"""Given instead of a folder of drives: the odometry of the data set against its ground truth."""
+"""Value of `--drives` for the odometry of the data set, compared with its ground truth."""

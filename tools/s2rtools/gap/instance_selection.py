@@ -1,4 +1,4 @@
-"""Instances that an axis measures: selected, held out, and seeded subsets of whole blocks."""
+"""Selection of the instances of an axis: selected, held out, and random subsets of whole blocks."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import InconclusiveError, RequestError
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Blocks
+from s2rstore.metrics.bootstrap import MIN_TRAJECTORIES, Blocks, split_into_blocks
 from s2rstore.reader import Store
 from s2rtools.gap.axis_result import Evidence
 
@@ -41,14 +41,27 @@ def poses_sha256(store: Store) -> str:
 
 
 def uncomputed_reason(evidence: Evidence) -> str | None:
-    """Why a run has no predictions yet; None where it has. Raises RequestError for unknown runs."""
+    """Message for a run without predictions, else None. Raises RequestError for unknown runs."""
     if evidence.store.run(evidence.run).key is None:
         return f"run {evidence.run!r} is not computed yet; run `s2r precompute`"
     return None
 
 
+def sufficient_blocks(
+    evidence: Evidence, iids: Iids, min_instances: int = 20, min_blocks: int = 4
+) -> Blocks:
+    """The blocks of `iids`. Raises InconclusiveError for too few instances or blocks."""
+    blocks = split_into_blocks(evidence.store.instances.trajectory[iids])
+    if iids.size < min_instances or blocks.count < min_blocks:
+        raise InconclusiveError(
+            f"{iids.size} usable instances of {evidence.expression!r} in {blocks.count} "
+            f"blocks; at least {min_instances} in {min_blocks} are needed"
+        )
+    return blocks
+
+
 def bootstrap_note(blocks: Blocks) -> str:
-    """How the intervals over these blocks are computed, for the reader of a report."""
+    """A note on the bootstrap over these blocks, for the reader of a report."""
     if blocks.by_trajectory:
         return f"intervals by bootstrap over {blocks.unit_count} whole trajectories"
     return (
@@ -68,10 +81,11 @@ def random_blocks(blocks: Blocks, max_rows: int, seed: int) -> tuple[Iids, Block
 
 
 def random_halves(blocks: Blocks, splits: int, seed: int) -> list[tuple[Iids, Iids]]:
-    """Seeded pairs of disjoint sets of whole blocks, as rows; all sets have one size.
+    """Seeded random splits into two halves of whole blocks, as rows; all halves have one size.
 
     Blocks in random order join the smaller half, so that the halves differ by at most one block
-    before the larger one is cut: a half holds at least half of all rows less those of one block.
+    before the larger one is truncated: a half holds at least half of all rows less those of one
+    block.
     """
     rng, sizes = np.random.default_rng(seed), blocks.sizes
     pairs = []

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 from s2rstore.errors import InconclusiveError
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
-from s2rtools.gap.gate.reference import AxisScale, freeze
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Results by axis; `absent` and `inconclusive` hold the reasons of axes without a result."""
+    """Results by axis; `absent` and `inconclusive` hold the reasons for axes without a result."""
 
     measured: Mapping[str, AxisResult]
     absent: Mapping[str, str]
@@ -34,13 +33,3 @@ def measure(evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis])
         except InconclusiveError as error:
             inconclusive[name] = str(error)
     return Measurement(measured, absent, inconclusive)
-
-
-def freeze_scales(
-    measurement: Measurement, evidence: Evidence, settings: GapSettings, axes: Mapping[str, Axis]
-) -> dict[str, AxisScale]:
-    """Scales of all measured axes. Raises RequestError where one has no usable anchor."""
-    return {
-        name: freeze(measured, axes[name].anchor(evidence, settings), axes[name].unit, settings)
-        for name, measured in measurement.measured.items()
-    }

@@ -13,7 +13,7 @@ from s2rstore.metrics.bootstrap import Interval, percentile_interval
 from s2rtools.gap.axis_result import Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.gate.golden_run import GoldenComparison
 from s2rtools.gap.gate.reference import AxisScale, Reference
-from s2rtools.gap.gate.verdict import NOTHING, AxisGap, Verdict
+from s2rtools.gap.gate.verdict import NOTHING, Verdict
 from s2rtools.gap.measure import Measurement
 from s2rtools.gap.task.rank_consistency import RankConsistency
 
@@ -24,7 +24,7 @@ Report = dict[str, Any]
 class GapResult:
     """Measurement and verdict of the requested `axes`.
 
-    `scales` are those of the reference, or those being frozen, which judge nothing yet.
+    `scales` are those of the reference, or new ones to be frozen, which do not judge this result.
     """
 
     measurement: Measurement
@@ -37,11 +37,11 @@ class GapResult:
 
 
 def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Report:
-    """The complete report, rounded to nine digits; values that are not finite are null."""
+    """The complete report, rounded to nine digits; non-finite values are null."""
     store = evidence.store
     run = store.run(evidence.run)
-    verdict = result.verdict
-    made = {
+    verdict, golden, reference = result.verdict, result.golden, result.reference
+    content = {
         "dataset": {"name": store.dataset.name, "hash": store.dataset.hash},
         "run": run.run,
         "run_key": run.key,
@@ -60,8 +60,18 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "absent": dict(result.measurement.absent),
         "inconclusive": dict(result.measurement.inconclusive),
         "across": result.across,
-        "golden": None if result.golden is None else _golden(result.golden),
-        "reference": _reference(result.reference),
+        "golden": None if golden is None else {
+            "outcome": golden.outcome,
+            **_bounds("change", golden.change),
+            "margin": golden.margin,
+            "n": golden.n,
+            "missing": golden.missing,
+            "reason": golden.reason,
+        },
+        "reference": None if reference is None else {
+            "sha256": reference.sha256,
+            "made_from": dict(reference.made_from),
+        },
         "verdict": {
             "outcome": verdict.outcome,
             "threshold": verdict.threshold,
@@ -69,72 +79,52 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
             **_bounds("gap", verdict.gap),
             "reason": verdict.reason,
         },
-    }
-    return plain(made)
+    }  # fmt: skip
+    return plain(content)
 
 
-def _axis(found: AxisResult, settings: GapSettings, result: GapResult) -> dict[str, Any]:
-    axis = result.axes[found.axis]
-    gaps = {each.axis: each for each in result.verdict.axes}
+def _axis(measured: AxisResult, settings: GapSettings, result: GapResult) -> dict[str, Any]:
+    axis, scale = result.axes[measured.axis], result.scales.get(measured.axis)
+    gaps = {each.axis: each.gap for each in result.verdict.axes}
+    value = percentile_interval(measured.value, measured.replicates, settings.level)
+    floor = percentile_interval(measured.floor, measured.floor_replicates, settings.level)
+    anchor: dict[str, Any] = {}
+    if scale is not None:
+        interval = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
+        anchor = {**_bounds("anchor", interval), "anchor_state": scale.state}
     return {
-        "axis": found.axis,
+        "axis": measured.axis,
         "measure": axis.measure_is,
         "unit": axis.unit,
-        **_bounds("value", percentile_interval(found.value, found.replicates, settings.level)),
-        **_bounds(
-            "floor", percentile_interval(found.floor, found.floor_replicates, settings.level)
-        ),
+        **_bounds("value", value),
+        **_bounds("floor", floor),
         "floor_is": axis.floor_is,
-        "n": found.n,
-        **_scaled(gaps.get(found.axis), result.scales.get(found.axis)),
-        "fingerprint": dict(found.fingerprint),
-        "details": dict(found.details),
-        "notes": list(found.notes),
+        "n": measured.n,
+        **_bounds("gap", gaps.get(measured.axis, NOTHING)),
+        **anchor,
+        "fingerprint": dict(measured.fingerprint),
+        "details": dict(measured.details),
+        "notes": list(measured.notes),
     }
 
 
-def _scaled(gap: AxisGap | None, scale: AxisScale | None) -> dict[str, Any]:
-    bounds = _bounds("gap", gap.gap if gap else NOTHING)
-    if scale is None:
-        return bounds
-    anchor = Interval(scale.anchor_low, scale.anchor, scale.anchor_high)
-    return {**bounds, **_bounds("anchor", anchor), "anchor_state": scale.state}
-
-
-def _reference(found: Reference | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {"sha256": found.sha256, "made_from": dict(found.made_from)}
-
-
-def _golden(found: GoldenComparison) -> dict[str, Any]:
-    return {
-        "outcome": found.outcome,
-        **_bounds("change", found.change),
-        "margin": found.margin,
-        "n": found.n,
-        "missing": found.missing,
-        "reason": found.reason,
-    }
-
-
-def across_report(found: RankConsistency) -> Report:
+def across_report(ranks: RankConsistency) -> Report:
     """Rank consistency as JSON data."""
-    runs = zip(found.runs, found.sim, found.real, strict=True)
+    runs = zip(ranks.runs, ranks.sim, ranks.real, strict=True)
     return {
         "runs": [{"run": run, "sim": sim, "real": real} for run, sim, real in runs],
-        "n": found.n,
-        **_bounds("srcc", found.correlation),
-        **_bounds("mmrv", found.rank_violation),
+        "n": ranks.n,
+        **_bounds("srcc", ranks.correlation),
+        **_bounds("mmrv", ranks.rank_violation),
     }
 
 
-def _bounds(name: str, found: Interval) -> dict[str, float]:
-    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+def _bounds(name: str, interval: Interval) -> dict[str, float]:
+    return {name: interval.value, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
 def plain(value: Any) -> Any:
-    """JSON data: numbers rounded to nine digits, not finite ones as null, tuples as lists."""
+    """JSON data: numbers rounded to nine digits, non-finite ones as null, tuples as lists."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

@@ -1,4 +1,4 @@
-"""Recorded motions of a robot, real or simulated, and the commands that it was given."""
+"""Motion logs of real and simulated robots, and the commands that they executed."""
 
 from s2rtools.motion_logs.drives import READERS, read, read_drives
 from s2rtools.motion_logs.motion_log import Commands, Drive, Log

@@ -1,9 +1,9 @@
-"""Logs and commands as CSV with a line of column names.
+"""Motion logs and commands as CSV files with a header line.
 
-A log has `time` (s), `x`, `y` (m) and `heading` (rad) or `heading_deg`; other columns are passed
-over. Commands have `time` and any channels, and may state the controller's period in a line
-`# period = 0.05` (s) above the names; without it the period is the median step. Lines that begin
-with `#` are comments.
+A log has the columns `time` (s), `x`, `y` (m) and `heading` (rad) or `heading_deg`; other columns
+are ignored. Commands have `time` and any channels; a line `# period = 0.05` above the header gives
+the controller's period in s, otherwise it is the median step. Lines that begin with `#` are
+comments.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _PERIOD = re.compile(r"#\s*period\s*[=:]\s*(?P<value>.*)", re.IGNORECASE)
 
 
 def read(path: Path) -> Log:
-    """Raises RequestError, naming the line, where the file is not as described above."""
+    """Read a log. Raises RequestError with the line number for an invalid file."""
     names, rows, lines = _table(path)
     degrees = "heading" not in names
     columns = (*_POSITION, "heading_deg" if degrees else "heading")
     for name in columns:
         if name not in names:
-            wanted = "heading (rad) or heading_deg" if name == "heading_deg" else name
-            raise RequestError(f"{path}: no column {wanted} (has: {', '.join(names)})")
+            expected = "heading (rad) or heading_deg" if name == "heading_deg" else name
+            raise RequestError(f"{path}: no column {expected} (has: {', '.join(names)})")
     poses = _numbers(path, names, rows, lines, columns)
     if degrees:
         poses[:, 3] = angles.wrap(np.radians(poses[:, 3]))
@@ -40,13 +40,13 @@ def read(path: Path) -> Log:
 
 
 def read_commands(path: Path) -> Commands:
-    """Raises RequestError, naming the line, where the file is not as described above."""
+    """Read commands. Raises RequestError with the line number for an invalid file."""
     names, rows, lines = _table(path)
     if "time" not in names:
         raise RequestError(f"{path}: no column time (has: {', '.join(names)})")
     channels = [name for name in names if name != "time"]
     if not channels:
-        raise RequestError(f"{path}: no channel beside time")
+        raise RequestError(f"{path}: no channels, only the column time")
     table = _numbers(path, names, rows, lines, ("time", *channels))
     time = np.ascontiguousarray(table[:, 0])
     row_checks.check_clock(time, lambda i: f"{path}:{lines[i]}")
@@ -55,12 +55,12 @@ def read_commands(path: Path) -> Commands:
 
 
 def write(log: Log, path: Path) -> None:
-    """A log that `read` brings back to the bit."""
+    """Write a log so that `read` returns exactly the same numbers."""
     _write(path, (*_POSITION, "heading"), [log.time, log.x, log.y, log.heading])
 
 
 def write_commands(commands: Commands, path: Path) -> None:
-    """Commands that `read_commands` brings back to the bit, with their period."""
+    """Write commands so that `read_commands` returns exactly the same numbers and period."""
     columns = [commands.time, *commands.channels.values()]
     _write(path, ("time", *commands.channels), columns, f"# period = {commands.period!r}\n")
 
@@ -76,7 +76,7 @@ def _write(
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
-    """Column names, rows as words, and the line number of each row."""
+    """Column names, rows of texts, and the line number of each row."""
     rows: list[list[str]] = []
     lines: list[int] = []
     for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
@@ -90,22 +90,18 @@ def _table(path: Path) -> tuple[list[str], list[list[str]], list[int]]:
     if not rows:
         raise RequestError(f"{path}: no line of column names")
     names = [name.strip() for name in rows[0]]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise RequestError(f"{path}:{lines[0]}: column {twice[0] or '(no name)'} stands twice")
+    repeated = [name for name in names if names.count(name) > 1]
+    if repeated:
+        raise RequestError(f"{path}:{lines[0]}: column {repeated[0] or '(no name)'} is repeated")
     if len(rows) == 1:
         raise RequestError(f"{path}: no rows below the column names")
     return names, rows[1:], lines[1:]
 
 
 def _numbers(
-    path: Path,
-    names: list[str],
-    rows: list[list[str]],
-    lines: list[int],
-    columns: tuple[str, ...],
+    path: Path, names: list[str], rows: list[list[str]], lines: list[int], columns: tuple[str, ...]
 ) -> NDArray[np.float64]:
-    """The wanted columns (n, k) as finite numbers."""
+    """The named columns (n, k) as finite numbers."""
     at = [names.index(name) for name in columns]
     table = np.empty((len(rows), len(columns)))
     for i, (row, line) in enumerate(zip(rows, lines, strict=True)):
@@ -117,11 +113,11 @@ def _numbers(
 
 def _period(path: Path, time: NDArray[np.float64]) -> float:
     for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        if stated := _PERIOD.match(line.strip()):
+        if match := _PERIOD.match(line.strip()):
             place = f"{path}:{number}"
-            (period,) = row_checks.numbers([stated["value"]], ["period"], place)
+            (period,) = row_checks.numbers([match["value"]], ["period"], place)
             if period <= 0:
-                raise RequestError(f"{place}: period is {period:g} s; give a positive one")
+                raise RequestError(f"{place}: period is {period:g} s; it must be positive")
             return period
     if time.size < 2:
         raise RequestError(f"{path}: one row and no period; add a line `# period = 0.05`")

@@ -1,4 +1,4 @@
-"""What was recorded while a robot drove: the same words for every file format and simulator."""
+"""Motion logs, commands and drives, independent of file format and simulator."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class Log:
     """Poses over time: `time` (n,) in s, strictly increasing; `x`, `y` (n,) in m; `heading` (n,) in
-    rad, forward = (cos, sin); all finite. `source` names it in messages, `sha256` is its content's.
-    `warnings` are sentences about what may be wrong with it.
+    rad, forward = (cos, sin); all finite. `source` names the log in messages, `sha256` is the hash
+    of its content, `warnings` are sentences about possible defects.
     """
 
     time: Floats
@@ -34,8 +34,8 @@ class Log:
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """What the robot was told: `time` (k,) in s, strictly increasing; each channel (k,) holds until
-    the next time. `period` is the controller's, in s.
+    """Commands to a robot: `time` (k,) in s, strictly increasing; the value of each channel (k,)
+    applies until the next time. `period` (s) is that of the controller.
     """
 
     time: Floats
@@ -47,10 +47,11 @@ class Commands:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """One command sequence driven in reality and in simulation.
+    """Logs of one command sequence in reality and in simulation.
 
-    `untuned` is the simulator before any identification, the declared bad state. `odometry` is what
-    moved a robot's odometry, that stands for the simulator, onto the ground truth.
+    `untuned` is the log of the simulator before any identification, the declared bad state.
+    `odometry` is the transformation that aligned odometry, used in place of a simulated log, with
+    the ground truth.
     """
 
     name: str
@@ -62,20 +63,18 @@ class Drive:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of its logs."""
+        """The warnings of all logs."""
         logs = (self.real, self.sim, self.untuned)
         return tuple(each for log in logs if log is not None for each in log.warnings)
 
 
 def poses_at(log: Log, times: Floats, longest: float = np.inf) -> tuple[Floats, Floats, Floats]:
-    """x, y, heading at `times`, by lines between poses; the heading is continuous, not wrapped.
+    """x, y, heading at `times` by linear interpolation; the heading is continuous, not wrapped.
 
     NaN outside the log, and between poses that are more than `longest` s apart.
     """
     columns = (log.x, log.y, np.unwrap(log.heading))
-    x, y, heading = (
-        np.interp(times, log.time, column, left=np.nan, right=np.nan) for column in columns
-    )
+    x, y, heading = (np.interp(times, log.time, c, left=np.nan, right=np.nan) for c in columns)
     if longest < np.inf:
         right = np.clip(np.searchsorted(log.time, times), 1, log.time.size - 1)
         hole = np.diff(log.time)[right - 1] > longest

@@ -1,4 +1,4 @@
-"""Planar motions of a whole log: rotation or reflection, translation, optional scale."""
+"""Planar transformations of a log: rotation or reflection, translation, optional scale."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from s2rtools.motion_logs.motion_log import Floats, Log
 
 @dataclass(frozen=True, slots=True)
 class RigidTransform:
-    """p -> scale * R(angle) * (mirror y first, where `reflected`) * p + (x, y); rad and m."""
+    """p -> scale * R(angle) * p + (x, y), with y mirrored first if `reflected`; rad and m."""
 
     angle: float = 0.0
     reflected: bool = False
@@ -32,7 +32,7 @@ class RigidTransform:
         return ", ".join(part for part in parts if part)
 
     def __call__(self, log: Log) -> Log:
-        """The log as seen from the other frame."""
+        """The transformed log."""
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         sign = -1.0 if self.reflected else 1.0
         x = self.scale * (cos * log.x - sin * sign * log.y) + self.x
@@ -46,7 +46,7 @@ def fit(
     reflection: bool = False,
     scale: bool = False,
 ) -> RigidTransform:
-    """The motion of `source` (x, y) nearest to `target` (x, y) in least squares, point by point.
+    """Least-squares transformation of the points `source` (x, y) onto the points `target` (x, y).
 
     `reflection` allows a mirrored frame where it fits better. Raises InconclusiveError where the
     points do not span a direction. Source: Umeyama, "Least-squares estimation of transformation

@@ -1,8 +1,8 @@
-"""Logs from ROS bags: ROS 1 `.bag`, ROS 2 folders and their `.db3` or `.mcap` files.
+"""Motion logs from ROS bags: ROS 1 `.bag`, ROS 2 folders and their `.db3` or `.mcap` files.
 
 Poses come from one topic of `nav_msgs/Odometry`, `geometry_msgs/PoseStamped` or
-`geometry_msgs/PoseWithCovarianceStamped`. Times are those of the message headers; where all of
-them are zero, those of the recording.
+`geometry_msgs/PoseWithCovarianceStamped`. Times come from the message headers, or from the
+recording where all header times are zero.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from s2rtools.motion_logs.motion_log import Log
 from s2rtools.motion_logs.tum_reader import yaw
 
 _MEMORY = 384 << 20
-"""Bytes that reading a bag may take; recorders write chunks of about a megabyte."""
+"""Memory limit for reading a bag, in bytes; recorders write chunks of about a megabyte."""
 _LARGEST_FILE = 2 << 30
-"""Bytes that a bag compressed as a whole may have, unpacked into a temporary folder."""
+"""Largest bag, in bytes, that is unpacked into a temporary folder if compressed as a whole."""
 _MOST_METADATA = 1 << 20
 _MOST_POSES = 2_000_000
 """Five hours at 100 Hz."""
@@ -40,9 +40,10 @@ _POSES: dict[str, Callable[[Any], Any]] = {
 
 
 def read(path: Path, topic: str | None = None) -> Log:
-    """The poses of `topic`, or of the only one that has poses.
+    """The poses of `topic`, by default of the only topic with poses.
 
-    Raises RequestError where the bag is damaged, has no such topic, or several and none is named.
+    Raises RequestError where the bag is damaged, has no such topic, or has several and `topic` is
+    None.
     """
     if not path.exists():
         raise RequestError(f"{path}: no such bag")
@@ -58,9 +59,9 @@ def read(path: Path, topic: str | None = None) -> Log:
         limit = f"{_MEMORY >> 20} MB"
         raise RequestError(f"{path}: reading it takes more than {limit}; split it") from error
     except Exception as error:  # a damaged bag fails in every layer below the reader
-        told = " ".join(str(error).split()) or type(error).__name__
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise RequestError(
-            f"{path}: cannot be read as a ROS bag ({told}); copy it anew, or reindex it"
+            f"{path}: cannot be read as a ROS bag ({reason}); copy it again, or reindex it"
         ) from error
     if not len(rows):
         raise RequestError(f"{path}: topic {topic} has no messages")
@@ -79,14 +80,14 @@ def read(path: Path, topic: str | None = None) -> Log:
 
 
 def _check_files(path: Path) -> None:
-    """Raises RequestError for a bag with pipes, devices, links that lead out, or views."""
+    """Raises RequestError for pipes, devices, links to other folders, and database views."""
     files = [path]
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if not file.is_dir())
         root = path.resolve()
         for file in files:
             if not file.resolve().is_relative_to(root):
-                raise RequestError(f"{file}: a link that leads out of the bag; put the file there")
+                raise RequestError(f"{file}: a link to outside the bag; copy the file into it")
         if check_regular(path / "metadata.yaml").st_size > _MOST_METADATA:
             raise RequestError(f"{path / 'metadata.yaml'}: larger than {_MOST_METADATA:,} bytes")
     for file in files:
@@ -96,42 +97,41 @@ def _check_files(path: Path) -> None:
 
 
 def _check_tables(path: Path) -> None:
-    """A recorder writes tables; a view or a virtual table would run for as long as it likes."""
+    """Refuse views and virtual tables: recorders write none, and queries could run forever."""
     odd = "type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
     query = f"SELECT name FROM sqlite_master WHERE {odd}"
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as opened:
-            found = opened.execute(query).fetchone()
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            row = database.execute(query).fetchone()
     except sqlite3.Error:
-        return  # the reader tells what is wrong with it
-    if found is not None:
-        raise RequestError(f"{path}: {found[0]!r} is no table; no recorder writes such a bag")
+        return  # the reader reports the reason
+    if row is not None:
+        raise RequestError(f"{path}: {row[0]!r} is not a table; no recorder writes such a bag")
 
 
 def _messages(path: Path, topic: str | None) -> tuple[str, array[float]]:
-    """The topic and, one message after the other, header and recording time (ns), x, y
-    and the quaternion."""
+    """The topic, and for each message header and recording time (ns), x, y and quaternion."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
     rows = array("d")
     with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         chosen = _topic(path, reader.connections, topic)
-        connections = [found for found in reader.connections if found.topic == chosen]
+        connections = [each for each in reader.connections if each.topic == chosen]
         for connection, recorded, raw in reader.messages(connections):
             message = reader.deserialize(raw, connection.msgtype)
             stamp = message.header.stamp
             pose = _POSES[connection.msgtype](message)
-            at, turn = pose.position, pose.orientation
-            stamped = stamp.sec * 10**9 + stamp.nanosec
-            rows.extend((stamped, recorded, at.x, at.y, turn.x, turn.y, turn.z, turn.w))
+            p, q = pose.position, pose.orientation
+            header_time = stamp.sec * 10**9 + stamp.nanosec
+            rows.extend((header_time, recorded, p.x, p.y, q.x, q.y, q.z, q.w))
             if len(rows) > _NUMBERS * _MOST_POSES:
                 raise RequestError(f"{path}: more than {_MOST_POSES:,} poses; split the bag")
     return chosen, rows
 
 
 def _topic(path: Path, connections: list[Any], topic: str | None) -> str:
-    kinds = {found.topic: found.msgtype for found in connections}
+    kinds = {each.topic: each.msgtype for each in connections}
     usable = sorted(name for name, kind in kinds.items() if kind in _POSES)
     if topic is not None:
         if topic not in kinds:

@@ -1,4 +1,4 @@
-"""What every reader demands of rows before they are a log."""
+"""Checks that all log readers share, and the construction of a log from its rows."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from s2rstore.geometry import angles
 from s2rtools.motion_logs.motion_log import Floats, Log
 
 LONGEST_PAUSE = 600.0
-"""s between two poses of one drive."""
+"""Longest time between two poses of one drive, s."""
 FARTHEST = 1e9
-"""m, and rad"""
+"""Largest coordinate in m, and heading in rad."""
 MOST_TEXT = 64 << 20
 """Maximum size of a text log in bytes; holds about half a million poses."""
 Place = Callable[[int], str]
-"""Where in the source row i stands, as `drive.csv:12`."""
+"""Position of row i in the source, such as `drive.csv:12`."""
 
 
 def text_of(path: Path) -> str:
-    """The whole file; raises RequestError where it is missing, no text or empty."""
+    """The text of a file. Raises RequestError where it is missing, empty or not text."""
     text = read_text(path, MOST_TEXT)
     if not text.strip():
         raise RequestError(f"{path}: empty")
@@ -35,27 +35,27 @@ def text_of(path: Path) -> str:
 def digest(path: Path) -> str:
     """SHA-256 of a file, or of a folder's files by name."""
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
-    found = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for file in files:
         if file != path:
-            found.update(file.relative_to(path).as_posix().encode() + b"\0")
-        with open_regular(file) as opened:
-            while block := opened.read(1 << 20):
-                found.update(block)
-    return found.hexdigest()
+            sha256.update(file.relative_to(path).as_posix().encode() + b"\0")
+        with open_regular(file) as stream:
+            while block := stream.read(1 << 20):
+                sha256.update(block)
+    return sha256.hexdigest()
 
 
-def numbers(words: Sequence[str], names: Sequence[str], place: str) -> list[float]:
-    """The words of one row as finite numbers."""
+def numbers(texts: Sequence[str], names: Sequence[str], place: str) -> list[float]:
+    """The texts of one row as finite numbers."""
     values = []
-    for word, name in zip(words, names, strict=True):
+    for text, name in zip(texts, names, strict=True):
         try:
-            value = float(word)
+            value = float(text)
         except ValueError:
-            shown = word.strip() or "nothing"
+            shown = text.strip() or "empty"
             raise RequestError(f"{place}: {name} is {shown}, not a number") from None
         if not np.isfinite(value):
-            raise RequestError(f"{place}: {name} is {word.strip()}; remove the row")
+            raise RequestError(f"{place}: {name} is {text.strip()}; remove the row")
         values.append(value)
     return values
 
@@ -65,14 +65,14 @@ def check_clock(time: Floats, place: Place) -> None:
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
         i = int(late[0]) + 1
-        what = "stands still" if time[i] == time[i - 1] else "runs backward"
+        fault = "stands still" if time[i] == time[i - 1] else "runs backward"
         raise RequestError(
-            f"{place(i)}: the clock {what} ({time[i - 1]:.9g} s, then {time[i]:.9g} s)"
+            f"{place(i)}: the clock {fault} ({time[i - 1]:.9g} s, then {time[i]:.9g} s)"
         )
 
 
 def check_pace(time: Floats, place: Place) -> None:
-    """Raises RequestError for times that are no seconds, and for clocks that were set meanwhile."""
+    """Raises RequestError for a pause that suggests other units, or a clock that was reset."""
     steps = np.diff(time)
     paused = np.flatnonzero(steps > LONGEST_PAUSE)
     if paused.size:
@@ -84,7 +84,7 @@ def check_pace(time: Floats, place: Place) -> None:
 
 
 def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
-    """`poses` (n, 4) are time, x, y, heading in rad, finite; the heading is wrapped."""
+    """A log from finite `poses` (n, 4): time, x, y, heading in rad, which is wrapped."""
     if len(poses) < 2:
         raise RequestError(f"{path}: {len(poses)} poses; a log needs at least 2")
     check_clock(poses[:, 0], place)
@@ -93,15 +93,9 @@ def log(poses: NDArray[np.float64], path: Path, place: Place) -> Log:
     if far.size:
         raise RequestError(f"{place(int(far[0]))}: a pose beyond {FARTHEST:g} m or rad; remove it")
     time, x, y, heading = (np.ascontiguousarray(column) for column in poses.T)
-    return Log(time, x, y, angles.wrap(heading), str(path), digest(path), _warnings(heading, place))
-
-
-def _warnings(heading: Floats, place: Place) -> tuple[str, ...]:
-    beyond = np.flatnonzero(np.abs(heading) > 2 * np.pi * (1 + 1e-6))
-    if not beyond.size:
-        return ()
-    i = int(beyond[0])
-    return (
+    warnings = tuple(
         f"{place(i)}: heading {heading[i]:.6g} rad is over a whole turn; if these are degrees, "
-        "name the column heading_deg",
+        "name the column heading_deg"
+        for i in np.flatnonzero(np.abs(heading) > 2 * np.pi * (1 + 1e-6))[:1].tolist()
     )
+    return Log(time, x, y, angles.wrap(heading), str(path), digest(path), warnings)

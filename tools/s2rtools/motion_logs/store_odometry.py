@@ -1,4 +1,4 @@
-"""Drives from a store's own odometry: it stands for the simulator, the ground truth for reality."""
+"""Drives from the odometry of a store: odometry is the simulated log, ground truth the real one."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from s2rtools.motion_logs.row_checks import Place, check_pace
 def odometry(store: Store, rate: float | None = None, aligned: bool = True) -> tuple[Drive, ...]:
     """One drive per trajectory that has odometry throughout.
 
-    Times are the recorded ones, or seq / `rate` (Hz) where the rate is declared. The frame of
-    odometry is its own, and may be mirrored: `aligned` moves it onto the ground truth by the best
-    rigid motion or reflection. Raises RequestError where a trajectory has no times, or none has
-    odometry.
+    Times are the recorded ones, or seq / `rate` (Hz) if a rate is declared. Odometry has another
+    frame, which may be mirrored: `aligned` fits it to the ground truth by a rigid motion or
+    reflection. Raises RequestError where a trajectory has no times, or none has odometry.
     """
     truth = store.instances
     drives = []
     for code, name in enumerate(truth.trajectory_names):
         at = np.flatnonzero(truth.trajectory == code)
         where = f"{store.path}: trajectory {name}"
-        ox, oy, turned = (c[at] for c in (truth.odom_x, truth.odom_y, truth.odom_heading))
-        if at.size < 2 or not np.isfinite(ox + oy + turned).all():
+        ox, oy, heading = (c[at] for c in (truth.odom_x, truth.odom_y, truth.odom_heading))
+        if at.size < 2 or not np.isfinite(ox + oy + heading).all():
             continue
         time = _time(truth.timestamp[at], truth.seq[at].astype(np.float64), rate, where)
         check_pace(time, _pose_of(where))
         real = _log(time, truth.x[at], truth.y[at], truth.heading[at], f"{where}, ground truth")
-        sim = _log(time, ox, oy, turned, f"{where}, odometry")
-        moved = rigid_alignment.RigidTransform()
+        sim = _log(time, ox, oy, heading, f"{where}, odometry")
+        transform = rigid_alignment.RigidTransform()
         if aligned:
-            moved = rigid_alignment.fit((sim.x, sim.y), (real.x, real.y), reflection=True)
-        drives.append(Drive(name, real, moved(sim), odometry=moved))
+            transform = rigid_alignment.fit((sim.x, sim.y), (real.x, real.y), reflection=True)
+        drives.append(Drive(name, real, transform(sim), odometry=transform))
     if not drives:
         raise RequestError(f"{store.path}: no trajectory has odometry throughout")
     return tuple(drives)

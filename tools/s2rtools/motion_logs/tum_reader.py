@@ -1,4 +1,4 @@
-"""Logs in the TUM format: lines `time tx ty tz qx qy qz qw`; the heading is the yaw."""
+"""Motion logs in TUM format: lines `time tx ty tz qx qy qz qw`; the heading is the yaw."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _COLUMNS = ("time", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 
 
 def read(path: Path) -> Log:
-    """Raises RequestError, naming the line, where the file is not of that format."""
+    """Read a log. Raises RequestError with the line number for an invalid file."""
     lines: list[int] = []
     rows: list[list[float]] = []
     for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
+        values = line.split()
+        if not values or values[0].startswith("#"):
             continue
-        if len(words) != len(_COLUMNS):
+        if len(values) != len(_COLUMNS):
             raise RequestError(
-                f"{path}:{number}: {len(words)} values; TUM has 8: {' '.join(_COLUMNS)}"
+                f"{path}:{number}: {len(values)} values; TUM has 8: {' '.join(_COLUMNS)}"
             )
-        rows.append(row_checks.numbers(words, _COLUMNS, f"{path}:{number}"))
+        rows.append(row_checks.numbers(values, _COLUMNS, f"{path}:{number}"))
         lines.append(number)
     if not rows:
         raise RequestError(f"{path}: no poses, only comments")
@@ -37,7 +37,7 @@ def read(path: Path) -> Log:
 
 
 def yaw(quaternions: NDArray[np.float64], place: row_checks.Place) -> NDArray[np.float64]:
-    """Angle about z, rad, of (n, 4) quaternions x, y, z, w of any length but 0."""
+    """Yaw (n,), rad, of quaternions (n, 4) x, y, z, w, which need not be normalised."""
     length = np.linalg.norm(quaternions, axis=1)
     zero = np.flatnonzero(length < 1e-9)
     if zero.size:

@@ -1,1 +1,1 @@
-"""The gap of every night: measured once per evidence, kept in a history, told in files."""
+"""Nightly gate: measure the gap, record it in a history, publish reports."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 from msgspec import Meta, Struct
 
 from s2rstore.errors import RequestError
@@ -40,14 +40,40 @@ class DrivesTable(Struct, frozen=True, forbid_unknown_fields=True):
 class SysidTable(Struct, frozen=True, forbid_unknown_fields=True):
     """The section [sysid]."""
 
+    drives: str = ""
     simulator: str = "planar"
-    parameters: list[str] | None = None
-    fix: dict[str, int | float] = {}
-    range: dict[str, str] = {}
-    drives: str | None = None
+    parameters: tuple[str, ...] | None = None
+    fixed: dict[str, int | float] = msgspec.field(name="fix", default_factory=dict)
     seed: Seed = 1
     seeds: Annotated[int, Meta(ge=1, le=100)] = 3
     evaluations: Annotated[int, Meta(ge=10, le=1_000_000)] | None = None
+    ranges: dict[str, str] = msgspec.field(name="range", default_factory=dict)
+
+
+class SysidConfig(SysidTable, frozen=True):
+    """Simulator whose parameters are identified from a folder of drives, as `s2r sysid` does.
+
+    `parameters` None: those that are searched by default; `fixed` are known values; `ranges` are
+    written as LOW..HIGH or LOW..HIGH:log; `topic` carries the poses in ROS bags.
+    """
+
+    topic: str | None = None
+
+    def settings(self) -> SysidSettings:
+        """The settings of the identification. Raises RequestError for invalid ranges."""
+        from s2rtools.sysid import SysidSettings
+        from s2rtools.sysid.parameter_space import parse_range
+
+        ranges = {}
+        for name, text in self.ranges.items():
+            try:
+                ranges[name] = parse_range(text)
+            except RequestError as error:
+                raise RequestError(f"range.{name}: {error}") from None
+        return SysidSettings(
+            self.simulator, self.parameters, self.fixed, self.seeds, seed=self.seed,
+            evaluations=self.evaluations, ranges=ranges,
+        )  # fmt: skip
 
 
 class OutputTable(Struct, frozen=True, forbid_unknown_fields=True):
@@ -65,7 +91,7 @@ class StaleTable(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """The TOML file as it is written."""
+    """The TOML file."""
 
     store: str
     name: str | None = None
@@ -86,47 +112,12 @@ class ConfigFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 @dataclass(frozen=True, slots=True)
-class SysidConfig:
-    """Simulator whose parameters are identified from a folder of drives, as `s2r sysid` does.
-
-    `parameters` None: those that are searched by default; `fixed` are known values; `ranges` are
-    written as LOW..HIGH or LOW..HIGH:log.
-    """
-
-    drives: str
-    simulator: str = "planar"
-    parameters: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    seed: int = 1
-    seeds: int = 3
-    evaluations: int | None = None
-    ranges: Mapping[str, str] = field(default_factory=dict)
-    topic: str | None = None
-
-    def settings(self) -> SysidSettings:
-        """The settings of the identification. Raises RequestError for invalid ranges."""
-        from s2rtools.sysid import SysidSettings
-        from s2rtools.sysid.parameter_space import parse_range
-
-        ranges = {}
-        for name, text in self.ranges.items():
-            try:
-                ranges[name] = parse_range(text)
-            except RequestError as error:
-                raise RequestError(f"range.{name}: {error}") from None
-        return SysidSettings(
-            self.simulator, self.parameters, self.fixed, self.seeds, seed=self.seed,
-            evaluations=self.evaluations, ranges=ranges,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
 class NightlyConfig:
     """One nightly gate with resolved paths.
 
     `drives` is a folder (by default that of the store) or `odometry`, whose `rate` (Hz) is needed
-    where the store has no times; `topic` carries the poses in ROS bags; `dynamics` are options as
-    those of `s2r gap --dynamics`.
+    where the store has no times; `topic` carries the poses in ROS bags; `dynamics` are options of
+    `s2r gap --dynamics`.
     """
 
     source: Path
@@ -219,7 +210,7 @@ def _file(source: Path, key: str, value: str | None) -> Path | None:
 
 
 def _drives(source: Path, key: str, value: str | None) -> str | None:
-    """An existing folder, or the word `odometry`."""
+    """An existing folder, or `odometry`."""
     if value is None or value == ODOMETRY:
         return value
     path = _resolve(source, value)
@@ -255,20 +246,11 @@ def _sysid(source: Path, file: ConfigFile, default_drives: str | None) -> SysidC
 
     table = file.sysid
     assert table is not None
-    drives = _drives(source, "sysid.drives", table.drives) or default_drives
+    drives = _drives(source, "sysid.drives", table.drives or default_drives)
     if drives is None or drives == ODOMETRY:
         raise _invalid(source, "sysid.drives", "missing, and drives.folder names no folder")
-    config = SysidConfig(
-        drives,
-        table.simulator,
-        None if table.parameters is None else tuple(table.parameters),
-        table.fix,
-        table.seed,
-        table.seeds,
-        table.evaluations,
-        table.range,
-        file.drives.topic,
-    )
+    resolved = {"drives": drives, "topic": file.drives.topic}
+    config = SysidConfig(**(msgspec.structs.asdict(table) | resolved))
     try:
         configured_simulator(config.settings())
     except RequestError as error:

@@ -92,11 +92,7 @@ def _set_scale(rows: Sequence[Axes], report: NightReport, panels: list[Panel]) -
     rows[0].set_xlim(days[0] - 0.6, days[-1] + 0.6)
     step = max(1, -(-(days[-1] - days[0] + 1) // 10))
     ticks = list(range(days[-1], days[0] - 1, -step))[::-1]
-    rows[-1].set_xticks(ticks, [f"{_date(tick)}" for tick in ticks])
-    legend = "   ".join(f"{sign} {word}" for word, sign in
-                        (("pass", "●"), ("fail", "▲"), ("inconclusive", "■")))  # fmt: skip
-    rows[0].set_title(f"{legend}   - - threshold", loc="right", fontsize=8.5, color=MUTED, pad=4)
-
-
-def _date(day: int) -> str:
-    return datetime.date.fromordinal(day).strftime("%d %b")
+    dates = [datetime.date.fromordinal(tick).strftime("%d %b") for tick in ticks]
+    rows[-1].set_xticks(ticks, dates)
+    legend = "● pass   ▲ fail   ■ inconclusive   - - threshold"
+    rows[0].set_title(legend, loc="right", fontsize=8.5, color=MUTED, pad=4)

@@ -1,4 +1,4 @@
-"""The rows that a night adds to the history, and the rows that are already there."""
+"""Rows of the history: those that a night adds, and the search for existing ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SUFFIXES = ("", "_low", "_high")
 
 @dataclass(frozen=True, slots=True)
 class NightResult:
-    """A night to be added; `measured` is the id of the measurement whose figures it reuses."""
+    """A night to add; `measured` is the id of the measurement whose figures it reuses."""
 
     config: NightlyConfig
     inputs: Inputs
@@ -53,14 +53,11 @@ def is_recorded(night: Night | None, result: NightResult, history: History) -> b
     if night is None or night.key != result.inputs.key:
         return False
     if night.evidence_since < max(_first_nights(result, history).values()):
-        return False  # it was dated by a night that has been withdrawn
-    refused = result.report.get("refused")
-    if refused is None:
-        return not night.refused
-    return night.refused and (night.outcome, night.reason) == (
-        refused["outcome"],
-        refused["reason"],
-    )
+        return False  # the night that dated the evidence has been withdrawn
+    failure = result.report.get("refused")
+    if failure is None or not night.refused:
+        return failure is None and not night.refused
+    return bool((night.outcome, night.reason) == (failure["outcome"], failure["reason"]))
 
 
 def rows(result: NightResult, history: History, now: datetime.datetime) -> Rows:
@@ -133,16 +130,15 @@ def _night_row(
 
 
 def _axis_rows(report: Report) -> list[dict[str, Any]]:
-    listed: list[dict[str, Any]] = []
+    axis_rows: list[dict[str, Any]] = []
     for each in report["axes"]:
         figures = {
             f"{name}{end}": each.get(f"{name}{end}") for name in _FIGURES for end in _SUFFIXES
         }
         note = "; ".join(each["notes"]) or None
-        plain = {name: each.get(name) for name in ("axis", "measure", "unit", "anchor", "n")}
-        listed.append({**plain, **figures, "state": "measured", "note": note})
+        fields = {name: each.get(name) for name in ("axis", "measure", "unit", "anchor", "n")}
+        axis_rows.append({**fields, **figures, "state": "measured", "note": note})
     for state in ("inconclusive", "absent"):
-        listed += [
-            {"axis": name, "state": state, "note": why} for name, why in report[state].items()
-        ]
-    return [{"position": position, **row} for position, row in enumerate(listed)]
+        for name, reason in report[state].items():
+            axis_rows.append({"axis": name, "state": state, "note": reason})
+    return [{"position": position, **row} for position, row in enumerate(axis_rows)]

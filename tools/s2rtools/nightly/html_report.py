@@ -39,7 +39,7 @@ h2 { margin: 2.5rem 0 .6rem; padding-top: 1rem; border-top: 3px solid var(--fain
 .PASS { color: var(--PASS); } .FAIL { color: var(--FAIL); }
 .ERROR { color: var(--ERROR); }
 .INCONCLUSIVE { color: var(--INCONCLUSIVE); } .SKIPPED { color: var(--SKIPPED); }
-td.word { font-weight: 600; white-space: nowrap; }
+td.outcome { font-weight: 600; white-space: nowrap; }
 .table { overflow-x: auto; }
 table { width: 100%; border-collapse: collapse; font-size: .93rem; }
 th, td { padding: .35rem .9rem .35rem 0; text-align: left; vertical-align: baseline; }
@@ -56,7 +56,7 @@ dt { color: var(--muted); font-size: .8rem; } dd { margin: 0; overflow-wrap: any
 <tbody>
 {% for row in rows -%}
 <tr>{% for value in row %}{% if value in signs -%}
-<td class="word {{ value }}">{{ signs[value] }} {{ value }}</td>
+<td class="outcome {{ value }}">{{ signs[value] }} {{ value }}</td>
 {%- else -%}<td>{{ value }}</td>{% endif %}{% endfor %}</tr>
 {% endfor -%}
 </tbody>

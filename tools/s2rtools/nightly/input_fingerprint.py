@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -55,9 +57,13 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
     run = store.run(config.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
-    drives = _drives(config.drives)
-    sysid = _sysid(config)
-    logs = {digest for _, digest in (*drives, *(sysid["drives"] if sysid else ()))}
+    drives, sysid_drives = _drives(config.drives), []
+    sysid: dict[str, Any] | None = None
+    if config.sysid is not None:
+        options = msgspec.structs.asdict(config.sysid)
+        sysid_drives = _drives(options.pop("drives"))
+        sysid = {"options": options, "drives": sysid_drives}
+    logs = {digest for _, digest in (*drives, *sysid_drives)}
     recorded = [current.dataset_hash, run.key, *sorted(logs)]
     everything = {
         "version": version(),
@@ -79,39 +85,32 @@ def inputs(config: NightlyConfig, store: Store, current: layout.Current) -> Inpu
     return Inputs(_digest(everything), _digest(recorded), tuple(recorded), run.run)
 
 
-def _sysid(config: NightlyConfig) -> dict[str, Any] | None:
-    if config.sysid is None:
-        return None
-    options = {name: each for name, each in asdict(config.sysid).items() if name != "drives"}
-    return {"options": options, "drives": _drives(config.sysid.drives)}
-
-
 def _drives(folder: str | None) -> list[tuple[str, str]]:
-    """Name and hash of every file; odometry is part of the data set."""
-    return [] if folder in (None, ODOMETRY) else list(_files(Path(str(folder))))
+    """Name and hash of every file except hidden ones, which unfinished copies leave.
+
+    Empty for odometry, which is part of the data set.
+    """
+    if folder is None or folder == ODOMETRY:
+        return []
+    paths = [(path, path.relative_to(folder)) for path in sorted(Path(folder).rglob("*"))]
+    return [
+        (inside.as_posix(), sha256(path))
+        for path, inside in paths
+        if path.is_file() and not any(part.startswith(".") for part in inside.parts)
+    ]
 
 
-def _files(folder: Path) -> Iterator[tuple[str, str]]:
-    """Names and hashes of all files except hidden ones, which unfinished copies leave."""
-    for path in sorted(folder.rglob("*")):
-        inside = path.relative_to(folder)
-        if path.is_file() and not any(part.startswith(".") for part in inside.parts):
-            yield inside.as_posix(), str(_hash(path))
-
-
-def _network(path: Path | None) -> list[str | None] | None:
-    """Hashes of a network's description and of the weights that it names, if it names any."""
+def _network(path: Path | None) -> list[str] | None:
+    """Hashes of a network's description and of the weights file that it names."""
     if path is None:
         return None
-    described = _hash(path)
-    try:
+    hashes, data = [sha256(path)], None
+    with suppress(RequestError):
         data = read_document(path)
-    except RequestError:
-        return [described]
     weights = data.get("weights") if isinstance(data, dict) else None
-    if not isinstance(weights, str) or not weights:
-        return [described]
-    return [described, _hash(path.parent / weights)]
+    if weights and isinstance(weights, str):
+        hashes.append(sha256(path.parent / weights))
+    return hashes
 
 
 def _hash(path: Path | None) -> str | None:

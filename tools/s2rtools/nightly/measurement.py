@@ -6,14 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from s2rstore.errors import InconclusiveError
+from s2rstore.errors import InconclusiveError, S2RError
 from s2rstore.reader import Store
 from s2rtools.nightly.config import NightlyConfig, SysidConfig
+from s2rtools.nightly.input_fingerprint import Inputs
 
 if TYPE_CHECKING:
     from s2rtools.sysid import Identification
-from s2rstore.errors import S2RError
-from s2rtools.nightly.input_fingerprint import Inputs
 
 Report = dict[str, Any]
 Estimates = Sequence[Mapping[str, Any]]
@@ -57,20 +56,20 @@ def estimate_parameters(sysid: SysidConfig) -> Estimates:
         return [{"parameter": sysid.simulator, "note": f"not identified: {error}"}]
 
 
-def estimate_rows(found: Identification) -> Estimates:
-    """One row per parameter, and one for the simulator that holds all warnings."""
-    notes = dict.fromkeys(found.unsettled, "the search did not converge")
-    notes |= dict.fromkeys(found.identifiability.undetermined, "not determined by these drives")
-    notes |= dict.fromkeys(found.at_ends, "at the end of its range")
+def estimate_rows(result: Identification) -> Estimates:
+    """One row per parameter, and one for the simulator with all warnings."""
+    notes = dict.fromkeys(result.unsettled, "the search did not converge")
+    notes |= dict.fromkeys(result.identifiability.undetermined, "not determined by these drives")
+    notes |= dict.fromkeys(result.at_ends, "at the end of its range")
     rows: list[Mapping[str, Any]] = [
         {
             "parameter": one.name, "value": one.value, "value_low": one.low,
             "value_high": one.high, "unit": one.unit, "note": notes.get(one.name),
         }
-        for one in found.estimates
+        for one in result.estimates
     ]  # fmt: skip
-    if found.warnings:
-        rows.append({"parameter": found.space.simulator.name, "note": "; ".join(found.warnings)})
+    if result.warnings:
+        rows.append({"parameter": result.space.simulator.name, "note": "; ".join(result.warnings)})
     return rows
 
 

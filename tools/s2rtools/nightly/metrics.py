@@ -24,8 +24,6 @@ from s2rtools.nightly.report_model import axis_check
 
 HEADLINE = "headline"
 Labels = tuple[str, ...]
-Intervals = Mapping[Any, Interval]
-"""Intervals by the values of their labels."""
 _LABELS = ("nightly", "dataset", "run")
 _ENDS = {"": "value", "_low": "low", "_high": "high"}
 
@@ -42,80 +40,69 @@ class _NightCollector(Collector):
 
     def __init__(self, night: Night) -> None:
         self._night = night
-        self._values = (night.name, night.dataset, night.run)
 
     def collect(self) -> Iterator[GaugeMetricFamily]:
         night = self._night
         gaps = {HEADLINE: night.gap} | {axis.axis: axis.gap for axis in night.axes}
-        yield from self._interval_gauges("s2r_gap",
-                                "G; 0 is no gap, 100 the declared bad state", ("axis",),
-                                {(axis,): gap for axis, gap in gaps.items()})  # fmt: skip
-        yield self._gauge("s2r_gap_threshold", "threshold of G", night.threshold)
-        words = {HEADLINE: night.headline, "all": night.outcome}
-        words |= {axis.axis: axis_check(axis, night.threshold).outcome for axis in night.axes}
-        yield self._outcome_gauge(words)
-        yield self._exit_code_gauge(words)
-        measured = {(a.axis, a.unit or ""): a.value for a in night.axes if a.state == "measured"}
-        yield from self._interval_gauges("s2r_gap_measure", "the measure behind G, in its unit",
-                                ("axis", "unit"), measured)  # fmt: skip
-        yield from self._interval_gauges("s2r_gap_golden_change_metres",
-                                "mean real error against the golden run", (),
-                                {(): night.golden_change})  # fmt: skip
-        estimates = {(each.parameter, each.unit): each.value for each in night.estimates}
-        yield from self._interval_gauges("s2r_gap_estimate", "identified simulator parameter",
-                                ("parameter", "unit"), estimates)  # fmt: skip
-        age, since = float(night.evidence_age), _midnight(night.evidence_since)
-        yield self._gauge(
-            "s2r_gap_evidence_age_days", "age of the newest recordings in this night", age
-        )
-        yield self._gauge(
-            "s2r_gap_evidence_since_timestamp_seconds",
-            "first night with the newest recordings",
-            since,
-        )
-        yield self._gauge("s2r_gap_evidence_limit_days", "age from which the evidence is stale",
-                        night.stale_after)  # fmt: skip
-        yield self._gauge("s2r_gap_stale", "1 where the evidence is too old", float(night.stale))
-        written = datetime.datetime.fromisoformat(night.written_at).timestamp()
-        yield self._gauge("s2r_gap_computed_timestamp_seconds", "when this night was written",
-                        written)  # fmt: skip
-
-    def _gauge(self, name: str, description: str, value: float) -> GaugeMetricFamily:
-        family = GaugeMetricFamily(name, description, labels=_LABELS)
-        family.add_metric(self._values, value)
-        return family
-
-    def _outcome_gauge(self, words: dict[str, str]) -> GaugeMetricFamily:
-        family = GaugeMetricFamily(
-            "s2r_gap_outcome", "1 for the present outcome; axis `all` decides the exit code",
-            labels=(*_LABELS, "axis", "outcome"),
+        outcomes = {HEADLINE: night.headline, "all": night.outcome}
+        outcomes |= {axis.axis: axis_check(axis, night.threshold).outcome for axis in night.axes}
+        outcomes = {axis: outcome for axis, outcome in outcomes.items() if outcome in EXIT_CODES}
+        yield from self._interval_gauges(
+            "s2r_gap", "G; 0 is no gap, 100 the declared bad state",
+            {(axis,): gap for axis, gap in gaps.items()}, ("axis",),
         )  # fmt: skip
-        for axis, word in words.items():
-            for each in EXIT_CODES if word in EXIT_CODES else ():
-                family.add_metric((*self._values, axis, each), float(each == word))
-        return family
+        yield self._gauge("s2r_gap_threshold", "threshold of G", {(): night.threshold})
+        yield self._gauge(
+            "s2r_gap_outcome", "1 for the present outcome; axis `all` decides the exit code",
+            {(axis, each): float(each == outcome)
+             for axis, outcome in outcomes.items() for each in EXIT_CODES},
+            ("axis", "outcome"),
+        )  # fmt: skip
+        yield self._gauge(
+            "s2r_gap_exit_code", EXIT_CODES_TEXT,
+            {(axis,): EXIT_CODES[outcome] for axis, outcome in outcomes.items()}, ("axis",),
+        )  # fmt: skip
+        yield from self._interval_gauges(
+            "s2r_gap_measure", "the measure behind G, in its unit",
+            {(a.axis, a.unit or ""): a.value for a in night.axes if a.state == "measured"},
+            ("axis", "unit"),
+        )  # fmt: skip
+        yield from self._interval_gauges(
+            "s2r_gap_golden_change_metres", "mean real error against the golden run",
+            {(): night.golden_change},
+        )  # fmt: skip
+        yield from self._interval_gauges(
+            "s2r_gap_estimate", "identified simulator parameter",
+            {(each.parameter, each.unit): each.value for each in night.estimates},
+            ("parameter", "unit"),
+        )  # fmt: skip
+        since = datetime.datetime.combine(night.evidence_since, datetime.time(), datetime.UTC)
+        written = datetime.datetime.fromisoformat(night.written_at)
+        for name, text, value in (
+            ("evidence_age_days", "age of the newest recordings in this night", night.evidence_age),
+            ("evidence_since_timestamp_seconds", "first night with the newest recordings",
+             since.timestamp()),
+            ("evidence_limit_days", "age from which the evidence is stale", night.stale_after),
+            ("stale", "1 where the evidence is too old", night.stale),
+            ("computed_timestamp_seconds", "when this night was written", written.timestamp()),
+        ):  # fmt: skip
+            yield self._gauge(f"s2r_gap_{name}", text, {(): float(value)})
 
-    def _exit_code_gauge(self, words: dict[str, str]) -> GaugeMetricFamily:
-        family = GaugeMetricFamily("s2r_gap_exit_code", EXIT_CODES_TEXT,
-                                   labels=(*_LABELS, "axis"))  # fmt: skip
-        for axis, word in words.items():
-            if word in EXIT_CODES:
-                family.add_metric((*self._values, axis), float(EXIT_CODES[word]))
+    def _gauge(
+        self, name: str, text: str, samples: Mapping[Any, float], labels: Labels = ()
+    ) -> GaugeMetricFamily:
+        """A gauge with `samples` by the values of `labels`."""
+        night = self._night
+        family = GaugeMetricFamily(name, text, labels=(*_LABELS, *labels))
+        for label, value in samples.items():
+            if math.isfinite(value):
+                family.add_metric((night.name, night.dataset, night.run, *label), float(value))
         return family
 
     def _interval_gauges(
-        self, name: str, description: str, labels: Labels, intervals: Intervals
+        self, name: str, text: str, intervals: Mapping[Any, Interval], labels: Labels = ()
     ) -> Iterator[GaugeMetricFamily]:
         """Three gauges: an estimate and its bounds."""
         for end, part in _ENDS.items():
-            family = GaugeMetricFamily(f"{name}{end}", f"{description}{BOUNDS[end]}",
-                                       labels=(*_LABELS, *labels))  # fmt: skip
-            for label, interval in intervals.items():
-                value = getattr(interval, part)
-                if math.isfinite(value):
-                    family.add_metric((*self._values, *label), value)
-            yield family
-
-
-def _midnight(day: datetime.date) -> float:
-    return datetime.datetime(day.year, day.month, day.day, tzinfo=datetime.UTC).timestamp()
+            samples = {label: getattr(interval, part) for label, interval in intervals.items()}
+            yield self._gauge(f"{name}{end}", f"{text}{BOUNDS[end]}", samples, labels)

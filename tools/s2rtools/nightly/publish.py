@@ -30,7 +30,17 @@ def publish(config: NightlyConfig, history: History, night: Night) -> list[Path]
     """
     folder = config.reports / str(night.night)
     newest = history.of_configuration(config.name)[-1]
-    files = _report_files(config, history, night, folder)
+    report = night_report(history, night)
+    plot = history_plot(report)
+    document = reader.report_text(config.history, night.measured)
+    _make_folder(folder)
+    files = {
+        folder / "history.png": plot,
+        folder / "report.json": f"{document}\n".encode(),
+        folder / "report.md": markdown(report).encode(),
+        folder / "report.html": html(report, plot).encode(),
+        folder / "junit.xml": junit(report),
+    }
     if config.metrics is not None:
         _make_folder(config.metrics.parent)
         files[config.metrics] = metrics(newest)
@@ -44,36 +54,20 @@ def publish(config: NightlyConfig, history: History, night: Night) -> list[Path]
 
 def check_ownership(config: NightlyConfig) -> None:
     """Raises RequestError where reports or metrics at the outputs belong to another gate."""
-    suites = config.reports / LATEST / "junit.xml", r'<testsuite name="([^"]*)"'
-    places = {"reports": (config.reports, *suites)}
+    junit_file = config.reports / LATEST / "junit.xml"
+    outputs = {"reports": (config.reports, junit_file, r'<testsuite name="([^"]*)"')}
     if config.metrics is not None:
-        places["metrics"] = (config.metrics, config.metrics, r'[{,]nightly="([^"]*)"')
-    for name, (place, file, pattern) in places.items():
+        outputs["metrics"] = (config.metrics, config.metrics, r'[{,]nightly="([^"]*)"')
+    for name, (output, file, pattern) in outputs.items():
         try:
-            found = re.search(pattern, file.read_text(encoding="utf-8"))
+            match = re.search(pattern, file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             continue
-        if found and found[1] != config.name:
+        if match and match[1] != config.name:
             raise RequestError(
-                f"{config.source}: output.{name}: {place} belongs to the gate {found[1]!r}; "
+                f"{config.source}: output.{name}: {output} belongs to the gate {match[1]!r}; "
                 f"give {config.name!r} a different path"
             )
-
-
-def _report_files(
-    config: NightlyConfig, history: History, night: Night, folder: Path
-) -> dict[Path, bytes]:
-    report = night_report(history, night)
-    plot = history_plot(report)
-    document = reader.report_text(config.history, night.measured)
-    _make_folder(folder)
-    return {
-        folder / "history.png": plot,
-        folder / "report.json": f"{document}\n".encode(),
-        folder / "report.md": markdown(report).encode(),
-        folder / "report.html": html(report, plot).encode(),
-        folder / "junit.xml": junit(report),
-    }
 
 
 def _make_folder(path: Path) -> None:
@@ -93,21 +87,21 @@ def _set_latest(link: Path, target: str) -> bool:
     """Point `latest` to the newest night: a link, or a copy where links are not supported."""
     if link.is_symlink() and os.readlink(link) == target:
         return False
-    beside = link.with_name(f".{link.name}.{os.getpid()}")
+    temporary = link.with_name(f".{link.name}.{os.getpid()}")
     try:
         try:
-            beside.symlink_to(target)
+            temporary.symlink_to(target)
         except OSError:
-            return _copy_latest(link, target, beside)
-        beside.replace(link)
+            return _copy_latest(link, target, temporary)
+        temporary.replace(link)
     except OSError as error:
         with suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
         raise RequestError(f"{link}: {error.strerror or error}") from error
     return True
 
 
-def _copy_latest(link: Path, target: str, beside: Path) -> bool:
+def _copy_latest(link: Path, target: str, temporary: Path) -> bool:
     names = sorted(path.name for path in (link.parent / target).iterdir())
     same = link.is_dir() and all(
         (link / name).is_file() and (link / name).read_bytes() == path.read_bytes()
@@ -115,7 +109,7 @@ def _copy_latest(link: Path, target: str, beside: Path) -> bool:
     )  # fmt: skip
     if same:
         return False
-    shutil.copytree(link.parent / target, beside)
+    shutil.copytree(link.parent / target, temporary)
     shutil.rmtree(link, ignore_errors=True)
-    beside.replace(link)
+    temporary.replace(link)
     return True

@@ -18,7 +18,7 @@ from s2rstore.gap_history.reader import AxisFigures, History, Night
 from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
 
 MAX_NIGHTS = 90
-"""Nights that tables and plots go back."""
+"""Number of nights in tables and plots."""
 CHECK_COLUMNS = ("check", "result", "details")
 NIGHT_COLUMNS = ("night", "result", f"G ({LEVEL_TEXT})", "worst axis", "age of evidence, days")
 ESTIMATE_COLUMNS = ("parameter", f"estimate ({LEVEL_TEXT})", "unit", "note")
@@ -52,7 +52,7 @@ class NightReport:
         return list(dict.fromkeys(axis.axis for axis in axes if math.isfinite(axis.gap.value)))
 
     def facts(self) -> list[tuple[str, str]]:
-        """Name and value of what was measured."""
+        """Names and values that describe the measured data."""
         night = self.night
         return [
             ("data set", f"{night.dataset} ({night.dataset_hash[:12]})"),
@@ -129,11 +129,11 @@ def axis_check(axis: AxisFigures, threshold: float) -> Check:
         return Check(axis.axis, unmeasured, f"{axis.state}: {axis.note}")
     value = f"{axis.measure} {format_interval(axis.value, 3)} {axis.unit}, n {axis.n}"
     value += f"; {axis.note}" if axis.note else ""
-    word = axis_status(axis.gap, threshold)
-    if word == "SKIPPED":
-        return Check(axis.axis, word, f"not judged: {value}")
+    status = axis_status(axis.gap, threshold)
+    if status == "SKIPPED":
+        return Check(axis.axis, status, f"not judged: {value}")
     gap = f"G {format_interval(axis.gap)}, threshold {threshold:g}"
-    return Check(axis.axis, word, f"{gap}; {value}")
+    return Check(axis.axis, status, f"{gap}; {value}")
 
 
 def _golden_check(night: Night) -> Check:

@@ -14,19 +14,17 @@ from s2rstore.files import locks
 from s2rstore.gap_history import reader as stored
 from s2rstore.gap_history import writer
 from s2rstore.gap_history.reader import Night
-from s2rstore.reader import Store
 from s2rtools.nightly import history_rows, input_fingerprint, measurement
 from s2rtools.nightly.config import NightlyConfig
 from s2rtools.nightly.history_rows import NightResult
-from s2rtools.nightly.input_fingerprint import Inputs
-from s2rtools.nightly.measurement import Estimates, Estimating, Measuring, Report
+from s2rtools.nightly.measurement import Estimates, Estimating, Measuring
 from s2rtools.nightly.publish import check_ownership, publish
 
 Clock = Callable[[], datetime.datetime]
 MAX_DAYS_BACK = 31
-"""Days that a night may lie before the newest one, when it is filled in later."""
+"""Largest number of days before the newest night, for a night that is added later."""
 MAX_DAYS_AHEAD = 366
-"""Days that a night may lie after the newest one; clocks that were reset are years off."""
+"""Largest number of days after the newest night; clocks that were reset are years off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +94,7 @@ def _check_date(config: NightlyConfig, night: datetime.date) -> None:
 def _night_result(
     config: NightlyConfig, night: datetime.date, measure: Measuring, estimate: Estimating
 ) -> NightResult:
-    """The result of a night; one with the same key is reused."""
+    """The result of a night; figures of a night with the same key are reused."""
     store, current = input_fingerprint.open_store(config.store)
     with store:
         inputs = input_fingerprint.inputs(config, store, current)
@@ -106,24 +104,20 @@ def _night_result(
         if measured is not None:
             report = json.loads(stored.report_text(config.history, measured))
             return NightResult(config, inputs, night, report, measured=measured)
-        report, estimates = _measured(store, config, inputs, measure, estimate)
+        estimates: Estimates = ()
+        try:
+            report = measure(store, config)
+            estimates = estimate(config.sysid) if config.sysid else ()
+        except StoreBusyError:
+            raise
+        except (InconclusiveError, RequestError) as error:
+            report = measurement.failed_report(store, config, inputs, error)
         if input_fingerprint.inputs(config, store, current) != inputs:
             raise RequestError(
                 f"{config.source}: the inputs changed during the measurement; nothing was "
                 "written, run it again"
             )
     return NightResult(config, inputs, night, report, estimates)
-
-
-def _measured(
-    store: Store, config: NightlyConfig, inputs: Inputs, measure: Measuring, estimate: Estimating
-) -> tuple[Report, Estimates]:
-    try:
-        return measure(store, config), estimate(config.sysid) if config.sysid else ()
-    except StoreBusyError:
-        raise
-    except (InconclusiveError, RequestError) as error:
-        return measurement.failed_report(store, config, inputs, error), ()
 
 
 def check_writable(config: NightlyConfig) -> None:
@@ -134,4 +128,4 @@ def check_writable(config: NightlyConfig) -> None:
     for name, folder in folders.items():
         existing = next(each for each in (folder, *folder.parents) if each.exists())
         if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-            raise RequestError(f"{config.source}: output.{name}: {existing} cannot be written in")
+            raise RequestError(f"{config.source}: output.{name}: cannot write to {existing}")

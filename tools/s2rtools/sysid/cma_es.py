@@ -9,17 +9,13 @@ import numpy as np
 from s2rtools.sysid.simulators.simulator import Floats
 
 Advance = Callable[[int], None]
-"""Receives the number of evaluations done; the sum is the number allowed."""
+"""Receives the number of new evaluations; the sum is the permitted number."""
 
 
 def minimize(
-    cost: Callable[[Floats], float],
-    start: Floats,
-    rng: np.random.Generator,
-    evaluations: int,
-    spread: float,
-    advance: Advance,
-) -> tuple[Floats, Floats, Floats]:
+    cost: Callable[[Floats], float], start: Floats, rng: np.random.Generator, evaluations: int,
+    spread: float, advance: Advance,
+) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Evaluations and best costs after each generation, and the best point in the unit cube."""
     import cma
 

@@ -7,11 +7,8 @@ from collections.abc import Sequence
 
 from s2rtools.sysid.search import SearchTrace
 
-_INK, _GRID, _COLOURS = (
-    "#22262b",
-    "#d9dde2",
-    ("#1f6fb2", "#c0392b", "#6f8f1f", "#8a5aa8", "#c77f17"),
-)
+_INK, _GRID = "#22262b", "#d9dde2"
+_COLOURS = ("#1f6fb2", "#c0392b", "#6f8f1f", "#8a5aa8", "#c77f17")
 _NESTED = 3
 """Number of searches whose end markers are nested, so that equal ends stay visible."""
 

@@ -17,7 +17,7 @@ from s2rtools.sysid.prediction_error import PredictionError
 from s2rtools.sysid.simulators.simulator import Floats
 
 _PRIOR = 12.0
-"""Prior precision of a normalised parameter: one over the variance of 0 .. 1."""
+"""Prior precision of a normalised parameter: 1 / variance of the uniform distribution on 0 .. 1."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,14 +43,15 @@ class HeldOut:
         return self.low > 0 and self.fitted[1] <= _MAX_HEADING_RATIO * self.untuned[1]
 
     def record(self) -> dict[str, Any]:
-        short = [float(f"{value:.6g}") for value in (*self.untuned, *self.fitted, self.improvement,
-                                                     self.low, self.high)]  # fmt: skip
+        """JSON data with six significant digits."""
+        figures = (*self.untuned, *self.fitted, self.improvement, self.low, self.high)
+        u0, u1, f0, f1, improvement, low, high = (float(f"{value:.6g}") for value in figures)
         return {
             "drives": self.drives,
             "windows": self.windows,
-            "untuned": {"place_m": short[0], "heading_rad": short[1]},
-            "fitted": {"place_m": short[2], "heading_rad": short[3]},
-            "improvement_m": short[4], "improvement_low": short[5], "improvement_high": short[6],
+            "untuned": {"place_m": u0, "heading_rad": u1},
+            "fitted": {"place_m": f0, "heading_rad": f1},
+            "improvement_m": improvement, "improvement_low": low, "improvement_high": high,
             "helps": self.helps,
         }  # fmt: skip
 
@@ -58,8 +59,14 @@ class HeldOut:
 def held_out_error(problem: PredictionError, before: Floats, after: Floats, count: int,
                    rng: np.random.Generator) -> HeldOut:  # fmt: skip
     """Compare two sets of normalised parameters from the same start states."""
-    drives = problem.windows.replays.drive
-    return compared(_errors(problem, before), _errors(problem, after), drives, count, rng)
+    replays = problem.windows.replays
+    errors = []
+    for cube in (before, after):
+        deviations = problem.predicted(cube)[:, :3] - problem.windows.poses
+        squares = np.stack([(deviations[:, :2] ** 2).sum(axis=1), deviations[:, 2] ** 2], axis=1)
+        counts = np.diff(replays.first)[:, None]
+        errors.append(np.sqrt(np.add.reduceat(squares, replays.first[:-1]) / counts))
+    return compared(errors[0], errors[1], replays.drive, count, rng)
 
 
 def compared(before: Floats, after: Floats, drives: Integers, count: int,
@@ -76,13 +83,12 @@ def compared(before: Floats, after: Floats, drives: Integers, count: int,
         low, high = percentile_bounds(replicates)
     else:
         low, high = map(float, drive_interval(replicates, LEVEL, len(groups)))
-    whole = [tuple(np.sqrt((table**2).mean(axis=0)).tolist()) for table in (before, after)]
-    return HeldOut(len(groups), len(gain), whole[0], whole[1], mean, low,
-                   high)  # fmt: skip
+    untuned, fitted = (np.sqrt((table**2).mean(axis=0)).tolist() for table in (before, after))
+    return HeldOut(len(groups), len(gain), tuple(untuned), tuple(fitted), mean, low, high)
 
 
 def grouped_mean_replicates(groups: list[Floats], count: int, rng: np.random.Generator) -> Floats:
-    """Bootstrap replicates (count,) of the mean of windows that are grouped by drive."""
+    """Bootstrap replicates (count,) of the mean over windows, which are grouped by drive."""
     sizes = np.array([len(group) for group in groups])
     total, number = np.zeros(count), np.zeros(count)
     for _ in groups:
@@ -103,16 +109,3 @@ def _block_sums(values: Floats, count: int, rng: np.random.Generator) -> Floats:
     parts = -(-n // length)
     starts = rng.integers(0, n, (count, parts))
     return circular_block_sums(values, length, starts) * (n / (parts * length))
-
-
-def _errors(problem: PredictionError, cube: Floats) -> Floats:
-    deviations = problem.predicted(cube)[:, :3] - problem.windows.poses
-    return window_errors(deviations, problem.windows.replays.first[:-1])
-
-
-def window_errors(deviations: Floats, first: np.ndarray) -> Floats:
-    """Root mean square position and heading errors (w, 2) of windows that start at rows `first`."""
-    x, y, heading = deviations.T
-    squares = np.stack([x**2 + y**2, heading**2], axis=1)
-    counts = np.diff([*first, len(deviations)])[:, None]
-    return np.sqrt(np.add.reduceat(squares, first) / counts)

@@ -13,6 +13,9 @@ from s2rtools.sysid.simulators.simulator import Floats, Parameter
 _MAX_UNCERTAINTY = 0.05
 """Standard deviation, as a share of the range, above which a combination is undetermined."""
 _LOADING = 0.3
+"""Smallest component of an eigenvector that counts."""
+_MARGIN = 1e-3
+"""Distance to an end, as a share of the range, that counts as reaching it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +40,12 @@ def identifiability(normal: NormalEquations, space: Space) -> Identifiability:
     uncertainty = 1.0 / np.sqrt(values)
     names: list[str] = []
     warnings = []
-    for share, vector in zip(uncertainty, vectors.T, strict=True):
+    for share, vector in zip(uncertainty.tolist(), vectors.T, strict=True):
         if share <= _MAX_UNCERTAINTY:
             continue
         strong = [i for i in np.argsort(-np.abs(vector)) if abs(vector[i]) >= _LOADING]
         names.extend(space.names[i] for i in strong)
-        warnings.append(_warning(space, vector, strong, float(share)))
+        warnings.append(_warning(space, vector, strong, share))
     return Identifiability(values, uncertainty, float(values[-1] / values[0]),
                            tuple(dict.fromkeys(names)), tuple(warnings))  # fmt: skip
 
@@ -54,22 +57,15 @@ def _warning(space: Space, vector: Floats, strong: list[int], share: float) -> s
     reach = "more than its whole range" if share > 1 else f"+-{100 * share:.0f} % of its range"
     if len(strong) == 1:
         return f"{space.names[strong[0]]} is not determined by these drives ({reach})"
-    ratio = ""
-    shared = set(space.simulator.shared)
-    if len(strong) > 1 and {space.names[i] for i in strong} <= shared:
-        ratio = "; only their ratios are known"
+    scalable = {space.names[i] for i in strong} <= set(space.simulator.shared)
+    ratio = "; only their ratios are known" if scalable else ""
     return f"these parameters are not determined separately ({reach}): {directions}{ratio}"
-
-
-_MARGIN = 1e-3
-"""Distance to an end, as a share of the range, that counts as reaching it."""
 
 
 def at_range_limits(space: Space, cube: Floats, limits: Floats) -> tuple[str, ...]:
     """Parameters whose estimate (p,) or unclipped interval (2, p) reaches an end of the range.
 
-    A range that begins at 0 begins at a physical limit: there only an interval that lies wholly
-    outside counts.
+    A lower end of 0 is a physical limit: there only an interval that lies wholly outside counts.
     """
     names = []
     for one, value, (low, high) in zip(space.parameters, cube, limits.T, strict=True):
@@ -81,7 +77,7 @@ def at_range_limits(space: Space, cube: Floats, limits: Floats) -> tuple[str, ..
 
 
 def range_warning(one: Parameter, value: float) -> str:
-    """The warning that the user reads."""
+    """The warning for an estimate at a range limit."""
     unit = "" if one.unit == "1" else f" {one.unit}"
     return (
         f"{one.name}: the estimate {value:.4g}{unit} or its interval reaches the end of the range "

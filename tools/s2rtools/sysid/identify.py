@@ -36,9 +36,9 @@ MIN_FITTED = 4
 
 @dataclass(frozen=True, slots=True)
 class ParameterEstimate:
-    """Estimate of one parameter; `untuned` is the simulator's value before.
+    """Estimate of one parameter; `untuned` is its value in the simulator before identification.
 
-    `low` and `high` are the whole range where the drives do not determine the parameter (`open`) or
+    `low` and `high` are the whole range if `open`: the drives do not determine the parameter, or
     the estimate reaches the end of the range.
     """
 
@@ -77,7 +77,7 @@ class Identification:
 
     @property
     def values(self) -> dict[str, float]:
-        """Values of all parameters of the simulator."""
+        """Identified and fixed values of all parameters of the simulator."""
         return self.space.values(self.cube)
 
     @property
@@ -100,43 +100,53 @@ def identify(
     known = _torques_known(drives, simulator)
     space = space_of(simulator, settings.parameters, settings.fixed, known)
     number = np.arange(len(windows))
-    first_held = windows.replays.drive >= len(fitted)
-    problem = PredictionError(space, windows.only(number[~first_held]))
+    is_held = windows.replays.drive >= len(fitted)
+    problem = PredictionError(space, windows.only(number[~is_held]))
     evaluations = settings.evaluations or simulator.evaluations
     reporter.begin(f"search with {simulator.name}", settings.seeds * evaluations)
-    found = search(problem, settings.seeds, settings.seed, evaluations, reporter.advance)
-    problem, cube = found.problem, found.cube
+    problem, cube, traces = search(
+        problem, settings.seeds, settings.seed, evaluations, reporter.advance
+    )
     normal = normal_equations(problem, cube)
     rng = np.random.default_rng((settings.seed, 10_000))
     refits = refit_replicates(normal, cube, settings.replicates, rng)
     information = identifiability(normal, space)
     limits = drive_interval(refits, settings.level, len(fitted))
-    held_problem = problem.of(windows.only(number[first_held]))
+    held_problem = problem.of(windows.only(number[is_held]))
     everything = problem.of(windows)
     shape = structure(held_problem, everything, cube, settings.replicates, rng)
     error = held_out_error(held_problem, space.start(), cube, settings.replicates, rng)
-    reached = at_range_limits(space, cube, limits)
-    log_warnings = tuple(warning for drive in drives for warning in drive.real.warnings)
-    ends = tuple(name for name in reached if name not in information.undetermined)
+    ends = tuple(
+        name
+        for name in at_range_limits(space, cube, limits)
+        if name not in information.undetermined
+    )
+    warnings = [warning for drive in drives for warning in drive.real.warnings]
+    if space.lumped:
+        warnings.append(
+            f"the wheel torques are unknown: only ratios to the {simulator.shared[0]} are "
+            f"identified ({', '.join(space.divided)})"
+        )
+    warnings += [*information.warnings, *shape.sentences()]
+    values = zip(space.parameters, space.natural(cube).tolist(), strict=True)
+    warnings += [range_warning(one, value) for one, value in values if one.name in ends]
     return Identification(
         settings, space, cube, _estimates(space, cube, limits, (*information.undetermined, *ends)),
         tuple(drive.name for drive in fitted), tuple(drive.name for drive in held),
-        found.traces, problem, everything, error, information, shape,
-        ends,
-        (*log_warnings, *_warnings(space, information, shape), *_end_warnings(space, cube, ends)),
+        tuple(traces), problem, everything, error, information, shape, ends, tuple(warnings),
     )  # fmt: skip
 
 
-def simulator_named(name: str) -> Simulator:
-    """Raises RequestError for an unknown simulator, or one whose program is not installed."""
+def configured_simulator(settings: SysidSettings) -> Simulator:
+    """The simulator with the requested ranges.
+
+    Raises RequestError for unknown names and values, and for a simulator whose program is not
+    installed.
+    """
+    name = settings.simulator
     if name not in SIMULATORS:
         raise RequestError(f"--simulator {name}: unknown (known: {', '.join(SIMULATORS)})")
-    return SIMULATORS[name]()
-
-
-def configured_simulator(settings: SysidSettings) -> Simulator:
-    """The simulator with the requested ranges. Raises RequestError for unknown names and values."""
-    simulator = with_ranges(simulator_named(settings.simulator), settings.ranges)
+    simulator = with_ranges(SIMULATORS[name](), settings.ranges)
     check(simulator, settings.parameters, settings.fixed, settings.ranges)
     return simulator
 
@@ -149,9 +159,9 @@ def _split(drives: Sequence[Drive], settings: SysidSettings) -> tuple[list[Drive
             f"{len(drives)} drives, {count} of them held out: identification needs "
             f"{MIN_FITTED} to fit and 1 to hold out; record more"
         )
-    places = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
-    fitted = [drive for i, drive in enumerate(drives) if i not in places]
-    return fitted, [drive for i, drive in enumerate(drives) if i in places]
+    held = {round((i + 0.5) * len(drives) / count - 0.5) for i in range(count)}
+    fitted = [drive for i, drive in enumerate(drives) if i not in held]
+    return fitted, [drives[i] for i in sorted(held)]
 
 
 def _torques_known(drives: Sequence[Drive], simulator: Simulator) -> bool:
@@ -168,31 +178,17 @@ def _torques_known(drives: Sequence[Drive], simulator: Simulator) -> bool:
 
 def _estimates(space: Space, cube: Floats, limits: Floats,
                unknown: tuple[str, ...]) -> tuple[ParameterEstimate, ...]:  # fmt: skip
-    natural = space.natural(cube)
-    low, high = space.natural(np.clip(limits, 0.0, 1.0))
-    found = []
-    for i, one in enumerate(space.parameters):
-        free = one.name in unknown
-        bounds = (one.low, one.high) if free else (float(low[i]), float(high[i]))
-        found.append(
+    low_ends, high_ends = space.natural(np.clip(limits, 0.0, 1.0)).tolist()
+    estimates = []
+    for one, value, low, high in zip(
+        space.parameters, space.natural(cube).tolist(), low_ends, high_ends, strict=True
+    ):
+        is_open = one.name in unknown
+        if is_open:
+            low, high = one.low, one.high
+        estimates.append(
             ParameterEstimate(
-                one.name, one.unit, one.meaning, one.default, float(natural[i]), *bounds, free
+                one.name, one.unit, one.meaning, one.default, value, low, high, is_open
             )
         )
-    return tuple(found)
-
-
-def _end_warnings(space: Space, cube: Floats, names: tuple[str, ...]) -> tuple[str, ...]:
-    found = zip(space.parameters, space.natural(cube).tolist(), strict=True)
-    return tuple(range_warning(one, value) for one, value in found if one.name in names)
-
-
-def _warnings(space: Space, known: Identifiability, shape: Structure) -> tuple[str, ...]:
-    warnings: list[str] = []
-    if space.lumped:
-        first = space.simulator.shared[0]
-        warnings.append(
-            f"the wheel torques are unknown: only ratios to the {first} are identified "
-            f"({', '.join(space.divided)})"
-        )
-    return (*warnings, *known.warnings, *shape.sentences())
+    return tuple(estimates)

@@ -1,10 +1,9 @@
-"""Whether the best fit leaves more than noise, and which structural parameter would explain it.
+"""Test for model mismatch: systematic residuals, and structural parameters that would explain them.
 
-Residuals of held-out windows are white where the simulator can follow reality and sensors add
-independent noise; their mean autocorrelation over short lags is compared with what white noise of
-so many samples gives. Then every structural parameter that was not searched (a way in which
-reality may differ that is no tuning knob) is given one Gauss-Newton step beside the searched ones
-(a score test); its interval is by bootstrap over all drives.
+If the simulator can follow reality and sensor noise is independent, residuals of held-out windows
+are white. Their mean autocorrelation over short lags is compared with its upper limit for white
+noise. Then one Gauss-Newton step estimates each fixed structural parameter together with the
+searched ones (a score test), with an interval by bootstrap over all drives.
 """
 
 from __future__ import annotations
@@ -19,13 +18,15 @@ from s2rtools.sysid.simulators.simulator import Floats
 
 CHANNELS = ("ahead", "sideways", "heading")
 _LAGS = 10
-_SURE = 0.999
+_NOISE_LEVEL = 0.999
+"""Confidence level of the limit for noise, over all channels."""
 _LEVEL = 0.99
+"""Confidence level of the candidates' intervals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """Mean autocorrelation over the first lags, and the most that noise gives; `rms` in m, rad."""
+    """Mean autocorrelation over short lags, its upper limit for noise, and `rms` in m or rad."""
 
     name: str
     autocorrelation: float
@@ -39,7 +40,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """What one more parameter would have to be; `nominal` is what the fit took it to be."""
+    """Estimate of a structural parameter that the fit held at its value `nominal`."""
 
     name: str
     nominal: float
@@ -49,48 +50,51 @@ class Candidate:
 
     @property
     def differs(self) -> bool:
-        """Where the drives know too little of it, the interval leaves out the estimate itself."""
-        known = self.low <= self.estimate <= self.high
-        return known and not self.low <= self.nominal <= self.high
+        """Whether the interval holds the estimate and excludes the nominal value.
+
+        It excludes the estimate where the drives hold too little evidence.
+        """
+        determined = self.low <= self.estimate <= self.high
+        return determined and not self.low <= self.nominal <= self.high
 
 
 @dataclass(frozen=True, slots=True)
 class Structure:
+    """Result of the test for model mismatch."""
+
     channels: tuple[Channel, ...]
     candidates: tuple[Candidate, ...]
 
     @property
     def mismatch(self) -> bool:
-        return any(channel.systematic for channel in self.channels) or any(
-            candidate.differs for candidate in self.candidates
-        )
+        return bool(self.sentences())
 
     def sentences(self) -> tuple[str, ...]:
-        """What to tell the reader; empty where nothing was found."""
-        told = []
+        """One warning per kind of mismatch; empty without a mismatch."""
+        warnings = []
         systematic = [channel for channel in self.channels if channel.systematic]
         if systematic:
             parts = ", ".join(
                 f"{one.name} {one.autocorrelation:.2f} (noise: at most {one.limit:.2f})"
                 for one in systematic
             )
-            told.append(
+            warnings.append(
                 "structural mismatch: on held-out drives the best fit leaves systematic residuals; "
                 f"mean autocorrelation {parts}"
             )
-        told.extend(
+        warnings.extend(
             f"structural mismatch: {one.name} = {one.estimate:.3g} ({one.low:.3g} .. "
             f"{one.high:.3g}) would explain residuals that the fit with {one.name} = "
             f"{one.nominal:.3g} leaves"
             for one in self.candidates
             if one.differs
         )
-        return tuple(told)
+        return tuple(warnings)
 
 
 def structure(held_out: PredictionError, everything: PredictionError, cube: Floats, count: int,
               rng: np.random.Generator) -> Structure:  # fmt: skip
-    """`held_out` and `everything`: the problem over held-out windows and over all."""
+    """Test the fit `cube` on the problems over held-out windows and over all windows."""
     return Structure(_channels(held_out, cube), _candidates(everything, cube, count, rng))
 
 
@@ -104,8 +108,8 @@ def _channels(problem: PredictionError, cube: Floats) -> tuple[Channel, ...]:
     turned = np.stack([cos * rows[:, 0] + sin * rows[:, 1],
                        cos * rows[:, 1] - sin * rows[:, 0], rows[:, 2]], axis=1)  # fmt: skip
     window = problem.windows.window_of_row
-    found = []
-    tail = float(norm.ppf(1 - (1 - _SURE) / len(CHANNELS)))
+    channels = []
+    tail = float(norm.ppf(1 - (1 - _NOISE_LEVEL) / len(CHANNELS)))
     for name, values, sigma in zip(CHANNELS, turned.T, problem.sigma, strict=True):
         total, pairs = 0.0, 0.0
         for lag in range(1, _LAGS + 1):
@@ -114,15 +118,15 @@ def _channels(problem: PredictionError, cube: Floats) -> tuple[Channel, ...]:
             pairs += int(inside.sum())
         variance = float((values**2).mean())
         correlation = total / pairs / variance if variance > 0 else 0.0
-        found.append(Channel(name, correlation, tail / float(np.sqrt(pairs)),
-                             float(np.sqrt(variance) * sigma)))  # fmt: skip
-    return tuple(found)
+        channels.append(Channel(name, correlation, tail / float(np.sqrt(pairs)),
+                                float(np.sqrt(variance) * sigma)))  # fmt: skip
+    return tuple(channels)
 
 
 def _candidates(problem: PredictionError, cube: Floats, count: int,
                 rng: np.random.Generator) -> tuple[Candidate, ...]:  # fmt: skip
     space = problem.space
-    found = []
+    candidates = []
     for declared in space.simulator.parameters:
         if declared.name not in space.fixed or not declared.structural:
             continue
@@ -134,6 +138,6 @@ def _candidates(problem: PredictionError, cube: Floats, count: int,
         centre = point - np.linalg.solve(normal.matrices.sum(axis=0) + 1e-9 * np.eye(len(point)),
                                          normal.vectors.sum(axis=0))  # fmt: skip
         low, high = drive_interval(refits, _LEVEL, len(normal.vectors))
-        told = wide.natural(np.clip(np.stack([centre, low, high]), 0.0, 1.0))[:, -1]
-        found.append(Candidate(declared.name, space.fixed[declared.name], *map(float, told)))
-    return tuple(found)
+        values = wide.natural(np.clip(np.stack([centre, low, high]), 0.0, 1.0))[:, -1]
+        candidates.append(Candidate(declared.name, space.fixed[declared.name], *values.tolist()))
+    return tuple(candidates)

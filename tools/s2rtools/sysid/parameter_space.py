@@ -1,10 +1,10 @@
-"""The searched parameters as a unit cube, and back to a simulator's values."""
+"""The searched parameters as coordinates of the unit cube, and their search ranges."""
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,10 +16,11 @@ from s2rtools.sysid.simulators.simulator import LATENCY, Floats, Parameter, Simu
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """Coordinates 0 .. 1 per parameter, linear or logarithmic as declared.
+    """Coordinates 0 .. 1 per parameter, on a linear or logarithmic scale as declared.
 
-    `fixed` are the simulator's other values. `divided` maps a lumped parameter, as `damping/mass`,
-    to the simulator's; these are ratios to the simulator's first shared parameter, which is fixed.
+    `fixed` are the values of the simulator's other parameters. `divided` maps a lumped parameter,
+    such as `damping/mass`, to the simulator's parameter; it is the ratio to the simulator's first
+    shared parameter, which is fixed.
     """
 
     simulator: Simulator
@@ -37,30 +38,30 @@ class Space:
 
     def natural(self, cube: Floats) -> Floats:
         """Cube coordinates (..., p) in the parameters' units."""
-        return np.stack(
-            [_natural(one, cube[..., i]) for i, one in enumerate(self.parameters)], axis=-1
-        )
+        columns = [one.at_share(cube[..., i]) for i, one in enumerate(self.parameters)]
+        return np.stack(columns, axis=-1)
 
     def cube(self, values: Mapping[str, float]) -> Floats:
-        """The coordinates (p,) of the parameters' values, cut to the ranges."""
-        return np.array([_share(one, values[one.name]) for one in self.parameters])
+        """The coordinates (p,) of the parameters' values, clipped to the ranges."""
+        return np.array([one.share_of(values[one.name]) for one in self.parameters])
 
     def values(self, cube: Floats) -> dict[str, float]:
-        """All values that the simulator takes."""
-        found = dict(self.fixed)
+        """The values of all parameters of the simulator."""
+        values = dict(self.fixed)
         for parameter, value in zip(self.parameters, self.natural(cube).tolist(), strict=True):
             name = self.divided.get(parameter.name)
             if name is None:
-                found[parameter.name] = value
+                values[parameter.name] = value
             else:
-                found[name] = value * self.fixed[self.simulator.shared[0]]
-        return found
+                values[name] = value * self.fixed[self.simulator.shared[0]]
+        return values
 
     def start(self) -> Floats:
+        """The coordinates (p,) of the default values."""
         return self.cube({one.name: one.default for one in self.parameters})
 
     def widened(self, name: str) -> Space:
-        """The same with one more parameter of the simulator, now searched."""
+        """This space with one more searched parameter, which was fixed."""
         fixed = {other: value for other, value in self.fixed.items() if other != name}
         declared = replace(self.simulator.parameter(name), default=self.fixed[name])
         return replace(self, parameters=(*self.parameters, declared), fixed=fixed)
@@ -70,8 +71,8 @@ def space_of(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[s
              torques_known: bool) -> Space:  # fmt: skip
     """The space of the named parameters (None: those searched by default) and the latency.
 
-    Where torques are not known the shared parameters are searched as ratios, the gain's among
-    them. Raises RequestError for unknown names and values out of range.
+    Where torques are not known, the shared parameters and the gain are searched as ratios. Raises
+    RequestError for unknown names and values out of range.
     """
     declared = {one.name: one for one in simulator.parameters}
     chosen = _chosen(simulator, names, fixed)
@@ -84,8 +85,11 @@ def space_of(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[s
         others = {name: value for name, value in values.items() if name not in chosen}
         return Space(simulator, searched, others, {})
     reference, *shared = simulator.shared
-    wanted = [name for name in shared if name == "gain" or name in chosen]
-    ratios = {f"{name}/{reference}": name for name in wanted if name not in fixed}
+    ratios = {
+        f"{name}/{reference}": name
+        for name in shared
+        if name not in fixed and (name == "gain" or name in chosen)
+    }
     searched = (
         *(_ratio(declared[name], declared[reference], values) for name in ratios.values()),
         *(declared[name] for name in chosen if name not in simulator.shared),
@@ -104,24 +108,19 @@ def _chosen(
 
 def check(simulator: Simulator, names: Sequence[str] | None, fixed: Mapping[str, float],
           ranges: Collection[str]) -> None:  # fmt: skip
-    """Raises RequestError where `space_of` would, and for ranges that nothing would search."""
+    """Raises RequestError where `space_of` would, and for ranges of parameters not searched."""
     chosen = _chosen(simulator, names, fixed)
     _check_names(simulator, chosen, fixed)
     used = {*chosen, LATENCY, *simulator.shared}
     used |= {one.name for one in simulator.parameters if one.structural}
     for name in ranges:
         if name in fixed or name not in used:
-            told = "fixed" if name in fixed else "not searched"
-            raise RequestError(f"{name}: {told}, so it needs no range; leave one out")
+            state = "fixed" if name in fixed else "not searched"
+            raise RequestError(f"{name}: {state}, so it needs no range; leave one out")
 
 
 def _check_names(simulator: Simulator, chosen: Sequence[str], fixed: Mapping[str, float]) -> None:
-    known = {one.name: one for one in simulator.parameters}
-    for name in (*chosen, *fixed):
-        if name not in known:
-            raise RequestError(
-                f"{name}: no parameter of the simulator {simulator.name} (has: {', '.join(known)})"
-            )
+    known = _declared(simulator, (*chosen, *fixed))
     for name, value in fixed.items():
         if name == LATENCY:
             raise RequestError(f"{LATENCY}: always searched; it cannot be fixed")
@@ -132,8 +131,19 @@ def _check_names(simulator: Simulator, chosen: Sequence[str], fixed: Mapping[str
             raise RequestError(f"{name}={value:g}: out of its range {low:g} .. {high:g}")
 
 
+def _declared(simulator: Simulator, names: Iterable[str]) -> dict[str, Parameter]:
+    """All parameters by name. Raises RequestError where one of `names` is unknown."""
+    known = {one.name: one for one in simulator.parameters}
+    for name in names:
+        if name not in known:
+            raise RequestError(
+                f"{name}: no parameter of the simulator {simulator.name} (has: {', '.join(known)})"
+            )
+    return known
+
+
 def _ratio(of: Parameter, to: Parameter, values: Mapping[str, float]) -> Parameter:
-    """The parameter `of / to`, over the range that theirs span about `to`'s middle."""
+    """The parameter `of / to`; its range combines both ranges about the middle of `to`."""
     middle = math.sqrt(to.low * to.high)
     spread = math.sqrt(to.high / to.low)
     low = of.low / middle / (spread if of.scale == "log" else 1.0)
@@ -144,26 +154,13 @@ def _ratio(of: Parameter, to: Parameter, values: Mapping[str, float]) -> Paramet
     )  # fmt: skip
 
 
-def _natural(one: Parameter, share: Floats) -> Floats:
-    if one.scale == "log":
-        return one.low * (one.high / one.low) ** share
-    return one.low + (one.high - one.low) * share
-
-
-def _share(one: Parameter, value: float) -> float:
-    if one.scale == "log":
-        value = min(max(value, one.low), one.high)
-        return math.log(value / one.low) / math.log(one.high / one.low)
-    return min(max((value - one.low) / (one.high - one.low), 0.0), 1.0)
-
-
-_FARTHEST = 5.0
-"""Times the declared range, for parameters of either sign."""
+_MAX_WIDENING = 5.0
+"""Largest factor on the declared range of a parameter that may be negative."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Searched from `low` to `high`; `scale` None: as the simulator declares it."""
+    """Search range from `low` to `high`; `scale` None: as the simulator declares it."""
 
     low: float
     high: float
@@ -171,48 +168,43 @@ class Range:
 
 
 def parse_range(text: str) -> Range:
-    """LOW..HIGH, LOW..HIGH:log or LOW..HIGH:linear. Raises RequestError."""
+    """Parse LOW..HIGH, LOW..HIGH:log or LOW..HIGH:linear. Raises RequestError."""
     bounds, _, scale = text.partition(":")
-    low, dots, high = bounds.partition("..")
+    scales: dict[str, Literal["linear", "log"] | None]
+    scales = {"": None, "log": "log", "linear": "linear"}
     try:
-        found = Range(float(low), float(high), _SCALES[scale.strip()])
+        low, high = bounds.split("..", 1)
+        return Range(float(low), float(high), scales[scale.strip()])
     except (KeyError, ValueError):
-        dots = ""
-    if not dots:
-        raise RequestError(f"{text}: expected LOW..HIGH or LOW..HIGH:log, such as 0.1..0.5")
-    return found
-
-
-_SCALES: dict[str, Literal["linear", "log"] | None] = {"": None, "log": "log", "linear": "linear"}
+        raise RequestError(
+            f"{text}: expected LOW..HIGH or LOW..HIGH:log, such as 0.1..0.5"
+        ) from None
 
 
 def with_ranges(simulator: Simulator, ranges: Mapping[str, Range]) -> Simulator:
-    """The simulator with other ranges.
+    """A copy of the simulator with other ranges.
 
-    Raises RequestError for unknown parameters and ranges that it cannot have.
+    Raises RequestError for unknown parameters and for ranges that they cannot have.
     """
-    known = {one.name: one for one in simulator.parameters}
-    for name, wanted in ranges.items():
-        if name not in known:
-            told = f"{name}: no parameter of the simulator {simulator.name}"
-            raise RequestError(f"{told} (has: {', '.join(known)})")
-        known[name] = _with(known[name], wanted)
-    made = copy.copy(simulator)
-    made.parameters = tuple(known.values())
-    return made
+    known = _declared(simulator, ranges)
+    for name, limits in ranges.items():
+        known[name] = _with_range(known[name], limits)
+    changed = copy.copy(simulator)
+    changed.parameters = tuple(known.values())
+    return changed
 
 
-def _with(one: Parameter, wanted: Range) -> Parameter:
-    scale = wanted.scale or one.scale
-    told = f"{one.name}={wanted.low:g}..{wanted.high:g}"
-    if not (math.isfinite(wanted.low) and math.isfinite(wanted.high) and wanted.low < wanted.high):
-        raise RequestError(f"{told}: must be two numbers, the lower first")
+def _with_range(one: Parameter, limits: Range) -> Parameter:
+    scale, low, high = limits.scale or one.scale, limits.low, limits.high
+    text = f"{one.name}={low:g}..{high:g}"
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise RequestError(f"{text}: must be two numbers, the lower first")
     if one.low < 0:
-        least, most = _FARTHEST * one.low, _FARTHEST * one.high
-        if not least <= wanted.low < wanted.high <= most:
-            raise RequestError(f"{told}: must lie within {least:g} .. {most:g}")
-    elif wanted.low < 0 or (wanted.low == 0 and one.low > 0):
-        raise RequestError(f"{told}: must be {'over' if one.low > 0 else 'at least'} 0")
-    if scale == "log" and wanted.low <= 0:
-        raise RequestError(f"{told}:log: a logarithmic range must begin over 0")
-    return replace(one, low=wanted.low, high=wanted.high, scale=scale)
+        lowest, highest = _MAX_WIDENING * one.low, _MAX_WIDENING * one.high
+        if not lowest <= low < high <= highest:
+            raise RequestError(f"{text}: must lie within {lowest:g} .. {highest:g}")
+    elif low < 0 or (low == 0 and one.low > 0):
+        raise RequestError(f"{text}: must be {'above' if one.low > 0 else 'at least'} 0")
+    if scale == "log" and low <= 0:
+        raise RequestError(f"{text}:log: a logarithmic range must begin above 0")
+    return replace(one, low=low, high=high, scale=scale)

@@ -1,9 +1,9 @@
 """Windowed prediction error of a simulator, as least squares over its parameters.
 
-Each window restarts from the real state. That state is itself measured, so its five numbers are
-estimated with the parameters: in every evaluation they are eliminated linearly (variable
-projection; Golub and Pereyra 1973), which costs two more replays and leaves residuals that depend
-on the parameters alone. A weak prior about the measured state keeps windows at rest determined.
+Each window restarts from the measured real state. Its five numbers are estimated along with the
+parameters: every evaluation eliminates them linearly (variable projection; Golub and Pereyra 1973),
+which takes two more replays and leaves residuals that depend on the parameters alone. A weak prior
+about the measured state keeps windows at rest determined.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _DOUBT = np.array([0.02, 0.02, 0.02, 0.15, 0.3])
 """Standard deviation of measured start states, generous: m, m, rad, m/s, rad/s."""
 _NUDGE = np.array([1e-4, 1e-4])
 _STEP = 1e-3
-"""Of the unit cube, for derivatives."""
+"""Step of the numerical derivatives, in the unit cube."""
 _WORST = 1e12
 
 
@@ -36,32 +36,32 @@ class PredictionError:
         return 3 * len(self.windows.replays.times)
 
     def of(self, windows: SysidWindows) -> PredictionError:
-        """The same over other windows, from their measured starts."""
+        """The same problem on other windows, from their measured starts."""
         return PredictionError(self.space, windows, self.sigma)
 
     def over(self, space: Space) -> PredictionError:
-        """The same over another space."""
+        """The same problem in another space."""
         return PredictionError(space, self.windows, self.sigma, self.starts)
 
     def weighted(self, sigma: Floats) -> PredictionError:
         return PredictionError(self.space, self.windows, sigma, self.starts)
 
     def residuals(self, cube: Floats) -> Floats:
-        """What no start state explains, (n, 3), in units of `sigma`."""
+        """Residuals (n, 3) in units of `sigma`, with the best start states."""
         return self._eliminated(cube)[0]
 
     def cost(self, cube: Floats) -> float:
-        """The least sum of squares over the start states, per residual; finite."""
-        found = self._eliminated(cube)[2] / len(self)
-        return found if np.isfinite(found) else _WORST
+        """Mean square residual with the best start states; always finite."""
+        mean = self._eliminated(cube)[2] / len(self)
+        return mean if np.isfinite(mean) else _WORST
 
     def restarted(self, cube: Floats) -> PredictionError:
-        """The same about the start states that fit best."""
+        """The same problem, linearised at the start states that fit best."""
         starts = self.starts + self._eliminated(cube)[1]
         return PredictionError(self.space, self.windows, self.sigma, starts)
 
     def jacobian(self, cube: Floats) -> Floats:
-        """Derivatives of `residuals` by the cube's coordinates, (n, 3, p); one-sided at a wall."""
+        """Derivatives of `residuals` by the coordinates, (n, 3, p); one-sided at a range limit."""
         columns = []
         for i in range(len(cube)):
             low, high = cube.copy(), cube.copy()

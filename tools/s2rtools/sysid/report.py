@@ -11,34 +11,27 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes
 from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtools.sysid.identify import Identification
-from s2rtools.sysid.model_mismatch import Structure
 from s2rtools.sysid.residual_training import Residual
 
-RESULT, TABLE, PICTURE, NETWORK = (
-    "sysid.json",
-    "sysid.txt",
-    "convergence.png",
-    "residual.safetensors",
-)
+RESULT, TABLE, PICTURE = "sysid.json", "sysid.txt", "convergence.png"
+NETWORK = "residual.safetensors"
 
 
-def result_json(found: Identification, residual: Residual | None) -> dict[str, Any]:
+def result_json(result: Identification, residual: Residual | None) -> dict[str, Any]:
     """The content of `sysid.json`."""
-    content = record(found)
-    if residual is not None:
-        content["residual"] = residual.record()
-    return content
+    network = {} if residual is None else {"residual": residual.record()}
+    return {**record(result), **network}
 
 
-def write(folder: Path, found: Identification, residual: Residual | None) -> dict[str, Any]:
+def write(folder: Path, result: Identification, residual: Residual | None) -> dict[str, Any]:
     """Write all files into `folder`, the JSON last, each atomically; return its content.
 
-    The residual network is written only if it helped. Raises RequestError on failure.
+    The residual network is written only if it helps. Raises RequestError on failure.
     """
-    content = result_json(found, residual)
-    title = f"Identification of {content['simulator']} from {len(found.fitted)} drives"
+    content = result_json(result, residual)
+    title = f"Identification of {content['simulator']} from {len(result.fitted)} drives"
     files = {
-        PICTURE: convergence_figure(found.traces, title),
+        PICTURE: convergence_figure(result.traces, title),
         TABLE: table(content).encode(),
     }
     if residual is not None and residual.accepted:
@@ -56,25 +49,25 @@ def write(folder: Path, found: Identification, residual: Residual | None) -> dic
 
 
 def check_writable(folder: Path) -> None:
-    """Raises RequestError where results could not be written, before the work."""
+    """Raises RequestError where results could not be written, before the search starts."""
     if folder.exists() and not folder.is_dir():
         raise RequestError(f"{folder}: is a file; give a folder with --out")
-    near = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not os.access(near, os.W_OK | os.X_OK):
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not os.access(existing, os.W_OK | os.X_OK):
         raise RequestError(f"{folder}: cannot be written; give another folder with --out")
 
 
 def table(content: dict[str, Any]) -> str:
     """A text table of estimates, held-out errors and warnings."""
     level = f"{100 * content['level']:.0f} %"
+    rows: list[tuple[str, ...]]
     rows = [("parameter", "untuned", "estimate", f"{level} interval", "unit")]
     for name, one in content["estimates"].items():
         limits = f"{one['low']:.5g} .. {one['high']:.5g}" if one["identified"] else "not determined"
         rows.append((name, f"{one['untuned']:.4g}", f"{one['value']:.5g}", limits, one["unit"]))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-             for row in rows]  # fmt: skip
-    lines.insert(1, "  ".join("-" * width for width in widths))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    rows.insert(1, tuple("-" * width for width in widths))
+    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
     held = content["held_out"]
     lines += ["", *(
         f"prediction error on held-out windows, {kind} parameters: "
@@ -84,26 +77,32 @@ def table(content: dict[str, Any]) -> str:
     )]  # fmt: skip
     if "residual" in content:
         lines += ["", content["residual"]["sentence"]]
-    lines += (
-        ["", *(f"warning: {line}" for line in content["warnings"])] if content["warnings"] else []
-    )
+    if content["warnings"]:
+        lines += ["", *(f"warning: {line}" for line in content["warnings"])]
     return "\n".join(lines) + "\n"
 
 
-def record(found: Identification) -> dict[str, Any]:
+def record(result: Identification) -> dict[str, Any]:
     """The identification as JSON data, with six significant digits."""
-    settings, known = found.settings, found.identifiability
-    sigma = found.problem.sigma
+    settings, known, structure = result.settings, result.identifiability, result.structure
+    sigma = result.problem.sigma
     return {
-        "simulator": found.space.simulator.name,
-        "lumped": found.space.lumped,
-        "estimates": _estimates(found),
-        "fixed": {name: _short(value) for name, value in sorted(found.space.fixed.items())},
+        "simulator": result.space.simulator.name,
+        "lumped": result.space.lumped,
+        "estimates": {
+            one.name: {
+                "unit": one.unit,
+                **_shorten(one, "untuned", "value", "low", "high"),
+                "identified": not one.open,
+            }
+            for one in result.estimates
+        },
+        "fixed": {name: _short(value) for name, value in sorted(result.space.fixed.items())},
         "level": settings.level,
         "replicates": settings.replicates,
         "window": settings.window,
         "seed": settings.seed,
-        "drives": {"fitted": list(found.fitted), "held_out": list(found.held_out)},
+        "drives": {"fitted": list(result.fitted), "held_out": list(result.held_out)},
         "noise": {"place": _short(sigma[0]), "heading": _short(sigma[2])},
         "searches": [
             {
@@ -111,64 +110,45 @@ def record(found: Identification) -> dict[str, Any]:
                 "evaluations": int(trace.evaluations[-1]),
                 "cost": _short(trace.cost),
             }
-            for trace in found.traces
+            for trace in result.traces
         ],
-        "held_out": found.error.record(),
+        "held_out": result.error.record(),
         "identifiability": {
             "eigenvalues": [_short(value) for value in known.eigenvalues],
             "condition": _short(known.condition),
             "open": list(known.undetermined),
         },
-        "structure": _structure(found.structure),
-        "at_ends": list(found.at_ends),
+        "structure": {
+            "mismatch": structure.mismatch,
+            "residuals": [
+                {
+                    "channel": one.name,
+                    **_shorten(one, "autocorrelation", "limit", "rms"),
+                    "systematic": one.systematic,
+                }
+                for one in structure.channels
+            ],
+            "candidates": [
+                {
+                    "parameter": one.name,
+                    **_shorten(one, "nominal", "estimate", "low", "high"),
+                    "differs": one.differs,
+                }
+                for one in structure.candidates
+            ],
+        },
+        "at_ends": list(result.at_ends),
         "ranges": {
             one.name: [_short(one.low), _short(one.high), one.scale]
-            for one in found.space.parameters
+            for one in result.space.parameters
         },
-        "warnings": list(found.warnings),
-        "conclusive": found.conclusive,
+        "warnings": list(result.warnings),
+        "conclusive": result.conclusive,
     }
 
 
-def _estimates(found: Identification) -> dict[str, Any]:
-    return {
-        one.name: {
-            "unit": one.unit,
-            "untuned": _short(one.untuned),
-            "value": _short(one.value),
-            "low": _short(one.low),
-            "high": _short(one.high),
-            "identified": not one.open,
-        }
-        for one in found.estimates
-    }
-
-
-def _structure(shape: Structure) -> dict[str, Any]:
-    return {
-        "mismatch": shape.mismatch,
-        "residuals": [
-            {
-                "channel": one.name,
-                "autocorrelation": _short(one.autocorrelation),
-                "limit": _short(one.limit),
-                "rms": _short(one.rms),
-                "systematic": one.systematic,
-            }
-            for one in shape.channels
-        ],
-        "candidates": [
-            {
-                "parameter": one.name,
-                "nominal": _short(one.nominal),
-                "estimate": _short(one.estimate),
-                "low": _short(one.low),
-                "high": _short(one.high),
-                "differs": one.differs,
-            }
-            for one in shape.candidates
-        ],
-    }
+def _shorten(one: object, *names: str) -> dict[str, float]:
+    return {name: _short(getattr(one, name)) for name in names}
 
 
 def _short(value: float) -> float:

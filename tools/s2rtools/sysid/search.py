@@ -21,7 +21,7 @@ _WEIGHT_ROUNDS = 2
 @dataclass(frozen=True, slots=True)
 class SearchTrace:
     """Search of one seed: best `costs` (k,) after `evaluations` (k,) on the windows of the search,
-    its end (p,), the refined end (p,), and the cost of that on all windows.
+    the `end` (p,) of the search, the `refined` end (p,), and its `cost` on all windows.
     """
 
     seed: int
@@ -32,18 +32,12 @@ class SearchTrace:
     cost: float
 
 
-@dataclass(frozen=True, slots=True)
-class SearchResult:
-    """The optimum `cube` (p,) and the problem with its start states and weights."""
-
-    cube: Floats
-    problem: PredictionError
-    traces: tuple[SearchTrace, ...]
-
-
 def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: int,
-           advance: Advance) -> SearchResult:  # fmt: skip
-    """Search with at most `evaluations` per seed; `advance` receives those of each generation."""
+           advance: Advance) -> tuple[PredictionError, Floats, list[SearchTrace]]:  # fmt: skip
+    """Search with at most `evaluations` per seed; `advance` receives those of each generation.
+
+    Returns the problem with the best start states and weights, the optimum (p,), and the traces.
+    """
     traces = []
     for number in range(seeds):
         rng = np.random.default_rng((first_seed, number))
@@ -56,11 +50,11 @@ def search(problem: PredictionError, seeds: int, first_seed: int, evaluations: i
     problem = problem.restarted(cube)
     for _ in range(_WEIGHT_ROUNDS):
         problem, cube = refine(problem.weighted(_residual_noise(problem, cube)), cube)
-    return SearchResult(cube, problem, tuple(traces))
+    return problem, cube, traces
 
 
 def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generator, number: int,
-            evaluations: int, advance: Advance) -> SearchTrace:  # fmt: skip
+                 evaluations: int, advance: Advance) -> SearchTrace:  # fmt: skip
     part = problem.of(problem.windows.only(_random_windows(problem, rng)))
     counts, costs, end = minimize(part.cost, start, rng, evaluations, _SPREAD, advance)
     whole, fine = refine(problem, end)
@@ -70,8 +64,8 @@ def _search_seed(problem: PredictionError, start: Floats, rng: np.random.Generat
 def _random_windows(problem: PredictionError, rng: np.random.Generator) -> Integers:
     """Windows of together `_MAX_SECONDS` seconds, drawn without replacement."""
     count = len(problem.windows)
-    keep = max(1, int(count * min(1.0, _MAX_SECONDS / problem.windows.seconds())))
-    return np.sort(rng.permutation(count)[:keep])
+    size = max(1, int(count * min(1.0, _MAX_SECONDS / problem.windows.seconds())))
+    return np.sort(rng.permutation(count)[:size])
 
 
 def _residual_noise(problem: PredictionError, cube: Floats) -> Floats:

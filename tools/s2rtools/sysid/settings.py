@@ -1,4 +1,4 @@
-"""What is asked of an identification."""
+"""Settings of an identification."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from s2rtools.sysid.parameter_space import Range
 
 @dataclass(frozen=True, slots=True)
 class SysidSettings:
-    """`parameters` None: those searched by default. `held_out` drives None: a quarter, at least
-    one. `evaluations` per seed None: as the simulator says. `window` in s. `ranges` take the place
-    of those that the simulator declares.
+    """Settings of an identification, with limits.
+
+    `parameters` None: those searched by default. `held_out` is a number of drives, None: a quarter,
+    at least one. `evaluations` per seed, None: the simulator's default. `window` in s. `ranges`
+    replace those that the simulator declares.
     """
 
     simulator: str = "planar"
@@ -30,13 +32,13 @@ class SysidSettings:
     ranges: Mapping[str, Range] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not 1 <= self.seeds <= 100:
-            raise RequestError("--seeds: 1 .. 100")
-        if self.held_out is not None and self.held_out < 1:
-            raise RequestError("--held-out: at least 1")
-        if not 0.2 <= self.window <= 600:
-            raise RequestError("--window: 0.2 .. 600 s")
-        if self.evaluations is not None and not 10 <= self.evaluations <= 1_000_000:
-            raise RequestError("--evaluations: 10 .. 1000000")
-        if not 0 <= self.seed < 2**31:
-            raise RequestError("--seed: 0 .. 2147483647")
+        held_out, evaluations = self.held_out, self.evaluations
+        for valid, message in (
+            (1 <= self.seeds <= 100, "--seeds: 1 .. 100"),
+            (held_out is None or held_out >= 1, "--held-out: at least 1"),
+            (0.2 <= self.window <= 600, "--window: 0.2 .. 600 s"),
+            (evaluations is None or 10 <= evaluations <= 10**6, "--evaluations: 10 .. 1000000"),
+            (0 <= self.seed < 2**31, "--seed: 0 .. 2147483647"),
+        ):
+            if not valid:
+                raise RequestError(message)

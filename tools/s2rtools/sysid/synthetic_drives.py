@@ -1,4 +1,4 @@
-"""A folder of drives whose truth is known, made with the planar simulator."""
+"""Folders of synthetic drives with known parameters, made with the planar simulator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEVERITIES: dict[str, tuple[str, float]] = {
     "friction": ("friction", 1.5),
     "damping": ("damping", 3.0),
 }
-"""Factor of the real robot: the parameter that it adds to, and by how much at severity 1."""
+"""The parameter of the real robot that a factor changes, and the change at severity 1."""
 
 UNTUNED: Mapping[str, float] = {
     "mass": 20.0, "friction": 1.0, "damping": 4.0, "drag": 0.0, LATENCY: 0.0,
@@ -35,8 +35,9 @@ _PERIOD, _SAMPLED, _STEP = 0.05, 0.02, 0.001
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """How drives are made: `count` of `seconds` each, white noise of the real log in m and rad,
-    `efforts` in place of known torques, and real values in place of the defaults.
+    """Settings of synthetic drives: `count` of `seconds` each, white noise of the real log in m and
+    rad, `efforts` instead of known torques, and real parameter values (`truth`) instead of the
+    defaults.
     """
 
     count: int = 12
@@ -53,8 +54,8 @@ def make_drives(
 ) -> tuple[Drive, ...]:  # fmt: skip
     """Write `folder`/drive-NN/{real,sim,untuned,commands}.csv and `folder`/truth.json.
 
-    With all `severities` (names of SEVERITIES) at 0 the simulator equals reality but for the
-    noise of measuring. One seed gives the same bytes. Raises RequestError for an unknown severity.
+    With all `severities` (names of SEVERITIES) at 0 the simulator equals reality except for the
+    measurement noise. Equal seeds give equal bytes. Raises RequestError for an unknown severity.
     """
     recording = recording or Recording()
     simulator = Planar(_STEP)
@@ -65,13 +66,13 @@ def make_drives(
         parameter, whole = SEVERITIES[name]
         truth[parameter] += severity * whole
     folder.mkdir(parents=True, exist_ok=True)
-    made = []
+    drives = []
     for number in range(recording.count):
         rng = np.random.default_rng((seed, number))
-        made.append(_drive(folder / f"drive-{number:02d}", rng, truth, recording, simulator))
+        drives.append(_drive(folder / f"drive-{number:02d}", rng, truth, recording, simulator))
     text = json.dumps({"seed": seed, "values": truth}, indent=1, sort_keys=True) + "\n"
     atomic_writes.write_file(folder / "truth.json", text.encode())
-    return tuple(made)
+    return tuple(drives)
 
 
 def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: Recording,
@@ -87,16 +88,12 @@ def _drive(folder: Path, rng: np.random.Generator, truth: Values, recording: Rec
         poses = simulator.simulate(values, commands, start, time)[:, :3]
         if role == "real":
             poses = poses + noise
-        log = _log(time, poses)
+        log = Log(time, poses[:, 0], poses[:, 1], wrap(poses[:, 2]), "", "")
         csv_reader.write(log, folder / f"{role}.csv")
         logs[role] = csv_reader.read(folder / f"{role}.csv")
     csv_reader.write_commands(commands, folder / "commands.csv")
-    told = csv_reader.read_commands(folder / "commands.csv")
-    return Drive(folder.name, logs["real"], logs["sim"], logs["untuned"], told)
-
-
-def _log(time: Floats, poses: Floats) -> Log:
-    return Log(time, poses[:, 0], poses[:, 1], wrap(poses[:, 2]), "", "")
+    commands = csv_reader.read_commands(folder / "commands.csv")
+    return Drive(folder.name, logs["real"], logs["sim"], logs["untuned"], commands)
 
 
 def _commands(rng: np.random.Generator, recording: Recording, simulator: Planar) -> Commands:

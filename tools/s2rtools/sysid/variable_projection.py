@@ -1,4 +1,4 @@
-"""Start states taken out of the residuals of windows, compiled."""
+"""Elimination of the start states from the residuals of windows, compiled."""
 
 from __future__ import annotations
 
@@ -10,19 +10,15 @@ from s2rtools.sysid.simulators.simulator import Floats, Integers
 
 @njit(cache=True)
 def eliminate(
-    residual: Floats,
-    sensitivity: Floats,
-    first: Integers,
-    precision: Floats,
-    moved: Floats,
+    residual: Floats, sensitivity: Floats, first: Integers, precision: Floats, moved: Floats,
     corrections: Floats,
-) -> float:
-    """Subtract from `residual` (n, 3), in place, what a change of each window's start explains.
+) -> float:  # fmt: skip
+    """Minimise `residual` (n, 3), in place, by a change of each window's start state.
 
-    `sensitivity` (n, 3, 5): of the residual to the start state; `moved` (w, 5): how far the starts
-    already are from the measured ones, whose `precision` is (5,). `corrections` (w, 5) receives
-    the changes, added to the starts. Returns the least sum of squares, that of the way from the
-    measured starts included.
+    `sensitivity` (n, 3, 5) is the derivative of the residual by the start state. `moved` (w, 5) is
+    the distance of the starts from the measured ones, whose `precision` is (5,). `corrections`
+    (w, 5) receives the changes to add to the starts. Returns the minimal sum of squares, including
+    that of the distance from the measured starts.
     """
     total = 0.0
     for window in range(len(first) - 1):

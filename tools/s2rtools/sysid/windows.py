@@ -9,11 +9,11 @@ import numpy as np
 
 from s2rstore.errors import InconclusiveError, RequestError
 from s2rtools.gap.dynamics import noise_floor as noise
-from s2rtools.motion_logs import Commands, Drive, Log
+from s2rtools.motion_logs import Commands, Drive
 from s2rtools.sysid.simulators.simulator import Floats, Integers, Replays, Simulator, pack
 
 _SMOOTHED = 0.15
-"""Seconds on both sides of a window's start that its speeds are fitted to."""
+"""Time on both sides of a window's start within which its speeds are fitted, s."""
 _MIN_POSES = 8
 """Fewest poses of a window."""
 _MIN_NOISE = np.array([1e-5, 1e-5, 1e-5])
@@ -65,25 +65,27 @@ class SysidWindows:
 def cut_windows(drives: Sequence[Drive], simulator: Simulator, seconds: float) -> SysidWindows:
     """Cut the real logs into windows of `seconds` without overlap, where commands are known.
 
-    Commands before the first are taken as 0. Raises RequestError where a
-    drive has no usable commands, InconclusiveError where it has no whole window.
+    Commands before the first count as 0. Raises RequestError where a drive has no usable commands,
+    InconclusiveError where it has no whole window.
     """
     commands_of = [_commands(drive, simulator) for drive in drives]
-    stretches: list[tuple[int, Floats]] = []
+    replays: list[tuple[int, Floats]] = []
     poses: list[Floats] = []
     starts: list[Floats] = []
     for number, (drive, commands) in enumerate(zip(drives, commands_of, strict=True)):
-        whole = _poses(drive.real)
-        ranges = _ranges(drive, commands, seconds)
-        for a, b in ranges:
-            stretches.append((number, drive.real.time[a:b]))
+        real = drive.real
+        whole = np.stack([real.x, real.y, np.unwrap(real.heading)], axis=1)
+        for a, b in _ranges(drive, commands, seconds):
+            replays.append((number, real.time[a:b]))
             poses.append(whole[a:b])
-            starts.append(state_at(drive.real.time, whole, a))
-    jitter = np.sqrt(np.mean([_jitter(drive.real) ** 2 for drive in drives], axis=0))
+            starts.append(state_at(real.time, whole, a))
+    noises = [noise.estimate_noise(drive.real) for drive in drives]
+    deviations = [(n.position / np.sqrt(2), n.position / np.sqrt(2), n.heading) for n in noises]
+    pooled = np.sqrt(np.mean(np.square(deviations), axis=0))
     names = tuple(drive.name for drive in drives)
     channels = simulator.channels(commands_of[0])
-    return SysidWindows(names, pack(commands_of, stretches, channels), np.concatenate(poses),
-                   np.stack(starts), np.maximum(jitter, _MIN_NOISE))  # fmt: skip
+    return SysidWindows(names, pack(commands_of, replays, channels), np.concatenate(poses),
+                        np.stack(starts), np.maximum(pooled, _MIN_NOISE))  # fmt: skip
 
 
 def _commands(drive: Drive, simulator: Simulator) -> Commands:
@@ -103,30 +105,26 @@ def _commands(drive: Drive, simulator: Simulator) -> Commands:
 def _ranges(drive: Drive, commands: Commands, seconds: float) -> list[tuple[int, int]]:
     time = drive.real.time
     begin, end = commands.time[0], commands.time[-1] + commands.period
-    found = []
+    ranges = []
     a = int(np.searchsorted(time, begin))
     while a < len(time) and time[a] + seconds <= end + 1e-9:
         b = int(np.searchsorted(time, time[a] + seconds + 1e-9))
         if b >= len(time) and time[-1] < time[a] + seconds - 1.5 * (time[-1] - time[-2]):
             break
         if b - a >= _MIN_POSES:
-            found.append((a, b))
+            ranges.append((a, b))
         a = max(b, a + 1)
-    if not found:
+    if not ranges:
         raise InconclusiveError(
             f"{drive.name}: no window of {seconds:g} s with {_MIN_POSES} poses and commands (poses "
             f"from {time[0]:.6g} to {time[-1]:.6g} s, commands from {begin:.6g} to {end:.6g} s); "
             "use one clock, give a longer log or a shorter --window"
         )
-    return found
-
-
-def _poses(log: Log) -> Floats:
-    return np.stack([log.x, log.y, np.unwrap(log.heading)], axis=1)
+    return ranges
 
 
 def state_at(time: Floats, poses: Floats, i: int) -> Floats:
-    """x, y, heading, speed and turn rate at sample i: a parabola through the poses around it."""
+    """x, y, heading, speed and turn rate at sample i, from a parabola fitted to nearby poses."""
     near = np.flatnonzero(np.abs(time - time[i]) <= _SMOOTHED)
     if len(near) < 5:
         near = np.arange(max(0, i - 2), min(len(time), i + 3))
@@ -136,10 +134,3 @@ def state_at(time: Floats, poses: Floats, i: int) -> Floats:
     x, y, heading = fit[0]
     speed = fit[1, 0] * np.cos(heading) + fit[1, 1] * np.sin(heading)
     return np.array([x, y, heading, speed, fit[1, 2]])
-
-
-def _jitter(log: Log) -> Floats:
-    """Standard deviation of the poses' white noise, x and y pooled."""
-    found = noise.estimate_noise(log)
-    place = found.position / np.sqrt(2)
-    return np.array([place, place, found.heading])

@@ -1,9 +1,9 @@
-"""The delay axis: time delay of reality behind the simulator, in periods of the controller."""
+"""The delay axis: time delay of reality relative to the simulator, in periods of the controller."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from scipy import stats
@@ -59,12 +59,11 @@ class DelayAxis(Axis):
         if not evidence.drives:
             return "no drives: name a folder of real and simulated logs (--drives)"
         if self.period is None and all(drive.commands is None for drive in evidence.drives):
-            return "no commands.csv beside the logs: the control period is not known"
+            return "no drive has commands.csv: the control period is not known"
         return None
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
-        drives = evidence.drives
-        period = self._period(drives)
+        drives, period = evidence.drives, self._period(evidence.drives)
         delays = self._delays(drives, lambda drive: drive.sim, settings)
         value, replicates = mean_size(delays, settings)
         signed, draws = _pooled(delays, np.array([each.seconds for each in delays]), settings)
@@ -90,7 +89,17 @@ class DelayAxis(Axis):
                 "delay_least": min(each.seconds for each in delays),
                 "delay_most": max(each.seconds for each in delays),
                 "period": period,
-                "drives": [_drive_row(*pair) for pair in zip(drives, delays, strict=True)],
+                "drives": [
+                    {
+                        "drive": drive.name,
+                        "delay": delay.seconds,
+                        "delay_low": delay.low,
+                        "delay_high": delay.high,
+                        "overlap": delay.overlap,
+                        "correlation": delay.correlation,
+                    }
+                    for drive, delay in zip(drives, delays, strict=True)
+                ],
             },
             notes=_notes(drives, delays),
         )
@@ -98,8 +107,7 @@ class DelayAxis(Axis):
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         if self.bad_state == "period":
             return Anchor(1.0, np.ones(settings.replicates), "one control period late")
-        drives = evidence.drives
-        period = self._period(drives)
+        drives, period = evidence.drives, self._period(evidence.drives)
         delays = self._delays(drives, lambda drive: untuned_log(drive, self.name), settings)
         value, replicates = mean_size(delays, settings)
         return Anchor(value / period, replicates / period, "the untuned simulator")
@@ -132,22 +140,11 @@ class DelayAxis(Axis):
         return float(np.median(list(known.values())))
 
 
-def _drive_row(drive: Drive, delay: time_delay.TimeDelay) -> dict[str, Any]:
-    return {
-        "drive": drive.name,
-        "delay": delay.seconds,
-        "delay_low": delay.low,
-        "delay_high": delay.high,
-        "overlap": delay.overlap,
-        "correlation": delay.correlation,
-    }
-
-
 def rounded_period(period: float) -> float:
-    """The nearest of 53 steps per octave from 0.05 s (1.3 %), to 4 digits.
+    """The period rounded to one of 53 steps per octave from 0.05 s (1.3 %), and to 4 digits.
 
-    Periods measured on two nights round to one step: all small products of 2, 3 and 5 lie near the
-    middle of a step.
+    Two measurements of one period round to the same step: all small products of 2, 3 and 5 lie near
+    the middle of a step.
     """
     steps = round(_STEPS_PER_OCTAVE * float(np.log2(period / 0.05)))
     return float(f"{0.05 * 2 ** (steps / _STEPS_PER_OCTAVE):.4g}")
@@ -203,11 +200,11 @@ def _pooled(
 def _notes(drives: Sequence[Drive], delays: Sequence[time_delay.TimeDelay]) -> tuple[str, ...]:
     if len(delays) == 1:
         return ("one drive: the interval does not cover differences between drives",)
-    order = sorted(range(len(delays)), key=lambda i: delays[i].seconds)
-    first, last = order[0], order[-1]
-    if delays[first].high < 0 < delays[last].low:
-        return (
-            f"delays of both signs: {delays[first].seconds:+.3g} s in drive {drives[first].name}, "
-            f"{delays[last].seconds:+.3g} s in {drives[last].name}; do all logs use one clock?",
-        )
-    return ()
+    order = np.argsort([delay.seconds for delay in delays])
+    first, last = delays[order[0]], delays[order[-1]]
+    if not first.high < 0 < last.low:
+        return ()
+    return (
+        f"delays of both signs: {first.seconds:+.3g} s in drive {drives[order[0]].name}, "
+        f"{last.seconds:+.3g} s in {drives[order[-1]].name}; do all logs use one clock?",
+    )

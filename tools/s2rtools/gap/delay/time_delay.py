@@ -1,6 +1,6 @@
 """Time delay between two logs of one command sequence, with sub-sample precision.
 
-Forward speed, sideways speed and yaw rate of both logs are smoothed alike and compared: first at
+Forward speed, sideways speed and yaw rate of both logs are smoothed equally and compared: first at
 every whole lag by their correlation over the overlap, then by least squares over a continuous shift
 with free gain and offset per rate. The score -sum log(1 - r^2) over the rates is the likelihood for
 unknown noise of each rate.
@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, optimize
 from scipy.interpolate import CubicSpline
 
@@ -41,6 +40,8 @@ MIN_Z_SCORE = 4.0
 _BLOCK_SHIFTS = 41
 _TRUNCATE = 3.0
 """Half width of the smoothing kernel, in its standard deviations."""
+_QUICK_REPLICATES = 20
+"""Replicates for delays whose interval is not reported."""
 _DEFAULTS = GapSettings()
 
 
@@ -62,7 +63,7 @@ class TimeDelay:
 
 @dataclass(frozen=True, slots=True)
 class _Rates:
-    """Rates (n, 3) at the grid times (first + k) * step, counted from a common origin."""
+    """Rates (n, 3) at the grid times (first + k) * step after a common origin."""
 
     first: int
     values: Floats
@@ -73,39 +74,42 @@ def shifted(log: Log, delay: float) -> Log:
     return replace(log, time=log.time + delay)
 
 
+def remove_delay(
+    real: Log, sim: Log, settings: GapSettings, rate: float, max_delay: float
+) -> tuple[TimeDelay, Log]:
+    """The delay, with an interval from few replicates, and `sim` shifted by it."""
+    quick = replace(settings, replicates=_QUICK_REPLICATES)
+    delay = estimate_delay(real, sim, quick, rate, max_delay)
+    return delay, shifted(sim, delay.seconds)
+
+
 def estimate_delay(
-    real: Log,
-    sim: Log,
-    settings: GapSettings = _DEFAULTS,
-    rate: float = 50.0,
+    real: Log, sim: Log, settings: GapSettings = _DEFAULTS, rate: float = 50.0,
     max_delay: float = 1.0,
-) -> TimeDelay:
+) -> TimeDelay:  # fmt: skip
     """Estimate how much later `real` is than `sim`, within `max_delay` s on a grid of `rate` Hz.
 
     Raises RequestError where the logs do not overlap, and InconclusiveError where nothing moves,
     no delay is significant, the best delay is at the end of the search, or the overlap is too short
     for an interval.
     """
-    overlap = _overlap(real, sim)
-    step = 1.0 / rate
-    origin = max(real.time[0], sim.time[0])
+    step, most, names = 1.0 / rate, round(max_delay * rate), f"{real.source} and {sim.source}"
     width = max(SMOOTHING, MIN_SMOOTHING_SAMPLES * max(_step(real), _step(sim)))
-    _require_sampling(real, sim, width)
+    overlap = _checked_overlap(real, sim, width)
+    origin = max(real.time[0], sim.time[0])
     a, b = (_rates(log, origin, step, width) for log in (real, sim))
-    whole = _best_whole_lag(a, b, round(max_delay * rate), f"{real.source} and {sim.source}", step)
-    score, rates_at = _shift_functions(a, b, whole)
+    whole = _best_whole_lag(a, b, most, names, step)
+    rates_at = _rates_at_shift(a, b, whole)
     shift = optimize.minimize_scalar(
-        lambda each: -score(each), bounds=(whole - 1, whole + 1), method="bounded",
-        options={"xatol": 1e-5},
+        lambda each: -_score(_correlation(*rates_at(each))), bounds=(whole - 1, whole + 1),
+        method="bounded", options={"xatol": 1e-5},
     ).x  # fmt: skip
     correlation = _correlation(*rates_at(shift))
-    _require_significant(correlation, overlap, width, f"{real.source} and {sim.source}")
+    _require_significant(correlation, overlap, width, names)
     try:
-        replicates = (
-            _bootstrap_shifts(rates_at, shift, step, round(max_delay * rate), settings) * step
-        )
+        replicates = _bootstrap_shifts(rates_at, shift, step, most, settings) * step
     except InconclusiveError as error:
-        raise InconclusiveError(f"{real.source} and {sim.source}: {error}") from error
+        raise InconclusiveError(f"{names}: {error}") from error
     low, high = percentile_bounds(replicates, settings.level)
     return TimeDelay(
         float(shift) * step, low, high, replicates,
@@ -113,7 +117,12 @@ def estimate_delay(
     )  # fmt: skip
 
 
-def _overlap(real: Log, sim: Log) -> float:
+def _checked_overlap(real: Log, sim: Log, width: float) -> float:
+    """Duration of the overlap, s.
+
+    Raises RequestError for logs that are too short, do not overlap, or are sampled too slowly for a
+    smoothing of `width` s.
+    """
     for log in (real, sim):
         if _seconds(log) < MIN_OVERLAP:
             raise RequestError(
@@ -126,19 +135,14 @@ def _overlap(real: Log, sim: Log) -> float:
             f"{log.source} ({log.time[0]:.6g} to {log.time[-1]:.6g} s)" for log in (real, sim)
         )
         raise RequestError(f"{spans} overlap by less than {MIN_OVERLAP:g} s; use one clock")
-    return overlap
-
-
-def _require_sampling(real: Log, sim: Log, width: float) -> None:
-    """Raises RequestError for logs that are sampled too slowly for a smoothing of `width` s."""
-    shorter = min(real, sim, key=_seconds)
-    slower = max(real, sim, key=_step)
+    shorter, slower = min(real, sim, key=_seconds), max(real, sim, key=_step)
     if _seconds(shorter) <= 2 * _TRUNCATE * width or _step(slower) > MAX_STEP:
         raise RequestError(
             f"{slower.source}: a pose every {_step(slower):.3g} s is too slow to estimate a time "
             f"delay over the {_seconds(shorter):.3g} s of {shorter.source}; are both "
             "clocks in seconds?"
         )
+    return overlap
 
 
 def _seconds(log: Log) -> float:
@@ -159,8 +163,8 @@ def _rates(log: Log, origin: float, step: float, width: float) -> _Rates:
     sigma = width / step
 
     def slope(values: Floats) -> Floats:
-        found: Floats = ndimage.gaussian_filter1d(values, sigma, order=1, truncate=_TRUNCATE)
-        return found / step
+        per_step: Floats = ndimage.gaussian_filter1d(values, sigma, order=1, truncate=_TRUNCATE)
+        return per_step / step
 
     facing = ndimage.gaussian_filter1d(heading, sigma, truncate=_TRUNCATE)
     vx, vy = slope(x), slope(y)
@@ -193,14 +197,14 @@ def _score(correlation: Floats) -> float:
     return float(-np.log1p(-explained).sum())
 
 
-def _best_whole_lag(a: _Rates, b: _Rates, max_delay: int, where: str, step: float) -> int:
+def _best_whole_lag(a: _Rates, b: _Rates, max_delay: int, names: str, step: float) -> int:
     """The lag in samples at which the logs correlate best."""
     lags = range(-max_delay - 1, max_delay + 2)
     spans = [_span(a, b, lag, lag) for lag in lags]
-    least = max(max(high - low for low, high in spans) // 2, 4)
+    shortest = max(max(high - low for low, high in spans) // 2, 4)
     scores = []
     for lag, (low, high) in zip(lags, spans, strict=True):
-        if high - low < least:
+        if high - low < shortest:
             scores.append(-np.inf)
             continue
         here = a.values[low - a.first : high - a.first]
@@ -209,7 +213,7 @@ def _best_whole_lag(a: _Rates, b: _Rates, max_delay: int, where: str, step: floa
     best = lags[int(np.argmax(scores))]
     if abs(best) > max_delay:
         raise InconclusiveError(
-            f"{where}: correlate best at {best * step:+.3g} s, the end of the search range; "
+            f"{names}: correlate best at {best * step:+.3g} s, the end of the search range; "
             "search further (--dynamics reach=...), or check the clocks"
         )
     return best
@@ -225,10 +229,12 @@ def _span(a: _Rates, b: _Rates, least: float, most: float) -> tuple[int, int]:
 RatesAtShift = Callable[..., tuple[Floats, Floats]]
 
 
-def _shift_functions(
-    a: _Rates, b: _Rates, whole: int
-) -> tuple[Callable[[float], float], RatesAtShift]:
-    """Two functions of a shift in samples: its score, and the rates (n, 3) of both logs."""
+def _rates_at_shift(a: _Rates, b: _Rates, whole: int) -> RatesAtShift:
+    """Function of a shift in samples that returns the rates (n, 3) of both logs.
+
+    The rates cover all grid times at which both are known for shifts of up to `reach` samples from
+    `around`.
+    """
     spline = CubicSpline(np.arange(len(b.values)), b.values)
 
     def at(shift: float, reach: float = 1.0, around: float = whole) -> tuple[Floats, Floats]:
@@ -236,10 +242,10 @@ def _shift_functions(
         times = np.arange(low, high)
         return a.values[low - a.first : high - a.first], spline(times - shift - b.first)
 
-    return lambda shift: _score(_correlation(*at(shift))), at
+    return at
 
 
-def _require_significant(correlation: Floats, overlap: float, width: float, where: str) -> None:
+def _require_significant(correlation: Floats, overlap: float, width: float, names: str) -> None:
     """Raises InconclusiveError unless a correlation is significant.
 
     Under noise, Fisher's z of n independent values has a standard deviation of 1 / sqrt(n - 3).
@@ -248,7 +254,7 @@ def _require_significant(correlation: Floats, overlap: float, width: float, wher
     needed = float(np.tanh(MIN_Z_SCORE / np.sqrt(n - 3)))
     if correlation.max() < needed:
         raise InconclusiveError(
-            f"{where}: the motions do not correlate at any time delay "
+            f"{names}: the motions do not correlate at any time delay "
             f"(correlation {correlation.max():.2f}, {needed:.2f} needed over {overlap:.3g} s)"
         )
 
@@ -256,7 +262,7 @@ def _require_significant(correlation: Floats, overlap: float, width: float, wher
 def _bootstrap_shifts(
     rates_at: RatesAtShift, best: float, step: float, max_delay: int, settings: GapSettings
 ) -> Floats:
-    """Delays of resampled blocks, in samples; the search widens until none is at its border."""
+    """Shifts of resampled blocks, in samples; the search widens until none is at its border."""
     reach = 2.0
     while True:
         delays, inside = _resampled_shifts(rates_at, best, step, reach, settings)
@@ -279,14 +285,14 @@ def _resampled_shifts(
     length = max(round(BLOCK / step), -(-n // MAX_BLOCKS))
     blocks = max(n // length, 2)
     edges = np.linspace(0, n, blocks + 1).astype(int)[:-1]
-    sums = np.stack([_block_sums(a, b, edges) for a, b in pairs], axis=2)  # 6, blocks, shifts, 3
+    products = (np.stack([np.ones_like(a), a, b, a * a, b * b, a * b]) for a, b in pairs)
+    per_block = [np.add.reduceat(each, edges, axis=1) for each in products]
+    sums = np.stack(per_block, axis=2)  # 1, a, b, aa, bb, ab; blocks; shifts; rates
     rng = np.random.default_rng(settings.seed)
     counts = rng.multinomial(blocks, np.full(blocks, 1 / blocks), settings.replicates)
     middle = _unexplained_squares(sums.sum(axis=1))[_BLOCK_SHIFTS // 2]
-    weights = 1.0 / np.maximum(middle, 1e-12 * n)
-    residual = (
-        _unexplained_squares(np.einsum("rb,kbsc->krsc", counts, sums, optimize=True)) @ weights
-    )
+    resampled = np.einsum("rb,kbsc->krsc", counts, sums, optimize=True)
+    residual = _unexplained_squares(resampled) @ (1.0 / np.maximum(middle, 1e-12 * n))
     at = np.argmin(residual, axis=1)
     inside = bool(((at > 0) & (at < _BLOCK_SHIFTS - 1)).all())
     at = np.clip(at, 1, _BLOCK_SHIFTS - 2)
@@ -296,12 +302,6 @@ def _resampled_shifts(
     fine = np.clip(0.5 * (before - after) / bend, -1, 1)
     deviation = shifts[at] + fine * (shifts[1] - shifts[0])
     return best + deviation * correction_factor(blocks, settings.level), inside
-
-
-def _block_sums(a: Floats, b: Floats, edges: NDArray[np.int_]) -> Floats:
-    """Sums of 1, a, b, aa, bb, ab per block, shape (6, blocks, 3)."""
-    parts = np.stack([np.ones_like(a), a, b, a * a, b * b, a * b])
-    return np.asarray(np.add.reduceat(parts, edges, axis=1))
 
 
 def _unexplained_squares(sums: Floats) -> Floats:

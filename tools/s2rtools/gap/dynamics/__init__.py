@@ -1,4 +1,4 @@
-"""How far a simulated drive is from the real one of the same commands, and how much later."""
+"""The dynamics axis: errors of simulated drives against real drives with the same commands."""
 
 from s2rtools.gap.delay.delay_axis import DelayAxis
 from s2rtools.gap.dynamics.dynamics_axis import DynamicsAxis

@@ -40,7 +40,7 @@ NO_ALIGNMENT = LogAlignment()
 
 @dataclass(frozen=True, slots=True)
 class RpeStep:
-    """Distance in time between the two poses of a pair: a number of `poses`, or else `seconds`."""
+    """Step between the two poses of a pair: a number of `poses`, or `seconds` where it is None."""
 
     seconds: float = 1.0
     poses: int | None = None
@@ -51,7 +51,7 @@ class RpeStep:
     def pairs(self, time: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Indices (k,) of the first and second pose of every pair; k may be 0.
 
-        Steps in seconds are met to within half a median step of the log.
+        Steps in seconds have a tolerance of half a median step of the log.
         """
         first = np.arange(time.size)
         if self.poses is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,13 +24,11 @@ MIN_WINDOWS = 8
 MIRRORED = -0.5
 """Correlation of the yaw rates below which the logs turn in opposite directions."""
 _NOISE = "noise of the poses"
-_QUICK_REPLICATES = 20
-"""Replicates for time delays whose interval is not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class _DriveResult:
-    """One drive: its time delay, the simulated log without the delay, and its windows."""
+    """One drive: the simulated log without its time delay, the delay, and the windows."""
 
     drive: Drive
     sim: Log
@@ -39,34 +37,26 @@ class _DriveResult:
 
 
 @dataclass(frozen=True, slots=True)
-class _Scales:
-    """Lengths that normalise errors, in m: per horizon (H,), and per replicate (H, R)."""
-
-    values: Floats
-    draws: Floats
-
-
-@dataclass(frozen=True, slots=True)
 class _DriveSet:
-    """All drives: numbers of windows `counts` (H,), and mean squares in m^2.
+    """All drives: window `counts` (H,), and figures per horizon (H,) and replicate (H, R).
 
-    `ends` are the squared errors at the windows' ends, `floors` their expectation without a gap:
-    per horizon (H,), and per replicate (H, R).
+    `scales` are lengths that normalise errors, m; `ends` are mean squared errors at the windows'
+    ends, m^2, and `floors` their expectation without a gap.
     """
 
     drives: list[_DriveResult]
     floor_sources: list[str]
     counts: Floats
     blocks: Resamples
-    scales: _Scales
+    scales: tuple[Floats, Floats]
     ends: tuple[Floats, Floats]
     floors: tuple[Floats, Floats]
 
     def excess(self) -> tuple[float, Floats]:
         """m and its replicates (R,): signed root of the mean squared error minus its floor."""
         values, draws = (e - f for e, f in zip(self.ends, self.floors, strict=True))
-        shares = values / self.scales.values**2
-        spread = self.blocks.corrected(shares, draws / self.scales.draws**2)
+        shares = values / self.scales[0] ** 2
+        spread = self.blocks.corrected(shares, draws / self.scales[1] ** 2)
         return float(_signed_root(shares).mean()), _signed_root(spread).mean(axis=0)
 
 
@@ -87,7 +77,7 @@ class DynamicsAxis(Axis):
     )
     reason: ClassVar[str] = (
         "Every window restarts from a real pose, so that one early error does not dominate a whole "
-        "drive; the time delay is a separate axis. The noise floor is subtracted in squares, so m "
+        "drive; the time delay is another axis. The noise floor is subtracted in squares, so m "
         "is 0 without a gap: it is half the squared difference of real drives with the same "
         "commands, or else the error that the noise of the real poses causes in the same windows. "
         "The bad state is the simulator before identification, in the same windows."
@@ -118,14 +108,14 @@ class DynamicsAxis(Axis):
         return "no drives: name a folder of real and simulated logs (--drives)"
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
-        drives = [drive.sim for drive in evidence.drives]
-        measured = self._compare_all(evidence.drives, drives, settings)
+        sims = [drive.sim for drive in evidence.drives]
+        measured = self._compare_all(evidence.drives, sims, settings)
         value, replicates = measured.excess()
         sources = measured.floor_sources
         source = sources[0] if len(set(sources)) == 1 else "mixed"
         nrmse, floor = (
-            float((np.sqrt(m) / measured.scales.values).mean())
-            for m in (measured.ends[0], measured.floors[0])
+            float((np.sqrt(squares[0]) / measured.scales[0]).mean())
+            for squares in (measured.ends, measured.floors)
         )
         return AxisResult(
             axis=self.name,
@@ -134,7 +124,15 @@ class DynamicsAxis(Axis):
             n=int(measured.counts.sum()),
             replicates=replicates,
             floor_replicates=np.zeros(replicates.size),
-            fingerprint=self._fingerprint(source),
+            fingerprint={
+                "horizons": ", ".join(f"{h:g}" for h in self.plan.horizons),
+                "stride": self.plan.stride,
+                "rate": self.plan.rate,
+                "scatter": self.plan.scatter,
+                "scale": self.scale,
+                "furthest": self.max_delay,
+                "floor_from": source,
+            },
             details={
                 "scale": self.scale,
                 "nrmse": nrmse,
@@ -162,8 +160,20 @@ class DynamicsAxis(Axis):
     ) -> _DriveSet:
         compared = [self._compare(d, s, settings) for d, s in zip(drives, sims, strict=True)]
         ends = [each.windows.end**2 for each in compared]
-        counts = self._counts(ends)
-        blocks = self._blocks(ends, settings)
+        counts = np.sum([np.isfinite(end).sum(axis=1) for end in ends], axis=0)
+        for horizon, count in zip(self.plan.horizons, counts, strict=True):
+            if count < MIN_WINDOWS:
+                raise InconclusiveError(
+                    f"{count} windows of {horizon:g} s in the drives, {MIN_WINDOWS} are "
+                    "needed; record longer drives, or use shorter --dynamics horizons=..."
+                )
+        windows_of = [end.shape[1] for end in ends]
+        if min(windows_of) < 2:
+            raise InconclusiveError(
+                f"a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
+            )
+        longest = int(np.ceil(self.plan.longest / self.plan.stride))
+        blocks = Resamples(windows_of, longest, settings)
         scales = self._scales(drives, blocks)
         floors, sources = self._floors(drives, compared, settings)
         return _DriveSet(
@@ -174,42 +184,22 @@ class DynamicsAxis(Axis):
         for log in (drive.real, sim):
             log_quality.require_sampling(log, self.plan.horizons[0])
         log_quality.require_motion(drive.real, self.plan.horizons[0], self._noise(drive.real))
-        quick = replace(settings, replicates=_QUICK_REPLICATES)
-        delay = time_delay.estimate_delay(drive.real, sim, quick, self.plan.rate, self.max_delay)
-        aligned = time_delay.shifted(sim, delay.seconds)
+        delay, aligned = time_delay.remove_delay(
+            drive.real, sim, settings, self.plan.rate, self.max_delay
+        )
         return _DriveResult(drive, aligned, delay, windows(drive.real, aligned, self.plan))
 
     def _noise(self, real: Log) -> Noise:
         return self.noise or noise_floor.estimate_noise(real)
 
-    def _scales(self, drives: Sequence[Drive], blocks: Resamples) -> _Scales:
-        """Mean over the drives weighted by duration, and the same for every resample of drives."""
+    def _scales(self, drives: Sequence[Drive], blocks: Resamples) -> tuple[Floats, Floats]:
+        """Means over the drives weighted by duration: (H,), and per resample of drives (H, R)."""
         scale = ape_rpe.scale_of(self.scale)
         seconds = np.array([drive.real.time[-1] - drive.real.time[0] for drive in drives])
         table = np.array([[scale(d.real, h) for h in self.plan.horizons] for d in drives])
         weights = blocks.drive_counts * seconds
         draws = (weights @ table).T / weights.sum(axis=1)
-        return _Scales(seconds @ table / seconds.sum(), draws)
-
-    def _counts(self, ends: Sequence[Floats]) -> Floats:
-        """Number of windows per horizon (H,); raises InconclusiveError where there are too few."""
-        counts = np.sum([np.isfinite(end).sum(axis=1) for end in ends], axis=0)
-        for horizon, count in zip(self.plan.horizons, counts, strict=True):
-            if count < MIN_WINDOWS:
-                raise InconclusiveError(
-                    f"{count} windows of {horizon:g} s in the drives, {MIN_WINDOWS} are "
-                    "needed; record longer drives, or use shorter --dynamics horizons=..."
-                )
-        return np.asarray(counts)
-
-    def _blocks(self, ends: Sequence[Floats], settings: GapSettings) -> Resamples:
-        longest = int(np.ceil(self.plan.longest / self.plan.stride))
-        short = [end.shape[1] for end in ends]
-        if min(short) < 2:
-            raise InconclusiveError(
-                f"a drive is shorter than two windows of {self.plan.horizons[0]:g} s"
-            )
-        return Resamples(short, longest, settings)
+        return seconds @ table / seconds.sum(), draws
 
     def _floors(
         self, drives: Sequence[Drive], compared: Sequence[_DriveResult], settings: GapSettings
@@ -231,17 +221,6 @@ class DynamicsAxis(Axis):
                 sources.append(_NOISE if self.noise is None else f"declared noise {self.noise}")
         return floors, sources
 
-    def _fingerprint(self, floor_source: str) -> dict[str, str | int | float]:
-        return {
-            "horizons": ", ".join(f"{h:g}" for h in self.plan.horizons),
-            "stride": self.plan.stride,
-            "rate": self.plan.rate,
-            "scatter": self.plan.scatter,
-            "scale": self.scale,
-            "furthest": self.max_delay,
-            "floor_from": floor_source,
-        }
-
     def _horizon_rows(self, measured: _DriveSet, settings: GapSettings) -> list[dict[str, Any]]:
         kinds: dict[str, Callable[[DriveWindows], Floats]] = {
             "rmse": lambda each: each.end**2,
@@ -253,7 +232,7 @@ class DynamicsAxis(Axis):
         rows: list[dict[str, Any]] = [
             {"horizon": float(h), "windows": int(n), "scale": float(s), "floor_rmse": float(f)}
             for h, n, s, f in zip(
-                self.plan.horizons, measured.counts, scales.values, floors, strict=True
+                self.plan.horizons, measured.counts, scales[0], floors, strict=True
             )
         ]
         for name, squares in kinds.items():
@@ -263,7 +242,7 @@ class DynamicsAxis(Axis):
                 row |= _with_bounds(name, float(np.sqrt(mean[i])), root, blocks, settings)
                 if name == "rmse":
                     share = row["rmse"] / row["scale"]
-                    row |= _with_bounds("nrmse", share, root / scales.draws[i], blocks, settings)
+                    row |= _with_bounds("nrmse", share, root / scales[1][i], blocks, settings)
         return rows
 
     def _drive_row(self, compared: _DriveResult, floor_source: str) -> dict[str, Any]:
@@ -279,7 +258,7 @@ class DynamicsAxis(Axis):
 
 
 def _signed_root(squares: Floats) -> Floats:
-    """Root of the absolute value, with the sign of `squares`: without a gap it varies about 0."""
+    """Root of the absolute value, with the sign of `squares`; varies about 0 without a gap."""
     return np.asarray(np.sign(squares) * np.sqrt(np.abs(squares)))
 
 
@@ -309,7 +288,7 @@ def _notes(drives: Sequence[_DriveResult], floor_source: str) -> tuple[str, ...]
         notes.append("one drive: the interval does not cover differences between drives")
     if floor_source in (_NOISE, "mixed"):
         notes.append(
-            "the noise floor holds the noise of the real poses alone; repeat real drives with the "
-            "same commands to include how much reality itself varies"
+            "the noise floor contains only the noise of the real poses; repeat real drives with "
+            "the same commands to include the variation of reality"
         )
     return tuple(notes)

@@ -10,15 +10,15 @@ from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.motion_log import Drive, Log
 
 MIN_STEPS = 4
-"""Steps between poses that a window of the shortest horizon must span."""
+"""Smallest number of steps between poses in a window of the shortest horizon."""
 MIN_TRAVEL = 1e-3
-"""m in the shortest horizon, below which a robot stands still."""
+"""Smallest distance in the shortest horizon of a robot that moves, m."""
 MIN_TRAVEL_OVER_NOISE = 3.0
 """Smallest ratio of the travel in that time to the noise of the poses."""
 MAX_MOTION = 0.01
 """Largest share of that travel in the part of the noise estimate that may be motion."""
 MAX_SPEED_RATIO = 20.0
-"""Ratio of real and simulated speed from which the logs hardly use the same units."""
+"""Largest ratio of real and simulated speed that suggests equal units."""
 
 
 def require_sampling(log: Log, horizon: float) -> None:
@@ -34,7 +34,7 @@ def require_sampling(log: Log, horizon: float) -> None:
 
 
 def require_motion(real: Log, horizon: float, measured: Noise) -> None:
-    """Raises InconclusiveError where a robot stays in place, or its motion looks like noise."""
+    """Raises InconclusiveError where the robot stays in place, or moves less than the noise."""
     covered = ape_rpe.travel(real, horizon)
     if covered < max(MIN_TRAVEL, MIN_TRAVEL_OVER_NOISE * measured.position):
         raise InconclusiveError(

@@ -74,8 +74,8 @@ def _square(time: Floats, values: Floats) -> float:
     around = np.stack([values[j : values.size - 4 + j] for j in (0, 1, 3, 4)], axis=1)
     deviations = values[2:-2] - (around * weights).sum(axis=1)
     squares = np.sort((deviations / np.sqrt(1 + (weights**2).sum(axis=1))) ** 2)
-    kept = squares[: max(int(_TRIM * squares.size), 1)]  # sharp turns of the motion are no noise
-    return float(kept.mean() / _TRIMMED_SQUARE)
+    trimmed = squares[: max(int(_TRIM * squares.size), 1)]  # excludes sharp turns of the motion
+    return float(trimmed.mean() / _TRIMMED_SQUARE)
 
 
 def _lagrange_weights(time: Floats) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from s2rstore.errors import RequestError
@@ -19,32 +19,32 @@ MAX_REACH = 60.0
 _PARTS = ("rigid", "reflection", "scale")
 
 
-def axes(words: Sequence[str]) -> dict[str, Axis]:
+def axes(texts: Sequence[str]) -> dict[str, Axis]:
     """Both axes, configured by options NAME=VALUE.
 
     Raises RequestError for unknown and repeated names and for invalid values.
     """
     options: dict[str, Any] = {}
-    for word in words:
-        name, equals, text = (part.strip() for part in word.partition("="))
+    for option in texts:
+        name, equals, value = (part.strip() for part in option.partition("="))
         if not equals or name not in OPTIONS:
             raise RequestError(
-                f"--dynamics {word}: expected NAME=VALUE with NAME one of {', '.join(OPTIONS)}"
+                f"--dynamics {option}: expected NAME=VALUE with NAME one of {', '.join(OPTIONS)}"
             )
         if name in options:
-            raise RequestError(f"--dynamics {word}: {name} is given twice")
+            raise RequestError(f"--dynamics {option}: {name} is repeated")
         try:
-            options[name] = OPTIONS[name](text)
+            options[name] = OPTIONS[name](value)
         except RequestError as error:
-            raise RequestError(f"--dynamics {word}: {error}") from error
+            raise RequestError(f"--dynamics {option}: {error}") from error
 
-    def arguments(names: Mapping[str, str]) -> dict[str, Any]:
+    def arguments(**names: str) -> dict[str, Any]:
         return {target: options[name] for name, target in names.items() if name in options}
 
-    search = arguments({"reach": "max_delay"})
-    dynamics = arguments({"horizons": "plan", "nrmse": "scale", "noise": "noise"})
-    errors = DriveErrorOptions(**arguments({"align": "alignment", "rpe": "step"}))
-    delay = arguments({"bad": "bad_state", "period": "period"})
+    search = arguments(reach="max_delay")
+    dynamics = arguments(horizons="plan", nrmse="scale", noise="noise")
+    errors = DriveErrorOptions(**arguments(align="alignment", rpe="step"))
+    delay = arguments(bad="bad_state", period="period")
     return {
         "dynamics": DynamicsAxis(**dynamics, **search, drive_errors=errors),
         "delay": DelayAxis(**delay, **search),
@@ -53,24 +53,19 @@ def axes(words: Sequence[str]) -> dict[str, Axis]:
 
 def _horizons(text: str) -> WindowPlan:
     """Horizons in seconds; windows start every half of the shortest one."""
-    horizons = tuple(_number(word, "seconds such as 0.5,1,2") for word in text.split(","))
+    horizons = tuple(_number(part, "seconds such as 0.5,1,2") for part in text.split(","))
     if not all(0 < horizon <= 3600 for horizon in horizons):
         raise RequestError("expected seconds above 0, up to 3600")
     return WindowPlan(horizons, stride=0.5 * horizons[0])
 
 
-def _nrmse(text: str) -> str:
-    return _one_of(text, tuple(SCALES))
+def _one_of(known: Collection[str]) -> Callable[[str], str]:
+    def parse(text: str) -> str:
+        if text not in known:
+            raise RequestError(f"expected one of {', '.join(known)}")
+        return text
 
-
-def _bad(text: str) -> str:
-    return _one_of(text, BAD_STATES)
-
-
-def _one_of(text: str, known: Sequence[str]) -> str:
-    if text not in known:
-        raise RequestError(f"expected one of {', '.join(known)}")
-    return text
+    return parse
 
 
 def _align(text: str) -> LogAlignment:
@@ -84,55 +79,41 @@ def _align(text: str) -> LogAlignment:
 def _rpe(text: str) -> RpeStep:
     expected = "seconds such as 1s, or a number of poses such as 25"
     if text.endswith("s"):
-        return RpeStep(seconds=_between(text[:-1], 0.0, 3600.0, expected))
-    poses = _between(text, 0.0, 1e9, expected)
+        return RpeStep(seconds=_number(text[:-1], expected, 3600.0))
+    poses = _number(text, expected, 1e9)
     if poses != int(poses):
         raise RequestError(f"expected {expected}")
     return RpeStep(poses=int(poses))
-
-
-def _reach(text: str) -> float:
-    return _between(text, 0.0, MAX_REACH, f"seconds up to {MAX_REACH:g} such as 0.5")
-
-
-def _period(text: str) -> float:
-    return _between(text, 0.0, 60.0, "seconds such as 0.05")
 
 
 def _noise(text: str) -> Noise | None:
     if text == "measured":
         return None
     expected = "measured, or metres and radians such as 0.002,0.003"
-    values = [_number(word, expected) for word in text.split(",")]
+    values = [_number(part, expected) for part in text.split(",")]
     if len(values) != 2 or min(values) < 0:
         raise RequestError(f"expected {expected}")
     return Noise(*values)
 
 
-def _number(text: str, expected: str) -> float:
+def _number(text: str, expected: str, most: float | None = None) -> float:
+    """A finite number; with `most`, above 0 and up to `most`."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise RequestError(f"expected {expected}")
-    return value
-
-
-def _between(text: str, low: float, high: float, expected: str) -> float:
-    value = _number(text, expected)
-    if not low < value <= high:
+    if not math.isfinite(value) or (most is not None and not 0 < value <= most):
         raise RequestError(f"expected {expected}")
     return value
 
 
 OPTIONS: dict[str, Callable[[str], Any]] = {
     "horizons": _horizons,
-    "nrmse": _nrmse,
+    "nrmse": _one_of(SCALES),
     "align": _align,
     "rpe": _rpe,
-    "reach": _reach,
-    "bad": _bad,
-    "period": _period,
+    "reach": lambda text: _number(text, f"seconds up to {MAX_REACH:g} such as 0.5", MAX_REACH),
+    "bad": _one_of(BAD_STATES),
+    "period": lambda text: _number(text, "seconds such as 0.05", 60.0),
     "noise": _noise,
 }

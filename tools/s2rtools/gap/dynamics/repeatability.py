@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,8 +12,6 @@ from s2rtools.gap.dynamics.windows import WindowPlan, windows
 from s2rtools.motion_logs.motion_log import Commands, Drive, Floats
 
 _TIME_TOLERANCE = 1e-3
-_QUICK_REPLICATES = 20
-"""Replicates for time delays whose interval is not reported."""
 
 
 def same_commands(a: Commands, b: Commands) -> bool:
@@ -60,10 +57,9 @@ def repeatability_squares(
     for other in others:
         assert other.commands is not None
         shift = float(drive.commands.time[0] - other.commands.time[0])
-        other_real = replace(other.real, time=other.real.time + shift)
-        quick = replace(settings, replicates=_QUICK_REPLICATES)
-        delay = time_delay.estimate_delay(drive.real, other_real, quick, plan.rate, max_delay)
-        aligned = time_delay.shifted(other_real, delay.seconds)
+        _, aligned = time_delay.remove_delay(
+            drive.real, time_delay.shifted(other.real, shift), settings, plan.rate, max_delay
+        )
         repeated.append(windows(drive.real, aligned, plan).end ** 2)
     stacked = np.stack(repeated)
     known = np.isfinite(stacked)

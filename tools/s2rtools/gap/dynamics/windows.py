@@ -7,6 +7,7 @@ the window is the distance between the two poses at its end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +40,9 @@ class WindowPlan:
     scatter: float = 0.25
 
     def __post_init__(self) -> None:
-        rising = all(a < b for a, b in zip((0.0, *self.horizons), self.horizons, strict=False))
+        rising = all(a < b for a, b in pairwise((0.0, *self.horizons)))
         if not self.horizons or not rising:
-            raise RequestError(f"horizons {self.horizons}: give rising positive seconds")
+            raise RequestError(f"horizons {self.horizons}: must be positive and increasing")
         if not (self.stride > 0 and self.rate > 0):
             raise RequestError(f"stride {self.stride:g} s, rate {self.rate:g} Hz: must be positive")
         if not 0 <= self.scatter < 0.5:
@@ -50,7 +51,7 @@ class WindowPlan:
             raise RequestError(f"horizon {self.horizons[0]:g} s is less than one step of the rate")
 
     def starts(self, real: Log) -> Floats:
-        """Start times of the windows (K,), as many as fit the shortest horizon."""
+        """Start times (K,) of all windows in which the shortest horizon fits."""
         available = real.time[-1] - real.time[0] - self.horizons[0]
         count = int(np.floor(available / self.stride + _TOLERANCE)) + 1
         at = np.arange(max(count, 0)) + self._offsets((max(count, 0),))

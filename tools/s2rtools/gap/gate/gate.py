@@ -18,7 +18,7 @@ from s2rtools.gap.dynamics import options
 from s2rtools.gap.gate import golden_run as golden
 from s2rtools.gap.gate import reference
 from s2rtools.gap.gate.verdict import judge, unjudged
-from s2rtools.gap.measure import freeze_scales, measure
+from s2rtools.gap.measure import measure
 from s2rtools.gap.report import GapResult, Report, across_report, report
 from s2rtools.gap.task.rank_consistency import rank_consistency
 from s2rtools.motion_logs import Drive
@@ -28,12 +28,12 @@ from s2rtools.motion_logs.store_odometry import odometry
 
 @dataclass(frozen=True, slots=True)
 class GapRequest:
-    """What to measure, and what to judge it by.
+    """A request to measure and judge the gap; most fields are options of `s2r gap`.
 
-    `drives` is a folder, `odometry`, or None for the drives of the store; `rate` (Hz) is that of
-    odometry that was stored without times; `topic` carries the poses in ROS bags; `dynamics` are
-    options NAME=VALUE of `dynamics.options`; `anchor_run` is the run whose sim images are the bad
-    state of the visual axis.
+    `drives` is a folder, `odometry`, or None for the drives of the store; `rate` (Hz) applies to
+    odometry without stored times; `topic` carries the poses in ROS bags; `dynamics` are options
+    NAME=VALUE of `dynamics.options`; `anchor_run` is the run whose sim images are the bad state of
+    the visual axis.
     """
 
     run: str | None = None
@@ -52,12 +52,13 @@ class GapRequest:
     settings: GapSettings = field(default_factory=GapSettings)
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.threshold) or self.threshold <= 0:
-            raise RequestError(f"--threshold: expected a number above 0, got {self.threshold:g}")
-        if not np.isfinite(self.margin) or self.margin <= 0:
-            raise RequestError(f"--margin: expected metres above 0, got {self.margin:g}")
-        if self.rate is not None and not 0 < self.rate < float("inf"):
-            raise RequestError(f"--rate: expected Hz above 0, got {self.rate:g}")
+        for option, unit, value in (
+            ("threshold", "a number", self.threshold),
+            ("margin", "metres", self.margin),
+            ("rate", "Hz", self.rate),
+        ):
+            if value is not None and not 0 < value < np.inf:
+                raise RequestError(f"--{option}: expected {unit} above 0, got {value:g}")
         for name in self.axes:
             if name not in AXES:
                 raise RequestError(f"--axis {name}: expected one of {', '.join(AXES)}")
@@ -84,32 +85,36 @@ def collect_evidence(store: Store, request: GapRequest) -> Evidence:
     if not chosen.any():
         raise RequestError(f"--select {request.expression!r}: selects no instance of run {run.run}")
     iids = np.flatnonzero(chosen).astype(np.int64)
-    drives = _drives(store, request)
-    return Evidence(store, run.run, iids, request.expression, drives, request.features,
-                    request.anchor_run)  # fmt: skip
+    return Evidence(store, run.run, iids, request.expression, _drives(store, request),
+                    request.features, request.anchor_run)  # fmt: skip
 
 
 def judge_gap(evidence: Evidence, request: GapRequest) -> GapResult:
-    """Measure the gap and judge it by the reference and the golden run, if given.
+    """Measure the gap and judge it by the reference and the golden run of the request.
 
     Raises RequestError where an axis that is requested by name has no evidence.
     """
+    settings, axes_by_name = request.settings, request.requested_axes
     frozen = reference.read(request.reference) if request.reference else None
     accepted = golden.read(request.golden) if request.golden else None
-    found = measure(evidence, request.settings, request.requested_axes)
+    measurement = measure(evidence, settings, axes_by_name)
     for name in request.axes:
-        if name in found.absent:
-            raise RequestError(f"--axis {name}: cannot be measured: {found.absent[name]}")
-    if frozen is None:
-        verdict = unjudged(request.threshold)
-    else:
-        verdict = judge(found, frozen, request.settings, request.threshold)
-    compared = None
+        if name in measurement.absent:
+            raise RequestError(f"--axis {name}: cannot be measured: {measurement.absent[name]}")
+    verdict = unjudged(request.threshold)
+    if frozen is not None:
+        verdict = judge(measurement, frozen, settings, request.threshold)
+    comparison = None
     if accepted is not None:
-        compared = golden.compare(evidence, accepted, request.settings, request.margin)
-    ranked = _across(evidence, request)
+        comparison = golden.compare(evidence, accepted, settings, request.margin)
+    across: dict[str, object] | None = None
+    if "task" in axes_by_name:
+        try:
+            across = across_report(rank_consistency(evidence.store, evidence.iids, settings))
+        except InconclusiveError as error:
+            across = {"refused": str(error)}
     scales = frozen.axes if frozen else {}
-    return GapResult(found, verdict, request.requested_axes, scales, frozen, compared, ranked)
+    return GapResult(measurement, verdict, axes_by_name, scales, frozen, comparison, across)
 
 
 def measured_report(evidence: Evidence, request: GapRequest) -> Report:
@@ -118,17 +123,16 @@ def measured_report(evidence: Evidence, request: GapRequest) -> Report:
 
 
 def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tuple[GapResult, str]:
-    """The result with its scales, and the text of a reference file; axes without evidence are
-    left out.
+    """The result with its scales, and the text of a reference file, without absent axes.
 
     Raises InconclusiveError where an axis has too little evidence, and RequestError where one has
     no usable anchor: a reference judges all requested axes, or is not written.
     """
-    found = measured.measurement
-    for axis, why in found.inconclusive.items():
+    measurement = measured.measurement
+    for axis, reason in measurement.inconclusive.items():
         others = " ".join(f"--axis {name}" for name in request.requested_axes if name != axis)
         hint = f"; to leave it out: {others}" if others else ""
-        raise InconclusiveError(f"{axis}: {why}{hint}")
+        raise InconclusiveError(f"{axis}: {reason}{hint}")
     store, run = evidence.store, evidence.store.run(evidence.run)
     made_from = {
         "dataset": store.dataset.name,
@@ -138,17 +142,14 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
         "model_sha256": store.models[run.model].sha256,
         "expression": evidence.expression,
     }
-    scales = freeze_scales(found, evidence, request.settings, request.requested_axes)
+    settings, requested = request.settings, request.requested_axes
+    scales = {
+        name: reference.freeze(
+            result, requested[name].anchor(evidence, settings), requested[name].unit, settings
+        )
+        for name, result in measurement.measured.items()
+    }
     return replace(measured, scales=scales), reference.text(scales, made_from)
-
-
-def _across(evidence: Evidence, request: GapRequest) -> dict[str, object] | None:
-    if "task" not in request.requested_axes:
-        return None
-    try:
-        return across_report(rank_consistency(evidence.store, evidence.iids, request.settings))
-    except InconclusiveError as error:
-        return {"refused": str(error)}
 
 
 def _drives(store: Store, request: GapRequest) -> tuple[Drive, ...]:

@@ -1,19 +1,18 @@
 """Golden runs: compare the real errors with those of an accepted run, instance by instance.
 
-An anchor limits how bad a state may be; a golden run detects that it became worse since the run was
+A reference limits how bad a state may be; a golden run detects that errors grew since it was
 stored. Paired differences have far narrower intervals than two separate means.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError, RequestError
@@ -41,17 +40,18 @@ _MAX_MISSING = 0.1
 Error = Annotated[float, Meta(ge=0, le=1e12)]
 
 
-@dataclass(frozen=True, slots=True)
-class GoldenRun:
-    """Real errors (m) of an accepted run by iid; `poses` is `instance_selection.poses_sha256`.
+class GoldenRun(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The JSON file of a golden run: real errors (m) of an accepted run by iid.
 
-    Other images of the same poses can be compared with it, such as those of a newer simulator.
+    `poses` is `instance_selection.poses_sha256`: other images of the same poses can be compared
+    with it, such as those of a newer simulator.
     """
 
+    format: int = FORMAT
     poses: str
     run: str
     expression: str
-    errors: Mapping[int, float]
+    errors: dict[int, Error]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +69,8 @@ class GoldenComparison:
     reason: str
 
 
-class GoldenFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """The JSON file of a golden run."""
-
-    format: int
-    poses: str
-    run: str
-    expression: str
-    errors: dict[int, Error]
-
-
 def take(evidence: Evidence) -> GoldenRun:
-    """The errors of the present state. Raises InconclusiveError for too few instances."""
+    """A golden run of the present state. Raises InconclusiveError for too few instances."""
     errors = _errors(evidence)
     count = _blocks(evidence, np.array(sorted(errors), dtype=np.int64)).count
     if len(errors) < _MIN_INSTANCES or count < _MIN_BLOCKS:
@@ -89,17 +79,20 @@ def take(evidence: Evidence) -> GoldenRun:
             f"{len(errors)} in {count}"
         )
     return GoldenRun(
-        instance_selection.poses_sha256(evidence.store), evidence.run, evidence.expression, errors
+        poses=instance_selection.poses_sha256(evidence.store),
+        run=evidence.run,
+        expression=evidence.expression,
+        errors=errors,
     )
 
 
 def text(golden: GoldenRun) -> str:
     """The content of the file of a golden run."""
-    return json.dumps({"format": FORMAT, **asdict(golden)}, sort_keys=True) + "\n"
+    return json.dumps(structs.asdict(golden), sort_keys=True) + "\n"
 
 
 def read(path: Path) -> GoldenRun:
-    """Raises RequestError where the file is missing, invalid, or of another format."""
+    """Read a golden run. Raises RequestError where it is missing, invalid, or of another format."""
     content = read_json(path, _MAX_BYTES)
     if not isinstance(content, dict) or "errors" not in content:
         raise RequestError(f"{path}: not a golden run; `s2r gap --freeze-golden` writes one")
@@ -108,10 +101,10 @@ def read(path: Path) -> GoldenRun:
             f"{path}: format {content.get('format')}, this version reads {FORMAT}; write a new one "
             "with `s2r gap --freeze-golden`"
         )
-    file = convert(content, GoldenFile, str(path), check=False)
-    if not file.errors:
+    golden = convert(content, GoldenRun, str(path), check=False)
+    if not golden.errors:
         raise RequestError(f"{path}: errors: empty; write a new golden run")
-    return GoldenRun(file.poses, file.run, file.expression, file.errors)
+    return golden
 
 
 def compare(
@@ -147,10 +140,8 @@ def compare(
     change = percentile_interval(float(changes.mean()), replicates, settings.level)
     outcome, reason = outcome_of(change, margin), ""
     if outcome == "PASS" and missing > _MAX_MISSING * len(golden.errors):
-        outcome, reason = (
-            "INCONCLUSIVE",
-            f"{missing} of {len(golden.errors)} are no longer comparable",
-        )
+        outcome = "INCONCLUSIVE"
+        reason = f"{missing} of {len(golden.errors)} are no longer comparable"
     return GoldenComparison(outcome, change, shared.size, margin, missing, reason)
 
 

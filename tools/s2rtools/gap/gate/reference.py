@@ -1,4 +1,4 @@
-"""Reference of a gate: the frozen scale (floor and anchor) of every axis, and its origin."""
+"""Reference of a gate: the frozen scale (floor and anchor) of every axis."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class ReferenceFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A reference that was read from `source`; `sha256` is that of the file.
+    """A reference read from the file `source` with the hash `sha256`.
 
-    `made_from` holds data set, run, model and selection, for people.
+    `made_from` describes data set, run, model and selection, for the reader.
     """
 
     axes: Mapping[str, AxisScale]
@@ -71,14 +71,8 @@ def freeze(measured: AxisResult, anchor: Anchor, unit: str, settings: GapSetting
             "state (--anchor-run, untuned logs), or leave this axis out (name the others by --axis)"
         )
     anchor_low, anchor_high = percentile_bounds(anchor.replicates, settings.level)
-    return AxisScale(
-        anchor.value,
-        anchor_low,
-        anchor_high,
-        measured.floor,
-        anchor.state,
-        dict(measured.fingerprint),
-    )
+    return AxisScale(anchor.value, anchor_low, anchor_high, measured.floor, anchor.state,
+                     dict(measured.fingerprint))  # fmt: skip
 
 
 def text(axes: Mapping[str, AxisScale], made_from: Mapping[str, Any]) -> str:
@@ -92,7 +86,7 @@ def text(axes: Mapping[str, AxisScale], made_from: Mapping[str, Any]) -> str:
 
 
 def read(path: Path) -> Reference:
-    """Raises RequestError where the file is missing, invalid, or of another format."""
+    """Read a reference. Raises RequestError where it is missing, invalid, or of another format."""
     raw = read_bytes(path, MAX_JSON_BYTES)
     content = parse_json(raw, str(path))
     if not isinstance(content, dict) or "axes" not in content:

@@ -33,7 +33,7 @@ _REASONS: dict[Outcome, str] = {
 
 @dataclass(frozen=True, slots=True)
 class AxisGap:
-    """G of one axis with its interval, unclipped; `replicates` (R,)."""
+    """G of one axis with its interval and `replicates` (R,); not clipped to 0 .. 100."""
 
     axis: str
     gap: Interval
@@ -96,7 +96,7 @@ def _gaps(
                 "provide what is missing, or freeze a reference without this axis"
             )
         _check_fits(measurement.measured[axis], scale, reference.source)
-        gaps.append(axis_gap(measurement.measured[axis], scale, level))
+        gaps.append(_axis_gap(measurement.measured[axis], scale, level))
     return gaps, inconclusive
 
 
@@ -106,8 +106,7 @@ def unjudged(threshold: float) -> Verdict:
     return Verdict("INCONCLUSIVE", threshold, None, NOTHING, (), reason)
 
 
-def axis_gap(measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
-    """G of a measured axis on the scale of the reference."""
+def _axis_gap(measured: AxisResult, scale: AxisScale, level: float) -> AxisGap:
     span = scale.anchor - scale.floor
     value = 100 * (measured.value - measured.floor) / span
     replicates = 100 * (measured.replicates - measured.floor_replicates) / span
@@ -120,7 +119,7 @@ def _check_fits(measured: AxisResult, scale: AxisScale, source: str) -> None:
         if here != there:
             raise RequestError(
                 f"{source}: does not fit: {measured.axis}'s {key} is {_short(here)} here and "
-                f"{_short(there)} in the reference; freeze one for what is measured here"
+                f"{_short(there)} in the reference; freeze a new reference for this measurement"
             )
 
 

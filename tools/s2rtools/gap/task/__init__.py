@@ -1,1 +1,1 @@
-"""How much worse the task is done on real images than on sim images."""
+"""The task axis: how much larger a model's errors are on real images than on sim images."""

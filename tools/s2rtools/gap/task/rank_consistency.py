@@ -1,4 +1,4 @@
-"""Rank consistency: whether simulation ranks the runs of a store as reality does.
+"""Rank consistency: whether simulation ranks the runs of a store in the same order as reality.
 
 The intervals resample the instances of these runs; they do not generalise to other runs. Source:
 Li et al., "Evaluating real-world robot manipulation policies in simulation" (SIMPLER), 2024, for
@@ -21,6 +21,7 @@ from s2rstore.metrics.bootstrap import (
     split_into_blocks,
 )
 from s2rstore.reader import Store
+from s2rstore.records import SIDES
 from s2rtools.gap.axis_result import GapSettings
 
 Floats = NDArray[np.float64]
@@ -32,7 +33,7 @@ MIN_BLOCKS = 4
 
 @dataclass(frozen=True, slots=True)
 class RankConsistency:
-    """Mean errors `sim` and `real` (m) of `runs` over the same `n` instances, and their agreement.
+    """Mean errors `sim` and `real` (m) of `runs` on the same `n` instances, and their agreement.
 
     `correlation` is Pearson's, NaN where all runs have the same error; `rank_violation` is in m.
     """
@@ -58,22 +59,19 @@ def rank_consistency(
             f"{store.path}: {len(runs)} computed runs; at least {MIN_RUNS} are needed to "
             "compare their ranking in simulation and reality"
         )
-    keep = np.zeros(len(store.instances), dtype=np.bool_)
-    keep[iids] = True
+    common = np.zeros(len(store.instances), dtype=np.bool_)
+    common[iids] = True
     for run in runs:
-        keep &= run_metrics.held_out(store, run)
-    blocks = split_into_blocks(store.instances.trajectory[keep])
-    n = int(keep.sum())
+        common &= run_metrics.held_out(store, run)
+    blocks = split_into_blocks(store.instances.trajectory[common])
+    n = int(common.sum())
     if n < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
         raise InconclusiveError(
             f"{store.path}: {n} instances in {blocks.count} blocks that no run's model was trained "
             f"on; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
         )
     columns = [store.run_columns(run) for run in runs]
-    sides = (
-        np.stack([getattr(c, side).error[keep] for c in columns], axis=1)
-        for side in ("sim", "real")
-    )
+    sides = (np.stack([getattr(c, s).error[common] for c in columns], axis=1) for s in SIDES)
     (sim, sims), (real, reals) = (
         (errors.mean(axis=0)[None, :], mean_replicates(errors, blocks, settings))
         for errors in sides

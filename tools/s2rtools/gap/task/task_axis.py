@@ -10,26 +10,23 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import mean_replicates, split_into_blocks
+from s2rstore.metrics.bootstrap import mean_replicates
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_interval
 
 Floats = NDArray[np.float64]
 
-MIN_INSTANCES = 20
-MIN_BLOCKS = 4
 SECTORS = 8
 
 
 class TaskAxis(Axis):
     """m = mean over the instances of real error - sim error.
 
-    A reference applies to the same poses and selection, however many of them a model was trained
-    on: m and its floor do not depend on n, and the anchor is the frozen length in metres. On other
-    instances the error of the constant prediction differs, and G with it, within the anchor's
-    interval that the report shows. A new anchor for every measurement would let G change where the
-    gap does not.
+    A reference applies to the same poses and selection, no matter how many of them a model was
+    trained on: m and its floor do not depend on n, and the anchor is a frozen length in metres. On
+    other instances the error of the constant prediction differs, within the interval of the anchor.
+    A new anchor for every measurement would change G without a change of the gap.
     """
 
     name: ClassVar[str] = "task"
@@ -38,8 +35,8 @@ class TaskAxis(Axis):
     floor_is: ClassVar[str] = "0: without a gap the errors of a pair do not differ"
     reason: ClassVar[str] = (
         "Both sides show the same poses, so the mean of the paired differences does not depend on "
-        "how difficult the poses are, and without a gap it is 0. The anchor is a model that has "
-        "learnt nothing: the error of always predicting the mean position, minus the sim error."
+        "how difficult the poses are, and without a gap it is 0. The anchor is an untrained model: "
+        "the error of always predicting the mean position, minus the sim error."
     )
 
     def missing(self, evidence: Evidence) -> str | None:
@@ -70,23 +67,16 @@ class TaskAxis(Axis):
     def anchor(self, evidence: Evidence, settings: GapSettings) -> Anchor:
         _, errors = _errors(evidence)
         gap = errors.constant - errors.sim
-        return Anchor(
-            value=float(gap.mean()),
-            replicates=mean_replicates(gap, errors.blocks, settings),
-            state="the constant prediction of the mean position",
-        )
+        replicates = mean_replicates(gap, errors.blocks, settings)
+        state = "the constant prediction of the mean position"
+        return Anchor(float(gap.mean()), replicates, state)
 
 
 def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
     """Raises InconclusiveError where there are too few instances or blocks."""
     store, iids = evidence.store, instance_selection.held_out(evidence)
     truth, columns = store.instances, store.run_columns(evidence.run)
-    blocks = split_into_blocks(truth.trajectory[iids])
-    if iids.size < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
-        raise InconclusiveError(
-            f"{iids.size} usable instances of {evidence.expression!r} in {blocks.count} "
-            f"blocks; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
-        )
+    blocks = instance_selection.sufficient_blocks(evidence, iids)
     every = run_metrics.held_out(store, evidence.run)
     constant = np.hypot(
         truth.x[iids] - truth.x[every].mean(), truth.y[iids] - truth.y[every].mean()

@@ -1,7 +1,7 @@
 """Features of sim and real images: a run's stored embeddings, or those of an image network.
 
-The embeddings of a run hold what matters for its task. An image network is described by a file, see
-`feature_network`.
+The embeddings of a run represent what matters for its task. `feature_network` describes the file of
+an image network.
 """
 
 from __future__ import annotations
@@ -30,24 +30,20 @@ _MAX_LISTED = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureSource:
-    """`read(side, iids)` returns finite features (n, d); `identity` is all that they depend on."""
+    """`read(side, iids)` returns finite features (n, d), which depend on `identity` alone."""
 
     read: Reader
     identity: Mapping[str, str | int | float]
 
 
 def feature_source(store: Store, run: str, description: Path | None) -> FeatureSource:
-    """The embeddings of a run, or the network of a description file. Raises RequestError."""
-    return (
-        _embedding_source(store, run)
-        if description is None
-        else _network_source(store, run, description)
-    )
+    """The embeddings of a run, or the network of a description file. Raises RequestError.
 
-
-def _embedding_source(store: Store, run: str) -> FeatureSource:
-    """Embeddings are comparable if they come from the same weights and precision."""
+    Embeddings are comparable if they come from the same weights and precision.
+    """
     record = store.run(run)
+    if description is not None:
+        return _network_source(store, record, description)
 
     def read(side: Side, iids: Iids) -> Floats:
         _, array = store.array(run, "embedding", side)
@@ -55,7 +51,7 @@ def _embedding_source(store: Store, run: str) -> FeatureSource:
             raise RequestError(
                 f"run {run!r}: the embedding has another number of instances; run `s2r verify`"
             )
-        rows = [stored_array.read_rows(array, a, b)[keep] for a, b, keep in _spans(iids)]
+        rows = [stored_array.read_rows(array, a, b)[chosen] for a, b, chosen in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
 
     model = store.models[record.model]
@@ -67,34 +63,27 @@ def _embedding_source(store: Store, run: str) -> FeatureSource:
     return FeatureSource(read, identity)
 
 
-def _network_source(store: Store, run: str, description: Path) -> FeatureSource:
+def _network_source(store: Store, run: Run, description: Path) -> FeatureSource:
+    from s2rtools.adjustments import apply_chain
     from s2rtools.gap.visual.feature_network import read_network
 
-    network, record = read_network(description), store.run(run)
+    network = read_network(description)
 
     def read(side: Side, iids: Iids) -> Floats:
-        rows = [
-            network.features(_images_of(store, record, side, a, b)[keep])
-            for a, b, keep in _spans(iids)
-        ]
-        return _finite(np.concatenate(rows), iids, run, side)
+        domain, rows = run_domain(store, run, side), []
+        for start, stop, chosen in _spans(iids):
+            frames = run_frames(store, run, side, start, stop)
+            depth = frames["depth"]
+            valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+            rgb, _ = apply_chain(frames["rgb"], depth, valid, run.adjustments(side))
+            rows.append(network.features(rgb[chosen]))
+        return _finite(np.concatenate(rows), iids, run.run, side)
 
     return FeatureSource(read, network.identity)
 
 
-def _images_of(store: Store, run: Run, side: Side, start: int, stop: int) -> NDArray[np.uint8]:
-    """RGB images (n, H, W, 3) of iids [start, stop), adjusted as in the run."""
-    from s2rtools.adjustments import apply_chain
-
-    frames = run_frames(store, run, side, start, stop)
-    domain, depth = run_domain(store, run, side), frames["depth"]
-    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    rgb, _ = apply_chain(frames["rgb"], depth, valid, run.adjustments(side))
-    return rgb
-
-
 def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
-    """Ranges [start, stop) that contain the ascending iids, and the rows of each to keep."""
+    """Ranges [start, stop) that contain the ascending iids, and the chosen rows of each."""
     groups = np.split(iids, np.flatnonzero(np.diff(iids // _CHUNK)) + 1)
     for group in groups:
         yield int(group[0]), int(group[-1]) + 1, group - group[0]

@@ -1,4 +1,4 @@
-"""Frechet distance between two sets of features, each taken for a Gaussian (FID).
+"""Frechet distance between two sets of features, each modelled as a Gaussian (FID).
 
 Source: Heusel et al., "GANs trained by a two time-scale update rule", 2017; Dowson and Landau,
 "The Frechet distance between multivariate normal distributions", 1982.
@@ -40,12 +40,12 @@ def trace_root(s: Floats, t: Floats) -> float:
     values, vectors = np.linalg.eigh(s)
     root = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
     inner = root @ t @ root
-    found = np.linalg.eigvalsh((inner + inner.T) / 2)
-    return float(np.sqrt(np.maximum(found, 0)).sum())
+    eigenvalues = np.linalg.eigvalsh((inner + inner.T) / 2)
+    return float(np.sqrt(np.maximum(eigenvalues, 0)).sum())
 
 
 def trace_root_of_samples(a: Floats, b: Floats) -> float:
-    """tr((A'A B'B)^(1/2)) of A (n, d), B (m, d): the nuclear norm of A B' (n, m), quick for n < d.
+    """tr((A'A B'B)^(1/2)) of A (n, d), B (m, d): the nuclear norm of A B' (n, m), fast for n < d.
 
     A'A B'B = A' (A B' B) has the nonzero eigenvalues of (A B' B) A' = (A B')(A B')', which are the
     squared singular values of A B'; the trace of the root is their plain sum.

@@ -1,13 +1,14 @@
-"""The Inception network of the usual FID, up to its last pooling: 2048 features an image.
+"""The Inception network of the standard FID, up to its last pooling: 2048 features per image.
 
-It differs from other Inception-v3 networks in its poolings: averages leave out padding, and the
-last block takes the maximum. Names of weights are those of the file `pt_inception-2015-12-05`; its
-classifier is not needed. Source: Szegedy et al., "Rethinking the Inception architecture for
-computer vision", 2016. No trained weights come with this program, so the layout and shapes are
-tested with random ones.
+It differs from other Inception-v3 networks in its pooling: averages exclude padding, and the last
+block uses the maximum. Weights are named as in the file `pt_inception-2015-12-05`, whose classifier
+is not needed. Source: Szegedy et al., "Rethinking the Inception architecture for computer vision",
+2016. This program contains no trained weights; layout and shapes are tested with random ones.
 """
 
 from __future__ import annotations
+
+from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -30,12 +31,9 @@ class Conv(nn.Module):
         return functional.relu(self.bn(self.conv(x)), inplace=True)
 
 
-def _average(x: Tensor) -> Tensor:
-    return functional.avg_pool2d(x, 3, stride=1, padding=1, count_include_pad=False)
-
-
-def _maximum(x: Tensor) -> Tensor:
-    return functional.max_pool2d(x, 3, stride=1, padding=1)
+_average = partial(functional.avg_pool2d, kernel_size=3, stride=1, padding=1,
+                   count_include_pad=False)  # fmt: skip
+_maximum = partial(functional.max_pool2d, kernel_size=3, stride=1, padding=1)
 
 
 class Fine(nn.Module):
@@ -73,7 +71,7 @@ class FineToMiddle(nn.Module):
 
 
 class Middle(nn.Module):
-    """Blocks 6b to 6e: 7x7 taken apart, `inner` channels inside."""
+    """Blocks 6b to 6e: 7x7 as 1x7 and 7x1, with `inner` channels between."""
 
     def __init__(self, inner: int) -> None:
         super().__init__()
@@ -116,7 +114,7 @@ class MiddleToCoarse(nn.Module):
 
 
 class Coarse(nn.Module):
-    """Blocks 7b and 7c; `maximum` pools the last path by its maximum."""
+    """Blocks 7b and 7c; `maximum` uses max pooling in the last path."""
 
     def __init__(self, inputs: int, maximum: bool) -> None:
         super().__init__()

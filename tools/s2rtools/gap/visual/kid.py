@@ -9,7 +9,7 @@ and the real images of A, averaged over all splits. Pairs of images of one block
 because neighbouring images are alike and would count as a gap. The average has a closed form, a sum
 over pairs of blocks: d' (SS + RR - 2 SR) d / d' N d, with S and R the block sums of the kernel, N
 the numbers of pairs and d all ones. Where sim and real images are identical every term is 0.
-Bootstrap replicates and permutations change d alone.
+Bootstrap replicates and permutations change only d.
 
 Source: Binkowski et al., "Demystifying MMD GANs", 2018; Gretton et al., "A kernel two-sample test",
 2012.
@@ -76,7 +76,7 @@ class BlockMMD:
         itself would bias the distance; pairs inside a unit count once for each of its copies.
         """
         resampled = self._resampled(counts, self.excess) / self._resampled(counts, self.pairs)
-        return corrected(resampled, self.value(), self._count, level)
+        return corrected(resampled, self.value(), int(self.units.max()) + 1, level)
 
     def _resampled(self, counts: Floats, matrix: Floats) -> Floats:
         inside = np.where(self.units[:, None] == self.units, matrix, 0.0)
@@ -89,7 +89,7 @@ class BlockMMD:
         permutations are tried where there are at most `permutations`; the smallest possible value
         is 2^(1 - units).
         """
-        count = self._count
+        count = int(self.units.max()) + 1
         if 2 ** (count - 1) <= permutations:
             signs = _all_signs(count)
         else:
@@ -99,10 +99,6 @@ class BlockMMD:
         observed = float(self.excess.sum())
         slack = 1e-9 * float(np.abs(self.excess).sum())
         return float((_quadratic(signs[:, self.units], self.excess) >= observed - slack).mean())
-
-    @property
-    def _count(self) -> int:
-        return int(self.units.max()) + 1
 
 
 def _all_signs(count: int) -> Floats:

@@ -32,7 +32,7 @@ class Divergences:
 
 
 def bias_warning(dimensions: int) -> str | None:
-    """Text of the warning for a divergence in so many dimensions; None where it is unbiased."""
+    """Warning for a divergence in more than 3 dimensions, else None."""
     if dimensions <= MOST_DIMENSIONS:
         return None
     return (
@@ -99,8 +99,8 @@ def _divergence(x: Floats, y: Floats, neighbours: int, periods: Floats) -> float
 
 def _distances(samples: Floats, points: Floats, count: int, periods: Floats) -> Floats:
     tree = cKDTree(samples, boxsize=periods if periods.any() else None)
-    found, _ = tree.query(points, k=np.arange(1, count + 1))
-    return np.asarray(found, dtype=np.float64)
+    distances, _ = tree.query(points, k=np.arange(1, count + 1))
+    return np.asarray(distances, dtype=np.float64)
 
 
 def _first_positive(

@@ -1,4 +1,4 @@
-"""Samples of few dimensions for the divergence: principal components and predictions."""
+"""Low-dimensional samples for the divergence: principal components and predictions."""
 
 from __future__ import annotations
 

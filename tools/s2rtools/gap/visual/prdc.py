@@ -48,6 +48,7 @@ def prdc(real: Floats, sim: Floats, neighbours: int = NEIGHBOURS) -> Prdc:
 
 
 def _radius(points: Floats, neighbours: int) -> Floats:
+    """Squared distance (n,) of each point to its k-th nearest neighbour."""
     return np.partition(_distances(points, points), neighbours, axis=1)[:, neighbours]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import asdict, astuple
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,8 @@ def split_half_metrics(
 ) -> dict[str, Any]:
     """Metrics by name: value, noise floor, and the range of the floor over the splits.
 
-    Computed from features (n, d), and divergences from `samples`; `wasserstein_by_dimension` lists
-    value and floor of every dimension.
+    `samples` serve for divergences, features (n, d) for all other metrics.
+    `wasserstein_by_dimension` lists value and floor of every dimension.
     """
     splits = random_halves(blocks, SPLITS, seed)
     distances, distance_floors = (
@@ -45,9 +46,7 @@ def split_half_metrics(
     measured = [_feature_metrics(sim[b], real[a]) for a, b in splits]
     floors = [_feature_metrics(real[b], real[a]) for a, b in splits]
     metrics = {
-        name: _with_floor(
-            np.array([row[name] for row in measured]), np.array([row[name] for row in floors])
-        )
+        name: _with_floor(*(np.array([row[name] for row in rows]) for rows in (measured, floors)))
         for name in measured[0]
     }
     metrics["wasserstein"] = _with_floor(distances.mean(axis=1), distance_floors.mean(axis=1))
@@ -63,14 +62,10 @@ def split_half_metrics(
 
 
 def _feature_metrics(sim: Floats, real: Floats) -> dict[str, float]:
-    shares = prdc(real, sim)
     return {
         "fid": frechet_distance(sim, real),
         "kid": kernel_distance(sim, real),
-        "precision": shares.precision,
-        "recall": shares.recall,
-        "density": shares.density,
-        "coverage": shares.coverage,
+        **asdict(prdc(real, sim)),
         "sliced_wasserstein": sliced_wasserstein(sim, real),
     }
 
@@ -78,38 +73,31 @@ def _feature_metrics(sim: Floats, real: Floats) -> dict[str, float]:
 def _divergence_metrics(
     name: str, points: PairedSamples, splits: Splits
 ) -> dict[str, dict[str, float | None]]:
-    """Divergences in both directions, from rows known on both sides; none where these are few."""
+    """Divergences in both directions, from rows with values on both sides; none for few rows."""
     known = np.isfinite(np.concatenate([points.sim, points.real], axis=1)).all(axis=1)
     chosen = [(a[known[a]], b[known[b]]) for a, b in splits]
     size = min(half.size for pair in chosen for half in pair)
     if size <= NEIGHBOURS:
         return {}
-    measured, floors = (
-        np.array(
-            [_both_directions(side[b[:size]], points.real[a[:size]], points) for a, b in chosen]
-        )
-        for side in (points.sim, points.real)
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BiasWarning)
+        measured, floors = (
+            np.array([
+                astuple(divergences(side[b[:size]], points.real[a[:size]], periods=points.periods))
+                for a, b in chosen
+            ])
+            for side in (points.sim, points.real)
+        )  # fmt: skip
     names = f"kl_{name}_sim_real", f"kl_{name}_real_sim"
     return {key: _with_floor(measured[:, k], floors[:, k]) for k, key in enumerate(names)}
 
 
-def _both_directions(sim: Floats, real: Floats, points: PairedSamples) -> tuple[float, float]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", BiasWarning)
-        both = divergences(sim, real, periods=points.periods)
-    return both.forward, both.backward
-
-
 def _with_floor(values: Floats, floor: Floats) -> dict[str, float | None]:
-    return {
-        "value": _finite_or_none(values.mean()),
-        "floor": _finite_or_none(floor.mean()),
-        "floor_low": _finite_or_none(floor.min()),
-        "floor_high": _finite_or_none(floor.max()),
+    """Figures as JSON data, which has no infinity."""
+    figures = {
+        "value": values.mean(),
+        "floor": floor.mean(),
+        "floor_low": floor.min(),
+        "floor_high": floor.max(),
     }
-
-
-def _finite_or_none(value: float) -> float | None:
-    """JSON has no infinity."""
-    return float(value) if np.isfinite(value) else None
+    return {name: float(x) if np.isfinite(x) else None for name, x in figures.items()}

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import InconclusiveError, RequestError
+from s2rstore.errors import RequestError
 from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
-from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.visual.features import FeatureSource, feature_source
-from s2rtools.gap.visual.kid import KERNEL, BlockMMD, block_mmd
+from s2rtools.gap.visual.kid import KERNEL, block_mmd
 from s2rtools.gap.visual.kl_divergence import bias_warning
-from s2rtools.gap.visual.low_dimensional_samples import (
-    PairedSamples,
-    prediction_samples,
-    principal_components,
-)
+from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 Floats = NDArray[np.float64]
@@ -46,7 +40,7 @@ _RAW_FID = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sample:
-    """Features (n, d) of both sides of the same instances in recording order, and their blocks."""
+    """Features (n, d) of both sides for the same instances in recording order, and their blocks."""
 
     source: FeatureSource
     iids: NDArray[np.int64]
@@ -57,19 +51,21 @@ class _Sample:
 
 
 class VisualAxis(Axis):
+    """m = KID of sim images and real images of other poses, averaged over splits of the blocks."""
+
     name: ClassVar[str] = "visual"
     unit: ClassVar[str] = "KID"
     measure_is: ClassVar[str] = "kernel distance (KID) of sim and real images in the feature space"
     floor_is: ClassVar[str] = (
-        "0 by construction: the same distance between two halves of the real images, averaged over "
-        "all splits"
+        "0 by construction: the same distance between the real images of two halves of the "
+        "instances, averaged over all splits into halves"
     )
     reason: ClassVar[str] = (
         "m is the unbiased squared MMD with the cubic polynomial kernel (KID) between sim images "
         "and real images of other poses, averaged over all splits of the blocks into halves. "
-        "Between real images of other poses this average is 0 at every n, so the floor needs no "
-        "measurement; the values of single splits are among the details. FID is biased and would "
-        "need one. The anchor is the sim images before any adaptation."
+        "Between real images of different poses this average is 0 for every n, so the floor needs "
+        "no measurement; the details list single splits. FID is biased and would need a measured "
+        "floor. The anchor is the sim images before any adaptation."
     )
 
     def missing(self, evidence: Evidence) -> str | None:
@@ -88,7 +84,17 @@ class VisualAxis(Axis):
         components = principal_components(sample.sim, sample.real, settings.pca)
         predictions = prediction_samples(evidence.store, evidence.run, sample.iids)
         warning = bias_warning(components.periods.size)
-        details = _details(sample, pair, {"pca": components, **predictions}, settings)
+        halves = split_half_metrics(
+            sample.sim, sample.real, sample.blocks, settings.seed,
+            {"pca": components, **predictions},
+        )  # fmt: skip
+        kid = halves["kid"]
+        noise_floor = (
+            f"check by {halves['splits']} random splits of the instances into two halves, "
+            f"n = {halves['n']} each: KID {kid['value']:.3f} between sim images of one half and "
+            f"real images of the other; noise floor {kid['floor']:.3f} ({kid['floor_low']:.3f} .. "
+            f"{kid['floor_high']:.3f}) between the real images of both halves"
+        )
         return AxisResult(
             axis=self.name,
             value=pair.value(),
@@ -96,11 +102,24 @@ class VisualAxis(Axis):
             n=sample.iids.size,
             replicates=pair.replicates(counts, settings.level),
             floor_replicates=np.zeros(settings.replicates),
-            fingerprint=_fingerprint(evidence, sample),
-            details=details,
+            fingerprint={
+                **sample.source.identity,
+                "poses": instance_selection.poses_sha256(evidence.store),
+                "expression": evidence.expression,
+                "dimensions": int(sample.real.shape[1]),
+                "kernel": KERNEL,
+                "scaling": "none",
+                "n": int(sample.iids.size),
+            },
+            details={
+                "blocks": pair.blocks,
+                "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
+                "permutations": _PERMUTATIONS,
+                "halves": halves,
+            },
             notes=(
                 *sample.notes,
-                _noise_floor_note(details["halves"]),
+                noise_floor,
                 instance_selection.bootstrap_note(sample.blocks),
                 _RAW_FID,
                 *([f"PCA: {warning}"] if warning else []),
@@ -116,7 +135,8 @@ class VisualAxis(Axis):
             raw, state = run, f"the sim images of run {run.run}, unadapted"
         else:
             raw = _unadapted_run(evidence, run)
-            state = f"the sim images before {_steps(run)} (run {raw.run})"
+            steps = ", ".join(f"{step['name']}={step['value']:g}" for step in run.sim_adjustments)
+            state = f"the sim images before {steps} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = block_mmd(sample.sim, sample.real, sample.blocks)
         counts = block_counts(sample.blocks, settings, min_units=2)
@@ -124,7 +144,7 @@ class VisualAxis(Axis):
 
 
 def _iids(evidence: Evidence) -> NDArray[np.int64]:
-    """The instances to compare; for the run's own embedding, none that its model was trained on."""
+    """The instances to compare; for the embedding of a run, only held-out ones."""
     if evidence.features is None:
         return instance_selection.held_out(evidence)
     return instance_selection.selected(evidence)
@@ -134,12 +154,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
     """Raises InconclusiveError where there are too few instances or blocks."""
     store = evidence.store
     iids = _iids(evidence) if iids is None else iids
-    blocks = split_into_blocks(store.instances.trajectory[iids])
-    if iids.size < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
-        raise InconclusiveError(
-            f"{iids.size} usable instances of {evidence.expression!r} in {blocks.count} "
-            f"blocks; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
-        )
+    blocks = instance_selection.sufficient_blocks(evidence, iids, MIN_INSTANCES, MIN_BLOCKS)
     notes: tuple[str, ...] = ()
     if iids.size > MAX_INSTANCES:
         fine = split_into_blocks(store.instances.trajectory[iids], round(MAX_INSTANCES**0.5))
@@ -152,7 +167,7 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
 
 
 def _anchor_run(evidence: Evidence, run: Run) -> Run:
-    """The declared run whose sim images are the bad state; its features must be those of `run`."""
+    """The declared run whose sim images are the bad state; its features must fit those of `run`."""
     raw = evidence.store.run(evidence.anchor_run)
     if raw.model != run.model and evidence.features is None:
         raise RequestError(
@@ -166,8 +181,7 @@ def _anchor_run(evidence: Evidence, run: Run) -> Run:
 
 def _unadapted_run(evidence: Evidence, run: Run) -> Run:
     """A run of the same model and real images whose sim images are not adapted."""
-    store: Store = evidence.store
-    for other in store.runs.values():
+    for other in evidence.store.runs.values():
         same = (other.model, other.sim_domain, other.real_domain, other.real_adjustments)
         required = (run.model, run.sim_domain, run.real_domain, run.real_adjustments)
         usable = other.key is not None or evidence.features is not None
@@ -176,43 +190,4 @@ def _unadapted_run(evidence: Evidence, run: Run) -> Run:
     raise RequestError(
         f"run {run.run!r}: nothing to compare its adapted sim images with; add a run of model "
         f"{run.model!r} without --adjust sim:..., and run `s2r precompute`"
-    )
-
-
-def _steps(run: Run) -> str:
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in run.sim_adjustments)
-
-
-def _fingerprint(evidence: Evidence, sample: _Sample) -> dict[str, str | int | float]:
-    return {
-        **sample.source.identity,
-        "poses": instance_selection.poses_sha256(evidence.store),
-        "expression": evidence.expression,
-        "dimensions": int(sample.real.shape[1]),
-        "kernel": KERNEL,
-        "scaling": "none",
-        "n": int(sample.iids.size),
-    }
-
-
-def _details(
-    sample: _Sample, pair: BlockMMD, samples: Mapping[str, PairedSamples], settings: GapSettings
-) -> dict[str, Any]:
-    return {
-        "blocks": pair.blocks,
-        "kid_p": pair.swap_p(_PERMUTATIONS, settings.seed),
-        "permutations": _PERMUTATIONS,
-        "halves": split_half_metrics(
-            sample.sim, sample.real, sample.blocks, settings.seed, samples
-        ),
-    }
-
-
-def _noise_floor_note(halves: dict[str, Any]) -> str:
-    """KID of random halves and its noise floor at the same n."""
-    kid = halves["kid"]
-    return (
-        f"two random halves of the instances, n = {halves['n']} each: KID {kid['value']:.3f} "
-        f"between sim and real; {kid['floor']:.3f} ({kid['floor_low']:.3f} .. "
-        f"{kid['floor_high']:.3f}) between the real images of both halves (noise floor)"
     )

@@ -14,9 +14,6 @@ def _mujoco() -> Simulator:
     return MuJoCo()
 
 
-SIMULATORS: dict[str, Callable[[], Simulator]] = {
-    "planar": Planar,
-    "mujoco": _mujoco,
-}
+SIMULATORS: dict[str, Callable[[], Simulator]] = {"planar": Planar, "mujoco": _mujoco}
 
 __all__ = ["SIMULATORS", "Parameter", "Planar", "Replays", "Simulator"]

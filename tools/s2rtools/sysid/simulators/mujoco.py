@@ -22,16 +22,16 @@ from s2rtools.sysid.simulators.simulator import (
 )
 
 STEP = 0.005
-_SETTLED = 200
-"""Steps at rest before a replay, until springs and weights balance."""
+_SETTLING_STEPS = 200
+"""Steps at rest before a replay, until contact forces balance the weight."""
 _QUATERNION = slice(3, 7)
 
 
 class MuJoCo(Simulator):
-    """The parameters of the planar simulator but for its drag.
+    """Simulator with the parameters of the planar one, without drag.
 
-    MuJoCo's own least squares fits all but the latency. Torques hold for a step: a delayed command
-    that changes inside it counts by its share, so the latency is finer than the step.
+    MuJoCo's least squares fits all parameters except the latency. The torque of a step is the mean
+    of the delayed commands over the step, so the latency is resolved more finely than the step.
     """
 
     name = "mujoco"
@@ -52,7 +52,7 @@ class MuJoCo(Simulator):
             ) from error
         self.step = step
         self._mujoco = mujoco
-        self._kept: tuple[str, Any, Any, Floats] | None = None
+        self._cached: tuple[str, Any, Any, Floats] | None = None
 
     def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
         model, data, rest = self._model(values)
@@ -69,24 +69,24 @@ class MuJoCo(Simulator):
         from mujoco import minimize
 
         bounds = [np.zeros_like(start), np.ones_like(start)]
-        found, _ = minimize.least_squares(
+        best, _ = minimize.least_squares(
             start, residual, bounds, eps=1e-4, xtol=1e-5, max_iter=6,
             verbose=minimize.Verbosity.SILENT,
         )  # fmt: skip
-        return np.asarray(found).reshape(start.shape)
+        return np.asarray(best).reshape(start.shape)
 
     def _model(self, values: Values) -> tuple[Any, Any, Floats]:
-        """Model, data and the full state at rest, kept for the next call."""
+        """Model, data and the full state at rest; cached for the last values."""
         text = model_text(values, self.step)
-        if self._kept is None or self._kept[0] != text:
+        if self._cached is None or self._cached[0] != text:
             model = self._mujoco.MjModel.from_xml_string(text)
             data = self._mujoco.MjData(model)
             rest = np.concatenate([[0.0], data.qpos, data.qvel])[None]
-            settled, _ = self._mujoco.rollout.rollout(model, data, rest, nstep=_SETTLED)
-            still = settled[0, -1].copy()
-            still[1 + model.nq :] = 0.0
-            self._kept = (text, model, data, still)
-        return self._kept[1:]
+            settled, _ = self._mujoco.rollout.rollout(model, data, rest, nstep=_SETTLING_STEPS)
+            rest = settled[0, -1].copy()
+            rest[1 + model.nq :] = 0.0
+            self._cached = (text, model, data, rest)
+        return self._cached[1:]
 
     def _control(self, latency: float, replays: Replays, begin: Floats, count: int) -> Floats:
         """The mean of the delayed commands over each step, (replays, count, 2)."""
@@ -95,22 +95,18 @@ class MuJoCo(Simulator):
         for number, drive in enumerate(replays.drive):
             low, high = replays.held[drive], replays.held[drive + 1]
             time = replays.command_time[low:high]
+            at = begin[number] + edges
+            k = np.searchsorted(time, at, side="right") - 1
+            inside = np.maximum(k, 0)
             for channel, values in enumerate(replays.values[:, low:high]):
-                total = _integral(time, values, begin[number] + edges)
-                control[number, :, channel] = np.diff(total) / self.step
+                areas = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
+                integral = areas[inside] + values[inside] * (at - time[inside])
+                control[number, :, channel] = np.diff(np.where(k < 0, 0.0, integral)) / self.step
         return control
 
 
-def _integral(time: Floats, values: Floats, at: Floats) -> Floats:
-    """Of values that hold until the next time, from the first time on."""
-    areas = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
-    k = np.searchsorted(time, at, side="right") - 1
-    inside = np.maximum(k, 0)
-    return np.where(k < 0, 0.0, areas[inside] + values[inside] * (at - time[inside]))
-
-
 def _full_states(values: Values, rest: Floats, states: Floats) -> Floats:
-    """MuJoCo's states (time, qpos, qvel) of a rolling robot on its settled wheels."""
+    """MuJoCo's states (time, qpos, qvel) of a robot that rolls without slip; `rest` is at rest."""
     full = np.tile(rest, (len(states), 1))
     x, y, heading, v, w = states.T
     full[:, 0] = 0.0
@@ -127,7 +123,7 @@ def _full_states(values: Values, rest: Floats, states: Floats) -> Floats:
 
 
 def _flat(path: Floats, states: Floats) -> Floats:
-    """x, y, heading (unwrapped), speed and turn rate (r, steps, 5) of qpos and qvel."""
+    """States (r, steps, 5), with unwrapped headings, from qpos and qvel."""
     w, i, j, k = np.moveaxis(path[:, :, _QUATERNION], -1, 0)
     yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
     turned = wrap(np.diff(yaw, axis=1))
@@ -140,7 +136,7 @@ def _flat(path: Floats, states: Floats) -> Floats:
 
 
 def _sampled(path: Floats, replays: Replays, begin: Floats, step: float) -> Floats:
-    """States at the replays' times: positions cubic between steps, the others linear."""
+    """States at the replays' times: cubic positions between steps, the others linear."""
     number: Integers = np.repeat(np.arange(len(replays)), np.diff(replays.first))
     place = (replays.times - begin[number]) / step
     k = np.clip(np.floor(place + 1e-9).astype(np.int64), 0, path.shape[1] - 2)
@@ -185,9 +181,9 @@ _WHEEL = """\
 """
 
 _WHEEL_SHARE = 0.005
-"""Of the robot's mass, in each wheel: so light that it adds no inertia worth naming."""
+"""Share of the robot's mass in each wheel; its inertia is negligible."""
 _CLEARANCE = 0.002
-"""Metres from the casters to the floor while the robot stands level."""
+"""Distance from the casters to the floor on a level robot, m."""
 
 
 def model_text(values: Values, step: float) -> str:

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from s2rtools.sysid.simulators.simulator import (
-    LATENCY,
-    Floats,
-    Parameter,
-    Replays,
-    Simulator,
-    Values,
-)
+from s2rtools.sysid.simulators import simulator
+from s2rtools.sysid.simulators.simulator import LATENCY, Floats, Parameter, Replays, Values
 
 STEP = 0.005
-"""Seconds of an integration step."""
+"""Duration of an integration step, s."""
 
 COMMON = (
     Parameter("mass", "kg", 2.0, 60.0, 12.0, "of the robot", searched=True),
@@ -36,8 +30,8 @@ DRAG = Parameter("drag", "N s2/m2", 0.0, 20.0, 1.0, "resistance that grows with 
                  "linear", searched=True)  # fmt: skip
 
 
-class Planar(Simulator):
-    """Compiled; see `planar_kernel` for the equations."""
+class Planar(simulator.Simulator):
+    """The planar simulator; `planar_kernel` has the equations."""
 
     name = "planar"
     parameters = (*COMMON[:3], DRAG, *COMMON[3:])

@@ -1,7 +1,8 @@
-"""What a simulator must offer so that its parameters can be identified."""
+"""Interface of simulators whose parameters can be identified."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -15,15 +16,15 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Values = Mapping[str, float]
 LATENCY = "latency"
-"""The parameter that every simulator declares: s from a command to its first effect."""
+"""The parameter that every simulator declares: time from a command to its first effect, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One number of a simulator, with its range.
+    """A parameter of a simulator, with its range.
 
-    `searched` by default; `structural`: a way in which reality may differ that is no tuning knob,
-    kept out of the default search and only tested; `smooth`: least squares may fit it.
+    `searched`: part of the default search; `structural`: a difference of the robot's construction,
+    which is tested but not searched by default; `smooth`: least squares can fit it.
     """
 
     name: str
@@ -37,14 +38,27 @@ class Parameter:
     structural: bool = False
     smooth: bool = True
 
+    def at_share(self, share: Floats) -> Floats:
+        """Values at `share`, positions 0 .. 1 in the range."""
+        if self.scale == "log":
+            return self.low * (self.high / self.low) ** share
+        return self.low + (self.high - self.low) * share
+
+    def share_of(self, value: float) -> float:
+        """The position 0 .. 1 of a value in the range, clipped."""
+        if self.scale == "log":
+            value = min(max(value, self.low), self.high)
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return min(max((value - self.low) / (self.high - self.low), 0.0), 1.0)
+
 
 @dataclass(frozen=True, slots=True)
 class Replays:
-    """Many stretches of driving, packed.
+    """Many replays of commands, packed into arrays.
 
-    Replay i covers `times[first[i] : first[i + 1]]` (s, increasing; it starts at the first of
-    them) under the commands of drive `drive[i]`, `values[:, held[d] : held[d + 1]]`, that hold
-    from `command_time` on; before the first of them every channel is 0.
+    Replay i starts at the first of the times `times[first[i] : first[i + 1]]` (s, increasing). It
+    executes the commands of drive d = `drive[i]`: `values[:, held[d] : held[d + 1]]`, each from its
+    `command_time` on; before the first command every channel is 0.
     """
 
     times: Floats
@@ -60,26 +74,24 @@ class Replays:
 
 def pack(commands: Sequence[Commands], replays: Sequence[tuple[int, Floats]],
          channels: Sequence[str]) -> Replays:  # fmt: skip
-    """`replays` are (number of the drive, its times)."""
-    lengths = [len(times) for _, times in replays]
-    held = np.cumsum([0, *(len(told.time) for told in commands)])
-    values = [np.concatenate([told.channels[name] for told in commands]) for name in channels]
+    """Pack `replays`, pairs of an index into `commands` and the times of the replay."""
+    values = [np.concatenate([each.channels[name] for each in commands]) for name in channels]
     return Replays(
         np.ascontiguousarray(np.concatenate([times for _, times in replays])),
-        np.cumsum([0, *lengths]),
+        np.cumsum([0, *(len(times) for _, times in replays)]),
         np.array([drive for drive, _ in replays], dtype=np.int64),
-        np.ascontiguousarray(np.concatenate([told.time for told in commands])),
+        np.ascontiguousarray(np.concatenate([each.time for each in commands])),
         np.ascontiguousarray(np.stack(values)),
-        held,
+        np.cumsum([0, *(len(each.time) for each in commands)]),
     )
 
 
 Residual = Callable[[Floats], Floats]
-"""Columns of normalised parameters (p, k) in, columns of residuals (n, k) out."""
+"""Function from columns of normalised parameters (p, k) to columns of residuals (n, k)."""
 
 
 class Simulator:
-    """A simulated robot: a file of its own and a line in `SIMULATORS`.
+    """A simulated robot; each simulator is one module and one entry of `SIMULATORS`.
 
     A state is (x, y, heading, speed, turn rate) in m, rad, m/s and rad/s; the robot does not slip
     sideways.
@@ -90,16 +102,14 @@ class Simulator:
     torques: ClassVar[tuple[str, ...]]
     """Channels of known wheel torques, N m."""
     efforts: ClassVar[tuple[str, ...]]
-    """Channels, in the order of `torques`, in units that a parameter of `shared` turns to N m."""
+    """Channels, in the order of `torques`, in units that the parameter `gain` converts to N m."""
     shared: ClassVar[tuple[str, ...]] = ()
-    """Parameters that can all be multiplied by one number, without changing any motion; the first
-    is the one that the others are divided by where efforts leave them unknown."""
-
+    """Parameters whose common factor changes no motion. Where torques are unknown, the others are
+    searched as ratios to the first."""
     evaluations: ClassVar[int] = 400
-    """Of the objective, that one seed's search may spend by default."""
-
+    """Default number of evaluations of the objective per seed."""
     rounds: ClassVar[int] = 8
-    """Of least squares and better start states, at most."""
+    """Maximum number of rounds of least squares and improved start states."""
 
     def replay(self, values: Values, replays: Replays, states: Floats) -> Floats:
         """States (n, 5) at all times, from the start `states` (r, 5); `values` of all parameters.
@@ -109,23 +119,23 @@ class Simulator:
         raise NotImplementedError
 
     def simulate(self, values: Values, commands: Commands, state: Floats, times: Floats) -> Floats:
-        """States (n, 5) at `times`, from `state` (5,) at the first of them; others at default."""
+        """States (n, 5) at `times`, from `state` (5,) at the first; missing values are defaults."""
         replays = pack([commands], [(0, np.asarray(times, np.float64))], self.channels(commands))
         return self.replay({**self.defaults(), **values}, replays, np.atleast_2d(state))
 
     def polish(self, residual: Residual, start: Floats, smooth: NDArray[np.bool_]) -> Floats | None:
-        """The simulator's own least squares from `start` (p,) in [0, 1]; None where it has none."""
+        """The simulator's least squares from `start` (p,) in [0, 1]; None where it has none."""
         return None
 
     def defaults(self) -> dict[str, float]:
         return {parameter.name: parameter.default for parameter in self.parameters}
 
     def parameter(self, name: str) -> Parameter:
-        """Raises KeyError."""
+        """Raises KeyError for an unknown name."""
         return {parameter.name: parameter for parameter in self.parameters}[name]
 
     def channels(self, commands: Commands) -> tuple[str, ...]:
-        """The channels of `commands` that drive it; raises KeyError where it has none."""
+        """The channels of `commands` that the simulator uses. Raises KeyError without any."""
         for names in (self.torques, self.efforts):
             if all(name in commands.channels for name in names):
                 return names
