@@ -9,7 +9,7 @@ import pytest
 from textual import _wait
 
 from tests.support import pairs, tiny
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
@@ -32,7 +32,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True)
-def own_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def user_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of this test's own for the user's selections, notes and tags."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
     return tmp_path / "share" / "s2rtui"
@@ -45,9 +45,9 @@ def tiny_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def own_store(tiny_store: Path, tmp_path: Path) -> Path:
+def store_copy(tiny_store: Path, tmp_path: Path) -> Path:
     """A synthetic store of this test's own."""
-    return copied(tiny_store, tmp_path / "own.s2r")
+    return copy_store(tiny_store, tmp_path / "own.s2r")
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +60,7 @@ def real_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of 40 pairs, two shards, with a briefly trained model; nothing is computed yet."""
     root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
@@ -79,7 +79,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def moved_camera_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small default world that no test writes to; runs of one model with moved cameras.
 
     `zero` moves nothing by adjustments of 0, `up` the sim camera and brightens it, `low` the real
@@ -88,7 +88,7 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main
-    from tests.support.silent_reporter import Quiet
+    from tests.support.silent_reporter import SilentReporter
 
     path = tmp_path_factory.mktemp("moved") / "world.s2r"
     assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
@@ -102,6 +102,6 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         words = ["run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", str(path)]
         assert main(words) == 0
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    precompute(path, Quiet(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
-    precompute(path, Quiet(), ["up"], PrecomputeOptions(kinds, workers=2))
+    precompute(path, SilentReporter(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
+    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(kinds, workers=2))
     return path

@@ -23,21 +23,21 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session
-from tests.support.silent_reporter import Quiet
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
 @pytest.fixture(scope="module")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recorded data set with one computed run."""
     path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
-    shutil.copytree(trained, path)
-    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+    shutil.copytree(trained_store, path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     return path
 
 
-def app_on(store: Path, access: Permissions | None = None) -> S2RApp:
+def make_app(store: Path, access: Permissions | None = None) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions(), access=access)
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -50,7 +50,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.resources.live
@@ -82,7 +82,7 @@ def _map_input(app: S2RApp):
 
 
 async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "down", "left", "backspace")
         shown = app.resources.live
@@ -96,7 +96,7 @@ async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
 
 
 async def test_the_newest_move_wins(computed: Path) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         await pilot.press(*["right"] * 12, "n", "left", "left")
@@ -114,8 +114,8 @@ async def test_the_newest_move_wins(computed: Path) -> None:
         assert (shown.real.rgb == expected.real.rgb).all()
 
 
-async def test_a_world_moves_its_sim_camera(moved_world: Path) -> None:
-    app = app_on(moved_world)
+async def test_a_world_moves_its_sim_camera(moved_camera_store: Path) -> None:
+    app = make_app(moved_camera_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         before = app.resources.live
@@ -133,7 +133,7 @@ async def test_a_world_moves_its_sim_camera(moved_world: Path) -> None:
 async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) -> None:
     path = tmp_path / "own.s2r"
     shutil.copytree(computed, path)
-    app = app_on(path)
+    app = make_app(path)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "right", "S")
         await pilot.press(*"brighter", "enter")
@@ -150,7 +150,7 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
 
 
 async def test_a_taken_name_is_told(computed: Path) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "enter")
         assert "a run needs a name" in app.session.state.message
@@ -172,7 +172,7 @@ async def test_one_run_is_saved_at_a_time(
         raise RequestError("nothing is saved here")
 
     monkeypatch.setattr(run_save, "save_run", slow)
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
@@ -200,7 +200,7 @@ async def test_a_saving_that_breaks_down_is_told(
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
     monkeypatch.setattr(run_save, "save_run", broken)
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")
         assert app.session.state.is_error
@@ -216,7 +216,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         text = " ".join(take_screenshot(app).text.split())
@@ -232,7 +232,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
 async def test_a_model_that_fails_is_not_being_loaded(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
@@ -250,7 +250,7 @@ async def test_a_model_that_fails_is_not_being_loaded(
 async def test_a_slider_that_outruns_the_model_is_followed(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     begun, go_on = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
     values: list[float] = []
@@ -296,7 +296,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
     for name in [name for name in sys.modules if name.split(".")[0] == "s2rtools"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "s2rtools", None)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "escape")
         text = " ".join(take_screenshot(app).text.split())
@@ -306,7 +306,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
 
 
 async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = app_on(tiny_store, Permissions.for_store(tiny_store, restricted=True))
+    app = make_app(tiny_store, Permissions.for_store(tiny_store, restricted=True))
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"
@@ -315,7 +315,7 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
 
 
 async def test_a_click_elsewhere_leaves_the_panel_and_the_live_marks(computed: Path) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "a", "right")
         live = _map_input(app).live

@@ -21,7 +21,7 @@ from s2rtui.session import Brush, Session
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
-def app_on(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
+def make_app(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
     app = S2RApp(Session(store), look or RenderOptions(), at)
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -44,7 +44,7 @@ async def sound(app: S2RApp, pilot: Pilot[None], key: str) -> None:
 
 @pytest.mark.parametrize("size", [SIZES[0], SIZES[-1]])
 async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store, at=tmp_path)
+    app = make_app(tiny_store, at=tmp_path)
     async with app.run_test(size=size) as pilot:
         for action in ACTIONS:
             if action.name == "quit":
@@ -60,7 +60,7 @@ async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int
 
 @pytest.mark.parametrize("size", SIZES)
 async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
         await settle(app, pilot)
@@ -81,7 +81,7 @@ async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> No
     ],
 )
 async def test_layouts(tiny_store: Path, size: tuple[int, int], views: set[str]) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         seen = {view.id for view in app.query(PlotView) if view.region.area and view.size.height}
@@ -93,7 +93,7 @@ async def test_layouts(tiny_store: Path, size: tuple[int, int], views: set[str])
 
 
 async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
         for key, view in (("1", "overview"), ("3", "instance"), ("2", "map")):
             await pilot.press(key)
@@ -104,7 +104,7 @@ async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> N
 
 @pytest.mark.parametrize("size", [(60, 20), (30, 8), (10, 3)])
 async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await pilot.press("w", "right", "3", "1")
         await settle(app, pilot)
@@ -113,7 +113,7 @@ async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, i
 
 
 async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await settle(app, pilot)
         for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
@@ -123,7 +123,7 @@ async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
 
 
 async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("c", "slash")
         query = app.query_one("#query", Input)
@@ -146,7 +146,7 @@ async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) 
 
 
 async def test_letters_go_into_the_query_line_while_it_is_open(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("slash")
         app.query_one("#query", Input).value = ""
@@ -238,7 +238,7 @@ def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:
 
 
 async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         assert "escape cancel" not in take_screenshot(app).text

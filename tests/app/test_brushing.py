@@ -26,7 +26,7 @@ BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list"
 KEYS = {view.name: view.key for view in VIEWS}
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -47,7 +47,7 @@ def panels(app: S2RApp, name: str) -> list[Panel]:
 async def test_every_view_is_brushed_by_keys(
     tiny_store: Path, size: tuple[int, int], name: str
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "c", KEYS[name], "x")
@@ -65,7 +65,7 @@ async def test_every_view_is_brushed_by_keys(
 
 @pytest.mark.parametrize("key", ["ampersand", "vertical_line", "minus"])
 async def test_a_brush_joins_by_an_operator(tiny_store: Path, key: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w")
         worst = app.session.state.selected
@@ -82,7 +82,7 @@ async def test_a_brush_joins_by_an_operator(tiny_store: Path, key: str) -> None:
 
 async def test_the_papers_question_takes_under_ten_keys(tiny_store: Path) -> None:
     """Poor in simulation but well in reality, inside this region of the map."""
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     keys = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
     assert len(keys) < 10
     async with app.run_test(size=(120, 40)) as pilot:
@@ -94,7 +94,7 @@ async def test_the_papers_question_takes_under_ten_keys(tiny_store: Path) -> Non
 
 
 async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "x", "escape")
         assert app.session.state.brush is None
@@ -106,7 +106,7 @@ async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> 
 
 
 async def test_a_lasso_by_keys(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L", "x", "space")
         for step in ("right", "down", "left"):
@@ -117,7 +117,7 @@ async def test_a_lasso_by_keys(tiny_store: Path) -> None:
 
 
 async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
@@ -129,7 +129,7 @@ async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
 
 
 async def test_a_lasso_too_short_by_the_mouse_leaves_no_mark(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L")
         panel = panels(app, "map")[0]
@@ -140,7 +140,7 @@ async def test_a_lasso_too_short_by_the_mouse_leaves_no_mark(tiny_store: Path) -
 
 
 async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "8")
         rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
@@ -163,7 +163,7 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
 
 @pytest.mark.parametrize("name", ["map", "umap", "errors", "rooms", "orientation"])
 async def test_every_view_is_brushed_by_mouse(tiny_store: Path, name: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", KEYS[name])
         panel = panels(app, name)[-1]
@@ -177,7 +177,7 @@ async def test_every_view_is_brushed_by_mouse(tiny_store: Path, name: str) -> No
 
 
 async def test_what_the_mouse_boxed_on_the_map_is_selected(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2")
         panel = panels(app, "map")[0]
@@ -192,7 +192,7 @@ async def test_what_the_mouse_boxed_on_the_map_is_selected(tiny_store: Path) -> 
 
 
 async def test_a_click_on_the_map_puts_the_cursor_there(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2")
         truth = app.session.store.instances
@@ -205,7 +205,7 @@ async def test_a_click_on_the_map_puts_the_cursor_there(tiny_store: Path) -> Non
 
 
 async def test_a_click_on_a_run_turns_to_it(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await settle(app, pilot)
         panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
@@ -215,7 +215,7 @@ async def test_a_click_on_a_run_turns_to_it(tiny_store: Path) -> None:
 
 
 async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "w", "number_sign")
         await pilot.press(*"door", "enter")
@@ -232,7 +232,7 @@ async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path
 
 
 async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "at")
         await pilot.press(*"bad", "enter")
@@ -246,7 +246,7 @@ async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> N
 
 
 async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "at", "space", "enter")
         assert app.prompt.is_open
@@ -256,7 +256,7 @@ async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
 
 
 async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "b", "slash")
         app.query_line.value = "worst15 & room:le"
@@ -270,7 +270,7 @@ async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
 
 
 async def test_jumping_by_a_letter(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "space", "a")
         first = app.session.state.view
@@ -281,7 +281,7 @@ async def test_jumping_by_a_letter(tiny_store: Path) -> None:
 
 
 async def test_two_runs_are_compared(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "9")
         text = take_screenshot(app).text
@@ -296,7 +296,7 @@ async def test_two_runs_are_compared(tiny_store: Path) -> None:
 async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
     from s2rtui.session.heatmaps import instance_grid
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "slash")
         app.query_line.value = "ids(5)"
@@ -314,7 +314,7 @@ async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
 async def test_screens_over_the_views_open_and_close(
     tiny_store: Path, size: tuple[int, int]
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         for key, shown in (("D", "what you should see"), ("T", "reality is red"), ("f", "history")):
             await press(app, pilot, key)
@@ -324,7 +324,7 @@ async def test_screens_over_the_views_open_and_close(
 
 
 async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "1")
         seen, names = [], [view.name for view in VIEWS if view.name != "adjust"]
@@ -345,7 +345,7 @@ async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) ->
 
 
 async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "1")
         panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
@@ -356,7 +356,7 @@ async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:
 
 
 async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2", "L")
         panel = panels(app, "map")[0]
@@ -373,7 +373,7 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
 async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
     from s2rtui.charts.errors.model import errors_model
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
         view = BY_NAME["errors"].input(app.scene)
@@ -385,7 +385,7 @@ async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None
 
 
 async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "number_sign")
         await pilot.press(*"done", "enter")
@@ -407,7 +407,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
     def broken(*arguments: object) -> None:
         raise KeyError("frames")
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         monkeypatch.setattr(store_data, "instance_input", broken)
@@ -419,7 +419,7 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
 
 
 async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "o")
         assert app.resources.heat_on_map(app.session.state) is not None
@@ -430,7 +430,7 @@ async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
 
 
 async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "D")
         await pilot.click(offset=(60, 20))
@@ -440,7 +440,7 @@ async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Pa
 
 
 async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     other = Session(tiny_store, notebooks=Notebook)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -456,7 +456,7 @@ async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
 async def test_a_drag_that_is_broken_off_leaves_no_mark(
     tiny_store: Path, name: str, end: str
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", KEYS[name])
         panel = panels(app, name)[-1]
@@ -486,7 +486,7 @@ async def test_a_drag_that_is_broken_off_leaves_no_mark(
 
 
 async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         await pilot.mouse_down("#map", offset=(20, 9))
@@ -498,7 +498,7 @@ async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
 
 
 async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     app.is_first_start = True
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -516,7 +516,7 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
 async def test_the_history_is_kept_last_of_all_and_may_fail(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app, done = app_on(tiny_store), []
+    app, done = make_app(tiny_store), []
 
     def remember(*_: object) -> None:
         done.append("remembered")
@@ -538,7 +538,7 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
     def gone() -> bool:
         raise RequestError("the store is out of reach")
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
@@ -556,7 +556,7 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
 async def test_tagging_everyone_has_its_limits(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "number_sign", *"many*")
         monkeypatch.setattr(prompt, "_MAX_TAGGED", 39)
@@ -573,7 +573,7 @@ async def test_tagging_everyone_has_its_limits(
 
 
 async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.set_state(replace(app.session.state, cursor=None))
@@ -585,7 +585,7 @@ async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> No
 
 
 async def test_a_tag_that_ends_the_present_selection_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "number_sign", *"one", "enter")
         app.session.select("@one")

@@ -27,7 +27,7 @@ from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
-def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
+def make_app(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
     access = Permissions.for_store(store, restricted)
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
     app.load_scheduler.debounce_seconds = 0.001
@@ -49,7 +49,7 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
 async def test_a_report_of_what_is_saved(tiny_store: Path, tmp_path: Path) -> None:
     book = Notebook("0" * 64)
     book.save("mine", SavedSelection("worst15", 1, "dataaug", 6))
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(100, 30)) as pilot:
         await settle(app, pilot)
         await pilot.press("E")
@@ -65,7 +65,7 @@ async def test_a_report_of_what_is_saved(tiny_store: Path, tmp_path: Path) -> No
 
 
 async def test_a_report_of_the_present_selection(tiny_store: Path, tmp_path: Path) -> None:
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "b", "r", "E")
@@ -77,7 +77,7 @@ async def test_a_report_of_the_present_selection(tiny_store: Path, tmp_path: Pat
 async def test_the_selection_is_written_as_the_command_writes_it(
     tiny_store: Path, tmp_path: Path
 ) -> None:
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
@@ -123,7 +123,7 @@ async def test_a_file_that_cannot_be_is_refused(
     tiny_store: Path, tmp_path: Path, name: str
 ) -> None:
     (tmp_path / "there.csv").write_text("kept")
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "F")
@@ -135,7 +135,7 @@ async def test_a_file_that_cannot_be_is_refused(
 
 @pytest.mark.parametrize("name", ["~nosuchuser/a.csv", "nul\0.csv", "half\ud800.csv"])
 async def test_what_is_no_path_is_refused(tiny_store: Path, tmp_path: Path, name: str) -> None:
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with pytest.raises(RequestError, match="is not a path"):
@@ -153,7 +153,7 @@ async def test_two_writes_at_a_time_are_two_files(
         slow(*words)
 
     monkeypatch.setattr(formats, "write_rows", slowly)
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("w", "F", "enter", "b", "F")
@@ -182,7 +182,7 @@ async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
         slow(*words)
 
     monkeypatch.setattr(formats, "write_rows", meanwhile)
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
@@ -197,7 +197,7 @@ async def test_a_report_can_be_tried_again_after_a_fault(
     def fault(*_: object) -> None:
         raise ZeroDivisionError("oh")
 
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
@@ -222,22 +222,22 @@ def test_a_numbered_file_takes_the_next_name(tmp_path: Path) -> None:
 
 
 async def test_a_restricted_session_writes_in_its_own_folder(
-    tiny_store: Path, tmp_path: Path, own_things: Path
+    tiny_store: Path, tmp_path: Path, user_data_folder: Path
 ) -> None:
-    app = app_on(tiny_store, tmp_path, restricted=True)
+    app = make_app(tiny_store, tmp_path, restricted=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w")
         for key in ("E", "s", "F"):
             await press(app, pilot, key)
             assert app.session.state.is_error
-            assert str(own_things) in app.session.state.message
+            assert str(user_data_folder) in app.session.state.message
         assert not app.prompt.is_open
-        app.output_folder = own_things
+        app.output_folder = user_data_folder
         await press(app, pilot, "F")
         assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
         assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 instances")
         await press(app, pilot, "s")
     assert not list(tmp_path.glob("*.*"))
-    assert (own_things / "a.csv").exists()
-    assert (own_things / "s2r-001.png").exists()
+    assert (user_data_folder / "a.csv").exists()
+    assert (user_data_folder / "s2r-001.png").exists()

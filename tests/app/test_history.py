@@ -26,7 +26,7 @@ VIEW = BY_NAME["history"]
 def filled(folder: Path, store: Path, days: int = 7) -> nights.Week:
     """A copy of the store with nights: the task's gap grows on day 5."""
     shutil.copytree(store, folder / "tiny.s2r")
-    config = nights.written(folder, folder / "tiny.s2r")
+    config = nights.write_config(folder, folder / "tiny.s2r")
     week = nights.Week(config, {"task": 20.0}, from_day=5)
     for number in range(1, days + 1):
         week.night(number)

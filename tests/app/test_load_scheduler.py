@@ -71,7 +71,7 @@ class Lossy:
     opened: threading.Event
 
 
-def app_on(path: Path) -> S2RApp:
+def make_app(path: Path) -> S2RApp:
     app = S2RApp(Session(path), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -84,7 +84,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
 
 
 async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
@@ -108,7 +108,7 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
 async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
     store: Path, gate: threading.Event
 ) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         before, own = app.session.state, app.session.store.dataset.hash
@@ -138,7 +138,7 @@ async def test_columns_of_an_expression_are_read_elsewhere(
         read.append((name, threading.current_thread() is here))
         return whole(index, run, side, name, lacking)
 
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         for column in ("real.outlier", "sim.outlier"):
@@ -165,7 +165,7 @@ async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[L
         assert opened.wait(20)
         return whole(index, run, side, name, lacking)
 
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.select("real.loss > 0")
@@ -295,7 +295,7 @@ def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
 
 
 async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "r")
         assert "(loading c)" in take_screenshot(app).text
@@ -305,7 +305,7 @@ async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
 
 
 async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "R")
         assert app.session.state.pending is None
@@ -315,7 +315,7 @@ async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
 
 
 async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "9")
         assert "loading run b" in take_screenshot(app).text
@@ -329,7 +329,7 @@ async def test_a_run_that_cannot_be_read_is_told(
     store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate.set()
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
 
@@ -348,7 +348,7 @@ async def test_a_run_that_cannot_be_read_is_told(
 async def test_a_run_that_cannot_be_turned_to_is_told(
     store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
 
@@ -384,14 +384,14 @@ def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
 
 
 async def test_a_newer_generation_is_read_elsewhere(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = app_on(own_store)
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.store
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         await press(app, pilot, "w", "g")
         await settle(app, pilot)
         state = app.session.state
@@ -402,13 +402,13 @@ async def test_a_newer_generation_is_read_elsewhere(
 
 
 async def test_a_saved_run_is_told_once_its_generation_is_read(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = app_on(own_store)
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         progress = JobProgress(1.0, "published", "done")
         app.post_message(RunSaveProgressed("dataaug", progress))
         await settle(app, pilot)
@@ -419,7 +419,7 @@ async def test_a_saved_run_is_told_once_its_generation_is_read(
 @pytest.mark.parametrize("present", range(4))
 @pytest.mark.parametrize("saved", range(4))
 async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, saved: int) -> None:
-    app = app_on(four_runs)
+    app = make_app(four_runs)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         runs = app.session.state.runs
@@ -437,10 +437,10 @@ async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, 
             assert app.session.state.run == runs[saved]
 
 
-def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
-    session = Session(own_store)
+def test_brush_and_operator_stay_in_a_newer_generation(store_copy: Path) -> None:
+    session = Session(store_copy)
     brush, _ = begun(session)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
     state = session.open_newest_generation()
     assert state.generation == session.store.generation > 1
     assert (state.brush, state.operator) == (brush, "union")
@@ -448,28 +448,28 @@ def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
 
 
 def test_a_newer_generation_leaves_a_selection_waiting(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    session = Session(own_store)
+    session = Session(store_copy)
     session.defers_loading = True
     session.select("real.loss > 0")
     brush, _ = begun(session)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
     session.open_newest_generation()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
-    state = session.complete_pending(s2rstore.open(own_store))
+    state = session.complete_pending(s2rstore.open(store_copy))
     assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
     assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
 
 
-async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> None:
-    app, entered, go_on = app_on(own_store), threading.Event(), threading.Event()
+async def test_a_left_store_is_closed_once_nobody_reads_it(store_copy: Path) -> None:
+    app, entered, go_on = make_app(store_copy), threading.Event(), threading.Event()
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.store
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         app.load_scheduler._workers["lines"].put(lambda: (entered.set(), go_on.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
@@ -486,16 +486,16 @@ async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> N
         assert not before._columns.nbytes
 
 
-async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
+async def test_nothing_holds_a_store_that_was_left(store_copy: Path) -> None:
     """Not the lanes, nor their timers, nor the views that are not seen."""
-    app = app_on(own_store)
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         for key in "123456":
             await press(app, pilot, key)
             await settle(app, pilot)
         before = weakref.ref(app.session.store)
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         await press(app, pilot, "g")
         await settle(app, pilot)
         while not app.load_scheduler.idle:
@@ -523,11 +523,11 @@ def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
     session.close()
 
 
-def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) -> None:
-    session = Session(own_store, "vanilla")
+def test_the_awaited_run_may_be_gone_from_the_newer_generation(store_copy: Path) -> None:
+    session = Session(store_copy, "vanilla")
     begun(session, pending=PendingTarget("vanilla", session.state.generation + 1))
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    fresh = s2rstore.open(own_store)
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    fresh = s2rstore.open(store_copy)
     del fresh.runs["vanilla"]
     state = session.complete_pending(fresh)
     assert session.store is fresh
@@ -536,11 +536,11 @@ def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) 
 
 
 def test_a_generation_that_cannot_be_entered_changes_nothing(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = Session(own_store)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    store, state, fresh = session.store, session.state, s2rstore.open(own_store)
+    session = Session(store_copy)
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    store, state, fresh = session.store, session.state, s2rstore.open(store_copy)
     monkeypatch.setattr(type(fresh), "arrays", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         session.complete_pending(fresh)
@@ -594,16 +594,16 @@ def test_a_run_in_use_is_not_forgotten(store: Path) -> None:
         assert own.run_columns("b").real.error is not kept["b"]
 
 
-def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
-    with s2rstore.open(own_store) as before:
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-        with s2rstore.open(own_store, generation=before.generation) as again:
+def test_a_store_is_opened_at_an_earlier_generation(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as before:
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        with s2rstore.open(store_copy, generation=before.generation) as again:
             assert again.generation == before.generation
             assert "later" not in again.runs
-    with s2rstore.open(own_store) as newest:
+    with s2rstore.open(store_copy) as newest:
         assert "later" in newest.runs
     with pytest.raises(s2rstore.errors.RequestError, match="missing"):
-        s2rstore.open(own_store, generation=999)
+        s2rstore.open(store_copy, generation=999)
 
 
 def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,7 @@ LATE = 60.0
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -58,7 +58,7 @@ def told(app: S2RApp, view: str) -> str:
 async def test_pictures_keep_their_name_until_others_are_there(
     tiny_store: Path, key: str, other: Callable[..., str]
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         before, state = told(app, "instance"), app.session.state
@@ -77,7 +77,7 @@ async def test_pictures_keep_their_name_until_others_are_there(
 async def test_pictures_that_cannot_be_read_are_not_awaited(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
@@ -91,7 +91,7 @@ async def test_pictures_that_cannot_be_read_are_not_awaited(
 
 
 async def test_heat_of_another_instance_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o")
         before = app.session.state.cursor
@@ -103,7 +103,7 @@ async def test_heat_of_another_instance_says_so(tiny_store: Path) -> None:
 
 
 async def test_heat_of_an_earlier_selection_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "o")
         await press_and_go_on(app, pilot, "w")
@@ -112,7 +112,7 @@ async def test_heat_of_an_earlier_selection_says_so(tiny_store: Path) -> None:
 
 @pytest.mark.parametrize("key", ["w", "d", "r"])
 async def test_what_something_else_saw_dims_nothing(tiny_store: Path, key: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "C")
         assert BY_NAME["map"].input(app.scene).clip is not None
@@ -124,7 +124,7 @@ async def test_what_something_else_saw_dims_nothing(tiny_store: Path, key: str) 
 async def test_lines_are_named_by_their_own_side(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         assert told(app, "overview") == "accuracy; one line per instance, real"
@@ -135,7 +135,7 @@ async def test_lines_are_named_by_their_own_side(
 
 
 async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
@@ -164,7 +164,7 @@ async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
 
 
 async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
         for feed, share in (("heat on the map", 0.25), ("what was seen", 0.5)):
@@ -203,7 +203,7 @@ async def test_a_slow_feed_starves_no_other(
         if feed.name == "live" else feed for feed in LOADERS
     )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         for _ in range(60):
             await pilot.press("n")

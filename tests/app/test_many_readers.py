@@ -11,7 +11,7 @@ from pathlib import Path
 import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 _APPLICATION = """
 import asyncio, faulthandler, sys
@@ -44,8 +44,8 @@ end_process(0)
 """
 
 
-def test_readers_while_a_precompute_publishes(trained: Path, tmp_path: Path) -> None:
-    path, stop = copied(trained, tmp_path / "s.s2r"), tmp_path / "stop"
+def test_readers_while_a_precompute_publishes(trained_store: Path, tmp_path: Path) -> None:
+    path, stop = copy_store(trained_store, tmp_path / "s.s2r"), tmp_path / "stop"
     precompute = ["precompute", str(path), "--kinds", "feature_distance"]
     add = ["run", "add", "--store", str(path), "--model", "vanilla"]
     environment = {**os.environ, "PYTHONPATH": os.getcwd()}

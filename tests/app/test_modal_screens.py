@@ -24,7 +24,7 @@ LEFT_BY = {
 """Keys that leave what a key opens, and that mean nothing bad to the views below."""
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -32,7 +32,7 @@ def app_on(store: Path) -> S2RApp:
 
 @pytest.mark.parametrize("opening", LEFT_BY)
 async def test_a_screen_is_left_once_by_keys_of_one_packet(tiny_store: Path, opening: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press(opening)
@@ -54,7 +54,7 @@ def saved(*names: str) -> Notebook:
 
 async def test_forgetting_keeps_the_row(tiny_store: Path) -> None:
     book = saved("a", "b", "c", "d")
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("f", "down", "down", "d")
         await settle(app, pilot)
@@ -70,7 +70,7 @@ async def test_an_old_refusal_goes_with_the_next_selection_that_is_forgotten(
 ) -> None:
     book = saved("a", "c")
     book.save("b", SavedSelection("@a", 1, "dataaug", 6))
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("f", "d")
         await settle(app, pilot)
@@ -83,7 +83,7 @@ async def test_an_old_refusal_goes_with_the_next_selection_that_is_forgotten(
 
 async def test_what_is_made_of_a_forgotten_selection_is_told(tiny_store: Path) -> None:
     saved("a")
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.select("@a & all")

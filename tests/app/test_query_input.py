@@ -15,7 +15,7 @@ from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -33,7 +33,7 @@ def app_on(store: Path) -> S2RApp:
     ],
 )
 async def test_completion_where_the_cursor_stands(tiny_store: Path, typed: str, made: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     at, wanted = typed.index("^"), made.index("^")
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -48,7 +48,7 @@ async def test_completion_where_the_cursor_stands(tiny_store: Path, typed: str, 
 
 
 async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
@@ -65,7 +65,7 @@ async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> 
 
 @pytest.mark.parametrize("change", ["paste", "click"])
 async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, change: str) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
@@ -85,7 +85,7 @@ async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, chan
 
 
 async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("at", *"two", "space", *"words", "enter")

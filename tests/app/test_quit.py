@@ -23,8 +23,8 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.loaders import LOADERS
 from s2rtui.session import Session
-from tests.support.copies import copied
-from tests.support.silent_reporter import Quiet
+from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -53,9 +53,9 @@ def open_screen(tmp_path: Path) -> Iterator[OpenScreen]:
 
 
 @pytest.fixture(scope="module")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = copied(trained, tmp_path_factory.mktemp("leaving") / "s.s2r")
-    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = copy_store(trained_store, tmp_path_factory.mktemp("leaving") / "s.s2r")
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     return path
 
 
@@ -89,7 +89,7 @@ def after(screen: Screen) -> str:
 
 
 def test_while_a_run_is_saved(computed: Path, tmp_path: Path, open_screen: OpenScreen) -> None:
-    path = copied(computed, tmp_path / "own.s2r")
+    path = copy_store(computed, tmp_path / "own.s2r")
     screen = opened(open_screen, path)
     screen.press("a")
     screen.wait_for("brightness")

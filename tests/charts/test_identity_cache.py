@@ -45,11 +45,11 @@ def test_a_result_goes_with_any_of_its_arrays() -> None:
 
 def test_only_the_last_are_kept() -> None:
     @cached_by_identity(2)
-    def copied(values: ArrayKey) -> np.ndarray:
+    def copy_store(values: ArrayKey) -> np.ndarray:
         return np.array(values.array)
 
     arrays = [np.arange(n) for n in range(4)]
-    results = [weakref.ref(copied(ArrayKey(array))) for array in arrays]
+    results = [weakref.ref(copy_store(ArrayKey(array))) for array in arrays]
     assert [result() is None for result in results] == [True, True, False, False]
 
 

@@ -17,10 +17,10 @@ from s2rtui.export.report import worst_instances
 
 
 @pytest.fixture
-def bare(own_store: Path) -> Path:
+def bare(store_copy: Path) -> Path:
     """A store whose frames were never copied."""
-    shutil.rmtree(own_store / "frames.zarr")
-    return own_store
+    shutil.rmtree(store_copy / "frames.zarr")
+    return store_copy
 
 
 def test_an_instance_without_frames_is_shown_in_numbers(
@@ -56,12 +56,12 @@ def test_an_example_without_frames_stands_in_a_report(bare: Path) -> None:
 @pytest.mark.parametrize("size", [(40, 12), (80, 24), (120, 40), (200, 60)])
 @pytest.mark.parametrize("gone", ["both", "sim", "real"])
 def test_the_application_shows_what_there_is(
-    own_store: Path, size: tuple[int, int], gone: str
+    store_copy: Path, size: tuple[int, int], gone: str
 ) -> None:
     for domain in ("sim", "real"):
         if gone in (domain, "both"):
-            shutil.rmtree(own_store / "frames.zarr" / domain)
-    text = snapshot(own_store, size, ["3"], RenderOptions()).text
+            shutil.rmtree(store_copy / "frames.zarr" / domain)
+    text = snapshot(store_copy, size, ["3"], RenderOptions()).text
     assert "no such array" not in text
     if size[1] >= 24:
         assert "ranks" in text

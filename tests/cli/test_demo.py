@@ -58,9 +58,9 @@ def test_the_demo_knows_every_factor() -> None:
                                     '{"frame": 64}', '{"factors": {"lights": 9}}'])  # fmt: skip
 def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str) -> None:
     from s2rstore.errors import RequestError
-    from tests.support.copies import copied
+    from tests.support.copies import copy_store
 
-    path = copied(tiny_store, tmp_path / "x.s2r")
+    path = copy_store(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": recipe})
     with (
@@ -75,9 +75,9 @@ def test_a_damaged_score_does_not_stop_the_findings(
     tiny_store: Path, tmp_path: Path, report: str
 ) -> None:
     from s2rstore.metrics import store_summary
-    from tests.support.copies import copied
+    from tests.support.copies import copy_store
 
-    path = copied(tiny_store, tmp_path / "x.s2r")
+    path = copy_store(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.set_provenance("score", {"report": report})
     with s2rstore.open(path) as store:

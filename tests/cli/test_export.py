@@ -167,13 +167,13 @@ def test_a_wrong_request_is_one_line(
 
 
 def test_nights_are_drawn_and_none_are_told(
-    own_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    store_copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["export", str(own_store), "--view", "history", "--out", str(tmp_path / "gap.png")]
+    words = ["export", str(store_copy), "--view", "history", "--out", str(tmp_path / "gap.png")]
     assert main(words) == 2
     assert "no nights yet" in capsys.readouterr().err
     (tmp_path / "drives").mkdir()
-    week = nights.Week(nights.written(tmp_path, own_store), {}, from_day=9)
+    week = nights.Week(nights.write_config(tmp_path, store_copy), {}, from_day=9)
     week.night(1)
     assert main([*words, "--size", "615x433"]) == 0
     assert Image.open(tmp_path / "gap.png").size == (615, 433)

@@ -13,7 +13,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.gap.axes import AXES, axis
 from s2rtools.gap.gate import gate
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 
 @pytest.fixture
@@ -107,7 +107,7 @@ def test_data_sets_of_one_name_are_never_compared(store: Path, tmp_path: Path, c
     ref = tmp_path / "ref.json"
     gap(store, "--freeze", str(ref))
     capsys.readouterr()
-    other = copied(store, tmp_path / "other.s2r")
+    other = copy_store(store, tmp_path / "other.s2r")
     with edit(other) as draft:
         draft.update("instance", {"iid": "7"}, {"x": 1.0})
     assert gap(other, "--reference", str(ref)) == 2
@@ -120,7 +120,7 @@ def test_a_scale_of_the_task_outlives_another_split(store: Path, tmp_path: Path,
     """A newer model learned from other instances of the same data set."""
     ref = tmp_path / "ref.json"
     gap(store, "--freeze", str(ref))
-    other = copied(store, tmp_path / "other.s2r")
+    other = copy_store(store, tmp_path / "other.s2r")
     with edit(other) as draft:
         for iid in range(0, 60, 5):
             key = {"run": "vanilla", "side": "sim", "iid": str(iid)}

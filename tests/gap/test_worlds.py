@@ -27,7 +27,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
-    from tests.support.silent_reporter import Quiet
+    from tests.support.silent_reporter import SilentReporter
 
     folder = tmp_path_factory.mktemp("worlds")
     for name, factors in WORLDS.items():
@@ -35,7 +35,7 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
         words = ["ingest", "world", "--instances", "24", "--factors", factors]
         assert main([*words, "--store", str(path)]) == 0
         pretrained.add_pretrained_models(path)
-        precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("activation",)))
+        precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("activation",)))
     for name, (images, drives) in SWAPPED.items():
         path = folder / f"{name}.s2r"
         shutil.copytree(folder / f"{images}.s2r", path)

@@ -39,7 +39,7 @@ def make_pair(model: LoadedModel) -> PairBatch:
 
 @pytest.fixture(scope="module")
 def pair() -> PairBatch:
-    return make_pair(networks.small(*networks.local_trunks()["residual"], (36, 36)))
+    return make_pair(networks.small_model(*networks.local_trunks()["residual"], (36, 36)))
 
 
 @pytest.mark.parametrize("name", list(HEATMAP_KINDS))
@@ -122,7 +122,7 @@ def test_occlusion_is_the_errors_change_towards_the_gap(pair: PairBatch) -> None
 
 
 def test_a_network_that_is_not_local_is_computed_in_full() -> None:
-    pair = make_pair(networks.small(*networks.foreign_trunks()["group norm"], (24, 24)))
+    pair = make_pair(networks.small_model(*networks.nonlocal_trunks()["group norm"], (24, 24)))
     made = HEATMAP_KINDS["occlusion"].compute(pair)["real", "rgbd"]
     x = pair.real.x.clone()
     x[:, :, 0:4, 0:4] = pair.sim.x[:, :, 0:4, 0:4]

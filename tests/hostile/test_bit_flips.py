@@ -8,7 +8,7 @@ import pytest
 
 from bench import bit_flips
 from tests.support import tiny
-from tests.support.ingested import ingested
+from tests.support.ingested import build_ingested_store
 
 SAMPLE = 40
 
@@ -17,7 +17,7 @@ SAMPLE = 40
 def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flips")
     if request.param == "ingested":
-        return ingested(folder)
+        return build_ingested_store(folder)
     return tiny.build(folder / "t.s2r", n=6, runs=("vanilla",))
 
 

@@ -38,7 +38,7 @@ from s2rtui.cli import main
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
 
 RAW = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
@@ -94,8 +94,8 @@ def test_a_stream_escapes_what_is_written() -> None:
 # --- where text enters -----------------------------------------------------------------------
 
 
-def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
-    with s2rstore.open(poisoned_store) as store:
+def test_records_hold_no_control_characters(hostile_store: Path) -> None:
+    with s2rstore.open(hostile_store) as store:
         listed = [store.dataset, store.rooms, store.trajectories, store.domains, store.models,
                   store.runs, store.provenance("dataset"), store.instances.room_names,
                   *(store.arrays(run) for run in store.runs)]  # fmt: skip
@@ -110,8 +110,8 @@ def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
     assert control_characters("".join(values)) <= {"\t"}
 
 
-def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
-    found = reader.read(reader.history_path(poisoned_store))
+def test_nights_hold_no_control_characters(hostile_store: Path) -> None:
+    found = reader.read(reader.history_path(hostile_store))
     night = found.nights[0]
     texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
     assert all("CLICK" in text for text in texts)
@@ -133,12 +133,12 @@ def shown(app: S2RApp) -> str:
 
 @pytest.mark.parametrize("size", [(80, 24), (150, 44)])
 async def test_every_view_and_screen(
-    poisoned_store: Path, own_things: Path, tmp_path: Path, size: tuple[int, int]
+    hostile_store: Path, user_data_folder: Path, tmp_path: Path, size: tuple[int, int]
 ) -> None:
     book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
-    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE],
+    hostile.notebook(user_data_folder, selections={"mine": book}, history=[HOSTILE],
                      remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
+    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.load_scheduler.debounce_seconds = 0.001
     seen = ""
     async with app.run_test(size=size) as pilot:
@@ -166,10 +166,10 @@ async def test_every_view_and_screen(
     assert not control_characters(seen)
 
 
-async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
+async def test_pasted_text_is_escaped(hostile_store: Path) -> None:
     from textual import events
 
-    app = S2RApp(Session(poisoned_store), RenderOptions())
+    app = S2RApp(Session(hostile_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -181,13 +181,13 @@ async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
         assert not control_characters(text)
 
 
-def test_the_bytes_on_a_terminal(poisoned_store: Path, own_things: Path) -> None:
+def test_the_bytes_on_a_terminal(hostile_store: Path, user_data_folder: Path) -> None:
     book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE)
-    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE])
-    own_things.joinpath("toured").touch()
-    environment = {"XDG_DATA_HOME": str(own_things.parent), "COLORTERM": "truecolor",
+    hostile.notebook(user_data_folder, selections={"mine": book}, history=[HOSTILE])
+    user_data_folder.joinpath("toured").touch()
+    environment = {"XDG_DATA_HOME": str(user_data_folder.parent), "COLORTERM": "truecolor",
                    "PYTHONPATH": os.pathsep.join(sys.path)}  # fmt: skip
-    words = [sys.executable, "-m", "s2rtui", "tui", str(poisoned_store), "--run", "vanilla"]
+    words = [sys.executable, "-m", "s2rtui", "tui", str(hostile_store), "--run", "vanilla"]
     screen = Screen(words, (150, 44), environment)
     try:
         screen.wait_for("vanilla")
@@ -217,9 +217,9 @@ def test_the_bytes_on_a_terminal(poisoned_store: Path, own_things: Path) -> None
 
 @pytest.mark.parametrize("words", TABLES, ids=" ".join)
 def test_tables_words_and_errors(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+    hostile_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
-    main(command(words, poisoned_store))
+    main(command(words, hostile_store))
     told = capsys.readouterr()
     assert told.out + told.err
     assert not control_characters(told.out.replace("\t", ""))
@@ -236,21 +236,21 @@ class Terminal(io.StringIO):
 @pytest.mark.parametrize("form", ["table", "csv", "json"])
 @pytest.mark.parametrize("asked", [("query", "all"), ("sql", "SELECT room FROM room")])
 def test_on_a_terminal_every_format_is_escaped(
-    poisoned_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, asked: tuple[str, str]
+    hostile_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, asked: tuple[str, str]
 ) -> None:
     out = Terminal()
     monkeypatch.setattr(sys, "stdout", out)
-    assert main([asked[0], str(poisoned_store), asked[1], "--format", form]) == 0
+    assert main([asked[0], str(hostile_store), asked[1], "--format", form]) == 0
     assert "1b]52;c;" in out.getvalue()
     assert control_characters(out.getvalue()) <= {"\t"}
 
 
 def test_in_a_pipe_csv_and_json_hold_the_data(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str]
+    hostile_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one = f"room:{string(HOSTILE + 'right')}"
     for words in (("query", one), ("query", "all", "--columns", "room")):
-        asked = [words[0], str(poisoned_store), *words[1:]]
+        asked = [words[0], str(hostile_store), *words[1:]]
         assert main([*asked, "--format", "csv"]) == 0
         rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out, newline="")))
         assert f"{HOSTILE}right" in {row["room"] for row in rows}
@@ -283,10 +283,10 @@ def test_in_a_pipe_csv_and_json_hold_the_data(
     ids=lambda words: " ".join(words)[:40],
 )
 def test_error_lines(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+    hostile_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
     try:
-        code = main([word.replace("{store}", str(poisoned_store)) for word in words])
+        code = main([word.replace("{store}", str(hostile_store)) for word in words])
     except SystemExit as stopped:
         code = int(str(stopped.code))
     told = capsys.readouterr()
@@ -298,8 +298,8 @@ def test_error_lines(
 # --- identity --------------------------------------------------------------------------------
 
 
-def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
-    with s2rstore.open(poisoned_store) as store:
+def test_rooms_are_typed_as_they_are_shown(hostile_store: Path) -> None:
+    with s2rstore.open(hostile_store) as store:
         words = evaluation.vocabulary(store)
         offered = [text for text, _ in complete("room:", words)]
         assert len(offered) == 2
@@ -318,16 +318,16 @@ def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
 
 
 def test_names_that_are_shown_alike_are_refused(
-    own_store: Path, capsys: pytest.CaptureFixture[str]
+    store_copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
+    hostile.edit(store_copy, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
                  ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
-    assert main(["query", str(own_store), "all"]) == 2
+    assert main(["query", str(store_copy), "all"]) == 2
     told = capsys.readouterr().err
     assert "two rooms are both displayed as" in told
     assert told.count("\n") == 1
     with pytest.raises(RequestError, match="displayed as"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
 @pytest.mark.parametrize(
@@ -344,7 +344,7 @@ async def test_names_that_are_more_than_text(
     table: str,
     column: str,
 ) -> None:
-    store = copied(tiny_store, tmp_path / "bad.s2r")
+    store = copy_store(tiny_store, tmp_path / "bad.s2r")
     hostile.edit(store, (f'UPDATE "{table}" SET "{column}" = ?', [HOSTILE]))
     for words in (["runs"], ["query", "all"], ["show", "instance"], ["verify"]):
         code = main([words[0], str(store), *words[1:]])
@@ -357,7 +357,7 @@ async def test_names_that_are_more_than_text(
 
 
 def test_figures_draw_no_control_characters(
-    poisoned_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    hostile_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from matplotlib.text import Text
 
@@ -371,34 +371,34 @@ def test_figures_draw_no_control_characters(
     monkeypatch.setattr(Text, "set_text", set_text)
     for view in ("overview", "map", "rooms", "instance", "list", "history"):
         out = tmp_path / f"{view}.svg"
-        words = ["export", str(poisoned_store), "--view", view, "--run", "vanilla"]
+        words = ["export", str(hostile_store), "--view", view, "--run", "vanilla"]
         code = main([*words, "--room-names", "--select", "worst15", "--out", str(out)])
         assert code == 0 or view == "history"
     assert any("CLICK" in text for text in drawn)
     assert not control_characters("".join(drawn))
 
 
-def test_a_dollar_in_a_name_is_no_formula(own_store: Path, tmp_path: Path) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = '$\\frac$' || room", []),
+def test_a_dollar_in_a_name_is_no_formula(store_copy: Path, tmp_path: Path) -> None:
+    hostile.edit(store_copy, ("UPDATE room SET room = '$\\frac$' || room", []),
                  ("UPDATE instance SET room = '$\\frac$' || room", []))  # fmt: skip
     for view in ("rooms", "map", "overview", "errors", "umap", "orientation", "instance", "list"):
         out = tmp_path / f"{view}.png"
-        words = ["export", str(own_store), "--view", view, "--out", str(out), "--room-names"]
+        words = ["export", str(store_copy), "--view", view, "--out", str(out), "--room-names"]
         assert main([*words, "--select", 'room:"$\\\\frac$right"']) == 0, view
 
 
-def test_a_report_holds_no_control_characters(poisoned_store: Path, tmp_path: Path) -> None:
+def test_a_report_holds_no_control_characters(hostile_store: Path, tmp_path: Path) -> None:
     out = tmp_path / "r.html"
-    assert main(["report", str(poisoned_store), "--run", "vanilla", "--select", "worst15",
+    assert main(["report", str(hostile_store), "--run", "vanilla", "--select", "worst15",
                  "--title", HOSTILE, "--out", str(out)]) == 0  # fmt: skip
     text = out.read_text(encoding="utf-8")
     assert "CLICK" in text
     assert control_characters(text) <= {"\t"}
 
 
-def test_nothing_raw_in_a_pipe_of_errors(poisoned_store: Path) -> None:
+def test_nothing_raw_in_a_pipe_of_errors(hostile_store: Path) -> None:
     """As a user runs it: another process, standard error into a pipe."""
-    words = [sys.executable, "-m", "s2rtui", "query", str(poisoned_store), f'room:"{CLIPBOARD}"']
+    words = [sys.executable, "-m", "s2rtui", "query", str(hostile_store), f'room:"{CLIPBOARD}"']
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(words, capture_output=True, check=False, env=environment)
     assert done.returncode == 2

@@ -22,7 +22,7 @@ RESET = datetime.date(1970, 1, 1)
 @pytest.fixture
 def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
     shutil.copytree(tiny_store, tmp_path / "lab.s2r")
-    return nights.written(tmp_path, tmp_path / "lab.s2r")
+    return nights.write_config(tmp_path, tmp_path / "lab.s2r")
 
 
 @pytest.fixture

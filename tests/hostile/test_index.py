@@ -13,7 +13,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index.transaction import edit
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 CODE = {
     "view that reads a file": (
@@ -56,29 +56,29 @@ CODE = {
 
 @pytest.mark.parametrize("statements", CODE.values(), ids=CODE.keys())
 def test_an_index_that_holds_code_is_refused_and_never_copied(
-    own_store: Path, statements: tuple[str, ...], capsys
+    store_copy: Path, statements: tuple[str, ...], capsys
 ) -> None:
-    index = edited(own_store, statements)
+    index = edited(store_copy, statements)
     with pytest.raises(RequestError, match=layout.INDEX):
-        s2rstore.open(own_store)
-    with pytest.raises(RequestError), edit(own_store):
+        s2rstore.open(store_copy)
+    with pytest.raises(RequestError), edit(store_copy):
         pytest.fail("a generation was begun from a hostile index")
-    adds = ["run", "add", "more", "--model", "vanilla", "--store", str(own_store)]
-    for command in (adds, ["runs", str(own_store)], ["sql", str(own_store), "SELECT 1"]):
+    adds = ["run", "add", "more", "--model", "vanilla", "--store", str(store_copy)]
+    for command in (adds, ["runs", str(store_copy)], ["sql", str(store_copy), "SELECT 1"]):
         assert main(command) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
         assert printed.err.count("\n") == 1
         assert "root:" not in printed.err
-    assert list((own_store / layout.INDEX).iterdir()) == [
-        path for path in (own_store / layout.INDEX).iterdir() if path.name <= index.name
+    assert list((store_copy / layout.INDEX).iterdir()) == [
+        path for path in (store_copy / layout.INDEX).iterdir() if path.name <= index.name
     ]
 
 
-def test_a_log_beside_the_index_changes_nothing(own_store: Path) -> None:
-    current = layout.read_current(own_store)
-    index = own_store / current.index
-    copy = own_store.parent / index.name
+def test_a_log_beside_the_index_changes_nothing(store_copy: Path) -> None:
+    current = layout.read_current(store_copy)
+    index = store_copy / current.index
+    copy = store_copy.parent / index.name
     copy.write_bytes(index.read_bytes())
     connection = duckdb.connect(str(copy), config={"checkpoint_threshold": "1TB"})
     connection.execute("PRAGMA disable_checkpoint_on_shutdown")
@@ -87,7 +87,7 @@ def test_a_log_beside_the_index_changes_nothing(own_store: Path) -> None:
     connection.close()
     index.with_name(f"{index.name}.wal").write_bytes(log)
     with pytest.raises(RequestError, match="write-ahead log"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
 ROWS = {
@@ -127,15 +127,15 @@ ROWS = {
 
 
 @pytest.mark.parametrize("statements", ROWS.values(), ids=ROWS.keys())
-def test_rows_that_make_no_sense_are_one_line(own_store: Path, statements: str, capsys) -> None:
-    edited(own_store, statements.split("; "))
+def test_rows_that_make_no_sense_are_one_line(store_copy: Path, statements: str, capsys) -> None:
+    edited(store_copy, statements.split("; "))
     for command in (["runs"], ["query", "worst15"], ["show", "rooms"], ["sql", "SELECT 1"]):
-        arguments = [command[0], str(own_store), *command[1:]]
+        arguments = [command[0], str(store_copy), *command[1:]]
         assert main(arguments) == 2, command
         printed = capsys.readouterr()
         assert printed.out == ""
         assert printed.err.count("\n") == 1
-    assert main(["verify", str(own_store)]) == 1
+    assert main(["verify", str(store_copy)]) == 1
 
 
 MANY = {
@@ -146,10 +146,10 @@ MANY = {
 
 @pytest.mark.parametrize("statement", MANY.values(), ids=MANY.keys())
 def test_more_rows_than_a_screen_could_show_are_one_line(
-    own_store: Path, statement: str, capsys
+    store_copy: Path, statement: str, capsys
 ) -> None:
-    edited(own_store, [statement])
-    assert main(["runs", str(own_store)]) == 2
+    edited(store_copy, [statement])
+    assert main(["runs", str(store_copy)]) == 2
     assert "rows, at most" in capsys.readouterr().err
 
 
@@ -162,10 +162,10 @@ ORDER = {
 
 
 @pytest.mark.parametrize("statement", ORDER.values(), ids=ORDER.keys())
-def test_frames_are_never_those_of_another_instance(own_store: Path, statement: str) -> None:
-    edited(own_store, [statement])
-    assert main(["verify", str(own_store)]) == 1
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="verify"):
+def test_frames_are_never_those_of_another_instance(store_copy: Path, statement: str) -> None:
+    edited(store_copy, [statement])
+    assert main(["verify", str(store_copy)]) == 1
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="verify"):
         store.frame(30, "sim")
 
 
@@ -176,9 +176,9 @@ NAMES = {
 
 
 @pytest.mark.parametrize("statement", NAMES.values(), ids=NAMES.keys())
-def test_verify_finds_names_without_a_row(own_store: Path, statement: str) -> None:
-    edited(own_store, [statement])
-    assert main(["verify", str(own_store)]) == 1
+def test_verify_finds_names_without_a_row(store_copy: Path, statement: str) -> None:
+    edited(store_copy, [statement])
+    assert main(["verify", str(store_copy)]) == 1
 
 
 ARRAYS = {
@@ -196,11 +196,11 @@ ARRAYS = {
 
 @pytest.mark.parametrize("statement", ARRAYS.values(), ids=ARRAYS.keys())
 def test_records_of_arrays_that_make_no_sense_are_one_line(
-    own_store: Path, statement: str, tmp_path: Path, capsys
+    store_copy: Path, statement: str, tmp_path: Path, capsys
 ) -> None:
-    edited(own_store, [statement])
+    edited(store_copy, [statement])
     out = tmp_path / "out.png"
-    arguments = ["export", str(own_store), "--view", "instance", "--heat", "activation"]
+    arguments = ["export", str(store_copy), "--view", "instance", "--heat", "activation"]
     assert main([*arguments, "--out", str(out)]) == 2
     printed = capsys.readouterr()
     assert printed.err.count("\n") == 1
@@ -212,7 +212,7 @@ def test_records_of_arrays_that_make_no_sense_are_one_line(
 def test_a_store_may_have_an_odd_name(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:
-    copied(tiny_store, tmp_path / name)
+    copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert main(["verify", name]) == 0
     assert main(["run", "add", "more", "--model", "vanilla", "--store", name]) == 0
@@ -225,7 +225,7 @@ def test_a_store_may_have_an_odd_name(
 def test_a_name_that_duckdb_cannot_open_is_no_damage(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:
-    copied(tiny_store, tmp_path / name)
+    copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     add = ["run", "add", "more", "--model", "vanilla", "--store", name]
     for command in (["verify", name], ["runs", name], ["sql", name, "SELECT 1"], add):

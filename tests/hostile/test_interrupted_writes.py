@@ -26,20 +26,20 @@ GONE = 2**22 + 1
 """A process number that Linux gives to none by default."""
 
 
-def test_leftovers_are_told_and_removed(own_store: Path) -> None:
+def test_leftovers_are_told_and_removed(store_copy: Path) -> None:
     for path in LEFT:
-        (own_store / path).write_bytes(b"half")
-    beside = own_store.with_name(f".{own_store.name}.building-{GONE}")
+        (store_copy / path).write_bytes(b"half")
+    beside = store_copy.with_name(f".{store_copy.name}.building-{GONE}")
     (beside / "frames.zarr").mkdir(parents=True)
-    report = check(own_store)
+    report = check(store_copy)
     assert report.damages == ()
     for path in (*LEFT, beside.name):
         assert any(path in note and "prune" in note for note in report.notes)
-    pruned = prune(own_store)
+    pruned = prune(store_copy)
     assert {*LEFT, f"../{beside.name}"} <= set(pruned.paths)
-    assert not any((own_store / path).exists() for path in LEFT)
+    assert not any((store_copy / path).exists() for path in LEFT)
     assert not beside.exists()
-    assert not [note for note in check(own_store).notes if "killed" in note]
+    assert not [note for note in check(store_copy).notes if "killed" in note]
 
 
 def test_an_ingest_that_never_finished_is_removed_without_a_store(tmp_path: Path) -> None:
@@ -49,20 +49,20 @@ def test_an_ingest_that_never_finished_is_removed_without_a_store(tmp_path: Path
     assert not beside.exists()
 
 
-def test_what_is_wrong_with_the_current_file_is_said(own_store: Path) -> None:
-    current = own_store / "CURRENT.json"
+def test_what_is_wrong_with_the_current_file_is_said(store_copy: Path) -> None:
+    current = store_copy / "CURRENT.json"
     content = current.read_bytes()
     current.unlink()
     current.mkdir()
     with pytest.raises(RequestError, match="a folder, not a regular file"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
     current.rmdir()
     current.write_bytes(content + b" " * 10**6)
     with pytest.raises(RequestError, match="at most"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
     current.write_bytes(b"{")
     with pytest.raises(RequestError, match="damaged"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
 _FULL = """
@@ -85,14 +85,14 @@ raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 """
 
 
-def test_a_full_disk_names_the_file_of_the_store(own_store: Path) -> None:
+def test_a_full_disk_names_the_file_of_the_store(store_copy: Path) -> None:
     assert resource.RLIMIT_FSIZE is not None
-    command = [sys.executable, "-c", _FULL, str(own_store)]
+    command = [sys.executable, "-c", _FULL, str(store_copy)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
-    assert str(own_store / "runs.zarr/vanilla/key9/large/c/0/0/0") in done.stderr
+    assert str(store_copy / "runs.zarr/vanilla/key9/large/c/0/0/0") in done.stderr
     assert "standard output" not in done.stderr
-    assert not [note for note in check(own_store).notes if "killed" in note]
+    assert not [note for note in check(store_copy).notes if "killed" in note]
 
 
 _KILLED = """
@@ -125,8 +125,8 @@ def test_a_killed_worker_is_told_in_one_line(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
-def test_a_folder_in_place_of_a_lock_is_named(own_store: Path) -> None:
-    (own_store / "ledger" / "compute.lock").unlink(missing_ok=True)
-    (own_store / "ledger" / "compute.lock").mkdir()
-    with pytest.raises(RequestError, match=rf"{own_store}: the compute lock cannot be opened"):
-        prune(own_store)
+def test_a_folder_in_place_of_a_lock_is_named(store_copy: Path) -> None:
+    (store_copy / "ledger" / "compute.lock").unlink(missing_ok=True)
+    (store_copy / "ledger" / "compute.lock").mkdir()
+    with pytest.raises(RequestError, match=rf"{store_copy}: the compute lock cannot be opened"):
+        prune(store_copy)

@@ -23,7 +23,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 SOURCES = Path(s2rtui.__file__).parent
 WIDGETS = {"Static", "Label", "Button", "Checkbox", "Link", "OptionList", "SelectionList"}
@@ -134,13 +134,13 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
 
 
 async def test_the_whole_application_parses_no_markup_of_a_store(
-    poisoned_store: Path, own_things: Path, tmp_path: Path, no_foreign_markup: list[str]
+    hostile_store: Path, user_data_folder: Path, tmp_path: Path, no_foreign_markup: list[str]
 ) -> None:
     book = hostile.saved(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
-    hostile.notebook(own_things, selections={"[ @click=app.quit]CLICK": book, "[b": book},
+    hostile.notebook(user_data_folder, selections={"[ @click=app.quit]CLICK": book, "[b": book},
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
+    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(150, 44)) as pilot:
         await settle(app, pilot)
@@ -158,10 +158,10 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
 
 
 @pytest.mark.parametrize("name", BAD_NAMES)
-async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = ? || room", [name]),
+async def test_a_room_is_text_and_not_an_action(store_copy: Path, name: str) -> None:
+    hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
-    app = S2RApp(Session(own_store), RenderOptions())
+    app = S2RApp(Session(store_copy), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
@@ -181,7 +181,7 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
 async def test_names_of_a_folder_a_tag_and_a_saved_selection(
     tiny_store: Path, tmp_path: Path
 ) -> None:
-    store = copied(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
+    store = copy_store(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
     book = Notebook("0" * 64)
     for name in BAD_NAMES:
         book.save(name, SavedSelection("worst15", 1, "vanilla", 6))

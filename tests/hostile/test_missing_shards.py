@@ -21,27 +21,27 @@ N, WIDTH = 40, 8
 
 
 @pytest.fixture
-def embedded(own_store: Path) -> Path:
+def embedded(store_copy: Path) -> Path:
     """A store with embeddings of both sides of a run, in shards of 16 rows."""
     rng = np.random.default_rng(0)
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         for side in ("sim", "real"):
             relative = f"vanilla/key0/embedding.{side}"
-            path = own_store / "runs.zarr" / relative
+            path = store_copy / "runs.zarr" / relative
             stored_array.create(path, stored_array.plan_layout(N, (WIDTH,), "float32", 16))
             rows = rng.normal(size=(N, WIDTH)).astype(np.float32)
             for shard in range(3):
                 block = rows[16 * shard : 16 * shard + 16]
                 file = stored_array.write_shard(path, shard, block)
-                name = file.relative_to(own_store).as_posix()
-                Ledger(own_store).add(f"{relative}:{shard}", [(name, len(block))])
+                name = file.relative_to(store_copy).as_posix()
+                Ledger(store_copy).add(f"{relative}:{shard}", [(name, len(block))])
             draft.insert_row(
                 "zarr_array",
                 {"run": "vanilla", "kind": "embedding", "side": side, "path": relative,
                  "dtype": "float32", "shape": [N, WIDTH], "axes": ["iid", "feature"],
                  "scale": 1.0, "zero": 0.0, "unit": ""},
             )  # fmt: skip
-    return own_store
+    return store_copy
 
 
 @pytest.mark.parametrize("gone", ["c/1/0", "c"])

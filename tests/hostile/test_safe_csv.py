@@ -21,9 +21,9 @@ FORMULA = '=HYPERLINK("http://evil", "x")'
 
 
 @pytest.fixture
-def formula_store(own_store: Path) -> Path:
+def formula_store(store_copy: Path) -> Path:
     return hostile.edit(
-        own_store,
+        store_copy,
         ("UPDATE room SET room = ? || room", [FORMULA]),
         ("UPDATE instance SET room = ? || room", [FORMULA]),
         ("UPDATE dataset SET name = ?", [f"a,{FORMULA}"]),

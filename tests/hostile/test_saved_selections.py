@@ -59,10 +59,10 @@ def chain(kind: str, deep: int = DEEP) -> dict[str, str]:
 
 @pytest.mark.parametrize("kind", CHAINS)
 def test_of_a_query(
-    tiny_store: Path, own_things: Path, capsys: pytest.CaptureFixture[str], kind: str
+    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
     made = {name: hostile.saved(text) for name, text in chain(kind).items()}
-    hostile.notebook(own_things, selections=made)
+    hostile.notebook(user_data_folder, selections=made)
     for words in (["@s0"], ["@s0", "--count"], ["worst15 & !@s0"]):
         assert main(["query", str(tiny_store), *words]) == 2
         told = capsys.readouterr().err
@@ -71,9 +71,9 @@ def test_of_a_query(
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-async def test_inside_the_application(tiny_store: Path, own_things: Path, kind: str) -> None:
+async def test_inside_the_application(tiny_store: Path, user_data_folder: Path, kind: str) -> None:
     made = {name: hostile.saved(text) for name, text in chain(kind).items()}
-    hostile.notebook(own_things, selections=made)
+    hostile.notebook(user_data_folder, selections=made)
     app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 40)) as pilot:
@@ -147,7 +147,7 @@ def test_negated_terms_are_not_nested() -> None:
     ["../../../../tmp/x", "/tmp/evil", "", "0" * 15, "0" * 65, "A" * 64, "g" * 64, "0" * 20 + "\n",
      "00000000/0000000", ".." * 8, None, 5],
 )  # fmt: skip
-def test_a_hash_is_a_hash(own_things: Path, text: object) -> None:
+def test_a_hash_is_a_hash(user_data_folder: Path, text: object) -> None:
     with pytest.raises(RequestError, match="hexadecimal"):
         layout.checked_hash(text, "hash")
     with pytest.raises(RequestError, match="hexadecimal"):
@@ -158,13 +158,13 @@ def test_a_hash_is_a_hash(own_things: Path, text: object) -> None:
 
 
 def test_a_store_whose_hash_is_a_path(
-    own_store: Path, own_things: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    store_copy: Path, user_data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    hostile.edit(own_store, ("UPDATE dataset SET hash = '../../../x'", []))
-    assert main(["query", str(own_store), "all"]) == 2
+    hostile.edit(store_copy, ("UPDATE dataset SET hash = '../../../x'", []))
+    assert main(["query", str(store_copy), "all"]) == 2
     assert "hexadecimal" in capsys.readouterr().err
     with pytest.raises(RequestError, match="hexadecimal"):
-        Session(own_store, notebooks=Notebook)
+        Session(store_copy, notebooks=Notebook)
     assert not list(tmp_path.glob("x*"))
 
 
@@ -223,10 +223,10 @@ def _odd(path: Path) -> None:
     [_fifo, _folder, _link, _dangling, _loop, _huge, _nested, _deep_rest, _number, _bytes, _odd],
 )
 def test_a_notebook_that_is_none(
-    tiny_store: Path, own_things: Path, capsys: pytest.CaptureFixture[str], make: object
+    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], make: object
 ) -> None:
-    own_things.mkdir(parents=True)
-    path = own_things / f"{'0' * 16}.json"
+    user_data_folder.mkdir(parents=True)
+    path = user_data_folder / f"{'0' * 16}.json"
     make(path)  # type: ignore[operator]
     code = main(["query", str(tiny_store), "all", "--count"])
     told = capsys.readouterr()

@@ -183,10 +183,10 @@ def test_ctrl_c_while_workers_start_is_no_traceback(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["brightness", "contrast", "depth_blur", "camera_pitch"])
 def test_an_adjustment_without_a_value(
-    own_store: Path, capsys: pytest.CaptureFixture[str], name: str
+    store_copy: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     words = ["run", "add", "new", "--model", "vanilla", "--adjust", f"real:{name}"]
-    assert main([*words, "--store", str(own_store)]) == 2
+    assert main([*words, "--store", str(store_copy)]) == 2
     told = capsys.readouterr().err
     assert f"such as {name}=" in told
     assert told.count("\n") == 1

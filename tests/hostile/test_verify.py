@@ -17,19 +17,19 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
-from tests.support.ingested import ingested
+from tests.support.copies import copy_store
+from tests.support.ingested import build_ingested_store
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An ingested store with floor plan, drives and weights, which no test writes to."""
-    return ingested(tmp_path_factory.mktemp("ingested"))
+    return build_ingested_store(tmp_path_factory.mktemp("ingested"))
 
 
 @pytest.fixture
 def store(whole: Path, tmp_path: Path) -> Path:
-    return copied(whole, tmp_path / "own.s2r")
+    return copy_store(whole, tmp_path / "own.s2r")
 
 
 def test_a_new_store_is_whole(store: Path) -> None:
@@ -84,20 +84,20 @@ def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
     assert verify(store)
 
 
-def test_the_metadata_of_computed_arrays_is_checked(own_store: Path) -> None:
+def test_the_metadata_of_computed_arrays_is_checked(store_copy: Path) -> None:
     relative = "vanilla/key0/activation.real"
-    path = own_store / "runs.zarr" / relative
-    with s2rstore.open(own_store) as store:
+    path = store_copy / "runs.zarr" / relative
+    with s2rstore.open(store_copy) as store:
         _, array = store.array("vanilla", "activation", "real")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         values = {"metadata_sha256": array.metadata_sha256}
         draft.update("zarr_array", {"path": relative}, values)
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
     document = json.loads((path / "zarr.json").read_text())
     (path / "zarr.json").write_text(json.dumps(document, indent=1))
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="published"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="published"):
         store.heatmap("vanilla", "activation", "real", 0)
-    assert verify(own_store)
+    assert verify(store_copy)
 
 
 def _entries(root: Path, change: Callable[[dict[str, object]], None]) -> None:
@@ -115,27 +115,27 @@ def test_weights_are_checked_whatever_the_ledger_calls_them(store: Path) -> None
     assert any(damage.where.startswith("models/") for damage in verify(store))
 
 
-def test_a_ledger_that_counts_other_rows_is_found(own_store: Path) -> None:
-    _entries(own_store, lambda entry: entry.update(count=7))
-    assert verify(own_store)
+def test_a_ledger_that_counts_other_rows_is_found(store_copy: Path) -> None:
+    _entries(store_copy, lambda entry: entry.update(count=7))
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize(
     "line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"],
     ids=["list", "nested", "object", "NUL", "null"],
 )  # fmt: skip
-def test_a_ledger_line_that_cannot_be_read_proves_nothing(own_store: Path, line: str) -> None:
-    file = next((own_store / "ledger").glob("*.jsonl"))
+def test_a_ledger_line_that_cannot_be_read_proves_nothing(store_copy: Path, line: str) -> None:
+    file = next((store_copy / "ledger").glob("*.jsonl"))
     lines = file.read_text().splitlines()
     lines[0] = line
     file.write_text("\n".join(lines) + "\n")
-    assert any("no ledger entry" in damage.what for damage in verify(own_store))
+    assert any("no ledger entry" in damage.what for damage in verify(store_copy))
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e6, 1e150])
-def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
+def test_far_predictions_are_no_damage(store_copy: Path, factor: float) -> None:
     """As of a model that answers in millimetres."""
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         run = draft._connection.execute
         run(f"UPDATE prediction SET x = x * {factor}, y = y * {factor}")
         run(
@@ -149,13 +149,13 @@ def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
             "row_number() OVER (PARTITION BY run, side ORDER BY error, iid) AS place "
             "FROM prediction) AS p WHERE p.r = run AND p.s = side AND p.n = iid"
         )
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
-def test_a_loss_that_is_a_little_off_is_damage(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_a_loss_that_is_a_little_off_is_damage(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE prediction SET loss = loss * 1.000001 WHERE iid = 3")
-    assert any("loss" in damage.what for damage in verify(own_store))
+    assert any("loss" in damage.what for damage in verify(store_copy))
 
 
 def _command(store: Path, *words: str, out: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -182,18 +182,18 @@ def test_what_has_no_checksum_is_noted_in_one_line(tiny_store: Path) -> None:
     assert "metadata of frames" in line
 
 
-def test_folders_nested_far_too_deeply_are_one_line(own_store: Path, capsys) -> None:
-    above = own_store / "runs.zarr"
+def test_folders_nested_far_too_deeply_are_one_line(store_copy: Path, capsys) -> None:
+    above = store_copy / "runs.zarr"
     for _ in range(60):
         above = above / "d"
     above.mkdir(parents=True)
     for command in ("verify", "prune"):
-        assert main([command, str(own_store)]) == 2
+        assert main([command, str(store_copy)]) == 2
         assert "nested too deeply" in capsys.readouterr().err
 
 
-def test_a_ledger_of_zeros_takes_no_memory(own_store: Path, capsys) -> None:
-    (own_store / "ledger" / "zeros.jsonl").touch()
-    os.truncate(own_store / "ledger" / "zeros.jsonl", 3 << 30)
-    assert main(["verify", str(own_store)]) in (1, 2)
+def test_a_ledger_of_zeros_takes_no_memory(store_copy: Path, capsys) -> None:
+    (store_copy / "ledger" / "zeros.jsonl").touch()
+    os.truncate(store_copy / "ledger" / "zeros.jsonl", 3 << 30)
+    assert main(["verify", str(store_copy)]) in (1, 2)
     assert "zeros.jsonl" in "".join(capsys.readouterr())

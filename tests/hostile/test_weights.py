@@ -169,12 +169,12 @@ def fails() -> nn.Module:
 
 @pytest.mark.parametrize("factory", ["one_row", "fails"])
 def test_a_model_that_answers_for_another_number_of_images_is_named(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
+    trained_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
 ) -> None:
     import shutil
 
     store, path = tmp_path / "s.s2r", tmp_path / "w.safetensors"
-    shutil.copytree(trained, store)
+    shutil.copytree(trained_store, store)
     from safetensors.torch import save_file
 
     save_file({}, path)

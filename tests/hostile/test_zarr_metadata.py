@@ -77,11 +77,11 @@ CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name: str) -> None:
-    _change(own_store / ARRAY, CHANGES[name])
+def test_another_document_is_refused_with_the_arrays_name(store_copy: Path, name: str) -> None:
+    _change(store_copy / ARRAY, CHANGES[name])
     with pytest.raises(RequestError, match=r"activation\.real"):
-        _read(own_store)
-    assert any("activation.real" in damage.where for damage in verify(own_store))
+        _read(store_copy)
+    assert any("activation.real" in damage.where for damage in verify(store_copy))
 
 
 @pytest.mark.parametrize(
@@ -90,24 +90,24 @@ def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name:
      b'{"zarr_format": 3, "zarr_format": 3}'],
     ids=["empty", "list", "null", "cut", "nested", "NaN", "blank", "repeated key"],
 )  # fmt: skip
-def test_no_document_is_refused(own_store: Path, content: bytes) -> None:
-    (own_store / ARRAY / "zarr.json").write_bytes(content)
+def test_no_document_is_refused(store_copy: Path, content: bytes) -> None:
+    (store_copy / ARRAY / "zarr.json").write_bytes(content)
     with pytest.raises(RequestError, match=r"activation\.real"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_an_array_of_format_2_is_not_opened(own_store: Path, tmp_path: Path) -> None:
-    (own_store / ARRAY / "zarr.json").unlink()
+def test_an_array_of_format_2_is_not_opened(store_copy: Path, tmp_path: Path) -> None:
+    (store_copy / ARRAY / "zarr.json").unlink()
     document = {
         "zarr_format": 2, "shape": [40, 4, 4, 4], "chunks": [16, 4, 4, 4], "dtype": "<f4",
         "order": "C", "fill_value": 0, "compressor": None, "filters": None,
     }  # fmt: skip
-    (own_store / ARRAY / ".zarray").write_text(json.dumps(document))
+    (store_copy / ARRAY / ".zarray").write_text(json.dumps(document))
     with pytest.raises(RequestError, match="format 2"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_a_shape_beyond_the_limits_is_refused_even_where_the_index_agrees(own_store: Path) -> None:
+def test_a_shape_beyond_the_limits_is_refused_even_where_the_index_agrees(store_copy: Path) -> None:
     shape = [40, 4, 100_000, 100_000]
 
     def grow(document: dict[str, Any]) -> None:
@@ -115,29 +115,29 @@ def test_a_shape_beyond_the_limits_is_refused_even_where_the_index_agrees(own_st
         document["chunk_grid"]["configuration"]["chunk_shape"] = [16, *shape[1:]]
         _sharding(document)["chunk_shape"] = [1, *shape[1:]]
 
-    _change(own_store / ARRAY, grow)
+    _change(store_copy / ARRAY, grow)
     path = ARRAY.removeprefix("runs.zarr/")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.update("zarr_array", {"path": path}, {"shape": json.dumps(shape)})
     with pytest.raises(RequestError, match="bytes a row"):
-        _read(own_store)
+        _read(store_copy)
 
 
 @pytest.mark.parametrize("column", ["shape", "dtype"])
-def test_what_the_index_says_otherwise_is_refused(own_store: Path, column: str) -> None:
+def test_what_the_index_says_otherwise_is_refused(store_copy: Path, column: str) -> None:
     value = {"shape": "[40, 4, 2, 8]", "dtype": "float64"}[column]
     path = ARRAY.removeprefix("runs.zarr/")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.update("zarr_array", {"path": path}, {column: value})
     with pytest.raises(RequestError, match="which the index states"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_frames_must_have_the_size_that_the_index_says(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_frames_must_have_the_size_that_the_index_says(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.update("dataset", {"name": "tiny"}, {"frame_width": 32})
     with (
-        s2rstore.open(own_store) as store,
+        s2rstore.open(store_copy) as store,
         pytest.raises(RequestError, match="which the index states"),
     ):
         store.frame(0, "sim")
@@ -173,24 +173,24 @@ def _reindexed(content: bytearray, offset: int, size: int) -> None:
 @pytest.mark.parametrize(
     "harm", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _no_chunk], ids=lambda f: f.__name__
 )
-def test_a_chunk_that_lies_is_refused(own_store: Path, harm: Callable[[bytearray], None]) -> None:
-    shard = own_store / ARRAY / "c/0/0/0/0"
+def test_a_chunk_that_lies_is_refused(store_copy: Path, harm: Callable[[bytearray], None]) -> None:
+    shard = store_copy / ARRAY / "c/0/0/0/0"
     content = bytearray(shard.read_bytes())
     harm(content)
     shard.write_bytes(content)
     with pytest.raises(RequestError, match=r"activation\.real.*damaged"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_a_shard_that_is_too_large_is_refused(own_store: Path) -> None:
-    shard = own_store / ARRAY / "c/0/0/0/0"
+def test_a_shard_that_is_too_large_is_refused(store_copy: Path) -> None:
+    shard = store_copy / ARRAY / "c/0/0/0/0"
     content = shard.read_bytes()
     with shard.open("wb") as file:
         file.truncate(10 * 2**30)
         file.seek(-len(content), 2)
         file.write(content)
     with pytest.raises(RequestError, match=r"activation\.real.*bytes"):
-        _read(own_store)
+        _read(store_copy)
 
 
 def test_a_flipped_bit_of_metadata_without_checksum_changes_nothing_in_silence(

@@ -54,20 +54,20 @@ def check(model: LoadedModel, chosen: list[int] | None = None) -> None:
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(36, 36), (37, 45)])
 def test_small_trunks(name: str, size: tuple[int, int]) -> None:
-    check(networks.small(*networks.local_trunks()[name], size))
+    check(networks.small_model(*networks.local_trunks()[name], size))
 
 
 def test_resposenet_every_patch_mode_and_direction() -> None:
-    check(networks.built("resposenet"))
+    check(networks.build_model("resposenet"))
 
 
 def test_posest_corner_edge_and_inner_patches() -> None:
-    check(networks.built("posest"), [0, 3, 5, 14, 21, 35])
+    check(networks.build_model("posest"), [0, 3, 5, 14, 21, 35])
 
 
-@pytest.mark.parametrize("name", list(networks.foreign_trunks()))
+@pytest.mark.parametrize("name", list(networks.nonlocal_trunks()))
 def test_what_is_not_local_is_recognised(name: str) -> None:
-    model = networks.small(*networks.foreign_trunks()[name], (24, 24))
+    model = networks.small_model(*networks.nonlocal_trunks()[name], (24, 24))
     reason = non_local_reason(fold_batch_norm(model.network.trunk))
     assert reason
     outputs = occlusion.Occlusion().outputs(model)
@@ -75,7 +75,7 @@ def test_what_is_not_local_is_recognised(name: str) -> None:
 
 
 def test_what_is_local_is_marked_so() -> None:
-    outputs = occlusion.Occlusion().outputs(networks.built("resposenet"))
+    outputs = occlusion.Occlusion().outputs(networks.build_model("resposenet"))
     assert {out.attributes["method"] for out in outputs} == {"by locality"}
 
 

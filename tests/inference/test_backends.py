@@ -22,7 +22,7 @@ def batch(model, n: int = 3) -> np.ndarray:
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
 def test_folding_keeps_the_outputs(architecture: str) -> None:
-    model = networks.built(architecture)
+    model = networks.build_model(architecture)
     x = batch(model, 2)
     with torch.no_grad():
         wanted = model.convention.decode(model.network(torch.from_numpy(x)).double())
@@ -34,7 +34,7 @@ def test_folding_keeps_the_outputs(architecture: str) -> None:
 
 
 def test_the_default_is_float32_and_deterministic() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
     chosen = choose_backend(model, x)
     assert (chosen.name, chosen.precision) == ("torch", "float32")
@@ -42,7 +42,7 @@ def test_the_default_is_float32_and_deterministic() -> None:
 
 
 def test_a_backend_that_is_too_far_off_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
     monkeypatch.setattr(Bfloat16Backend, "features", lambda self, x: Backend.features(self, x) * 2)
     monkeypatch.setattr(Bfloat16Backend, "__init__", Backend.__init__)
@@ -51,7 +51,7 @@ def test_a_backend_that_is_too_far_off_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 def test_auto_takes_only_what_stays_close() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
     chosen = choose_backend(model, x, "auto")
     reference = Backend(model).forward_all(x).pose
@@ -59,14 +59,14 @@ def test_auto_takes_only_what_stays_close() -> None:
 
 
 def test_unknown_and_missing_backends_are_named() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     with pytest.raises(RequestError, match="torch-bfloat16"):
         open_backend(model, "abacus")
 
 
 @pytest.mark.skipif(importlib.util.find_spec("openvino") is None, reason="openvino not installed")
 def test_openvino_gives_the_same_poses() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
     reference, made = Backend(model).forward_all(x), open_backend(model, "openvino").forward_all(x)
     assert np.allclose(made.pose, reference.pose, atol=0.05)

@@ -22,7 +22,7 @@ from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
-from tests.support.silent_reporter import Quiet
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -33,12 +33,12 @@ CHAINS = {
 
 
 @pytest.fixture(scope="module")
-def adjusted(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+def adjusted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """A store with a run `adjusted` of every kind, beside its plain run that is not computed."""
     path = tmp_path_factory.mktemp("live") / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     add_run(path, "adjusted", "vanilla", None, None, CHAINS)
-    precompute(path, Quiet(), ["adjusted"])
+    precompute(path, SilentReporter(), ["adjusted"])
     with s2rstore.open(path) as store:
         yield store
 
@@ -85,8 +85,8 @@ def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, ii
 
 
 @pytest.mark.parametrize("run", ["up", "low", "vanilla"])
-def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -> None:
-    with s2rstore.open(moved_world) as store:
+def test_moved_cameras_are_what_precompute_stores(moved_camera_store: Path, run: str) -> None:
+    with s2rstore.open(moved_camera_store) as store:
         live = LiveModel(store, "vanilla")
         assert live.no_renderer_reason is None
         chains = {side: store.run(run).adjustments(side) for side in SIDES}

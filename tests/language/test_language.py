@@ -208,16 +208,16 @@ def test_a_mask_belongs_to_who_asked_for_it(store: Store) -> None:
         base[0] = False
 
 
-def test_masks_of_one_run_or_view_are_not_anothers(own_store: Path) -> None:
+def test_masks_of_one_run_or_view_are_not_anothers(store_copy: Path) -> None:
     asked = [
         (text, run, view)
         for text in ("worst15", "gap > 0", "seq:3..9", "room:right", "real.lasso(0,0,9,0,5,8)")
         for run in ("vanilla", "dataaug")
         for view in (None, ("a",), ("b",))
     ]
-    with s2rstore.open(own_store) as shared:
+    with s2rstore.open(store_copy) as shared:
         for text, run, view in [*asked, *asked]:
-            with s2rstore.open(own_store) as fresh:
+            with s2rstore.open(store_copy) as fresh:
                 alone = evaluation.select(fresh, text, run, view)
             assert (evaluation.select(shared, text, run, view) == alone).all()
         assert 0 < shared.evaluated.nbytes < 2**20

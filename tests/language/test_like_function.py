@@ -71,17 +71,17 @@ def test_a_run_without_embeddings_says_so(store: Store) -> None:
             evaluate(store, "like(40, 4)", "vanilla")
 
 
-def test_embeddings_stand_in_for_components(own_store: Path) -> None:
+def test_embeddings_stand_in_for_components(store_copy: Path) -> None:
     rows = np.arange(N * 3, dtype=np.float32).reshape(N, 3)
-    embeddings.add(own_store, "vanilla", {"sim": rows, "real": rows}, "embedding")
-    with s2rstore.open(own_store) as store:
+    embeddings.add(store_copy, "vanilla", {"sim": rows, "real": rows}, "embedding")
+    with s2rstore.open(store_copy) as store:
         assert set(np.flatnonzero(evaluation.select(store, "like(5, 2)"))) == {4, 5, 6}
 
 
-def test_embeddings_of_other_instances_are_refused(own_store: Path) -> None:
-    embeddings.add(own_store, "vanilla", {"real": np.zeros((7, 2), np.float32)})
+def test_embeddings_of_other_instances_are_refused(store_copy: Path) -> None:
+    embeddings.add(store_copy, "vanilla", {"real": np.zeros((7, 2), np.float32)})
     with (
-        s2rstore.open(own_store) as store,
+        s2rstore.open(store_copy) as store,
         pytest.raises(RequestError, match="7 rows; run `s2r verify`"),
     ):
         nearest_neighbours.neighbours(store, "vanilla", "real", 3, 2)

@@ -67,12 +67,12 @@ WRAPPINGS = {
 
 
 @pytest.mark.parametrize("wrapping", list(WRAPPINGS))
-def test_state_dicts_load_however_they_are_wrapped(own_store, tmp_path, wrapping):
+def test_state_dicts_load_however_they_are_wrapped(store_copy, tmp_path, wrapping):
     network, state = network_state()
     file = tmp_path / "model.pth"
     torch.save(WRAPPINGS[wrapping](state), file)
     weights = read_weights(file, "resposenet")
-    loaded = through_store(own_store, weights, network.convention)
+    loaded = through_store(store_copy, weights, network.convention)
     assert loaded.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
     assert not loaded.network.training
     x = torch.rand(1, 4, 128, 128)
@@ -80,17 +80,17 @@ def test_state_dicts_load_however_they_are_wrapped(own_store, tmp_path, wrapping
         torch.testing.assert_close(loaded.network(x), network(x), rtol=0, atol=0)
 
 
-def test_safetensors_load(own_store, tmp_path):
+def test_safetensors_load(store_copy, tmp_path):
     network, state = network_state("posest")
     save_file(state, tmp_path / "model.safetensors")
     weights = read_weights(tmp_path / "model.safetensors", "posest")
-    loaded = through_store(own_store, weights, network.convention)
+    loaded = through_store(store_copy, weights, network.convention)
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
-def test_a_network_trained_here_comes_back_from_the_store(own_store):
+def test_a_network_trained_here_comes_back_from_the_store(store_copy):
     network, state = network_state()
-    loaded = through_store(own_store, pack_weights(network), network.convention)
+    loaded = through_store(store_copy, pack_weights(network), network.convention)
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
@@ -131,23 +131,23 @@ def test_wrong_keys_and_shapes_are_named(tmp_path):
             read_weights(file, "posest")
 
 
-def test_torchscript_needs_trust_and_then_runs_without_features(own_store, tmp_path):
+def test_torchscript_needs_trust_and_then_runs_without_features(store_copy, tmp_path):
     file = tmp_path / "script.pt"
     network, _ = network_state("posest")
     torch.jit.trace(network, torch.zeros(1, 4, 256, 256)).save(str(file))
     with pytest.raises(RequestError, match="--trust"):
         read_weights(file, "torchscript")
     weights = read_weights(file, "torchscript", trust=True)
-    loaded = through_store(own_store, weights, OutputConvention("degrees"), trust=True)
+    loaded = through_store(store_copy, weights, OutputConvention("degrees"), trust=True)
     x = torch.rand(1, 4, 256, 256)
     assert not loaded.network.has_features
     with torch.inference_mode():
         torch.testing.assert_close(loaded.network(x), network(x))
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="--trust"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="--trust"):
         load_model(store, "added")
 
 
-def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp_path):
+def test_factories_need_trust_and_take_weights_by_their_own_names(store_copy, tmp_path):
     module, file = Tiny(), tmp_path / "tiny.pth"
     torch.save(module.state_dict(), file)
     factory = f"{__name__}:Tiny"
@@ -155,16 +155,16 @@ def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp
         read_weights(file, factory)
     weights = read_weights(file, factory, trust=True)
     assert weights.input_size == (8, 8)
-    loaded = through_store(own_store, weights, OutputConvention("radians"), trust=True)
+    loaded = through_store(store_copy, weights, OutputConvention("radians"), trust=True)
     x = torch.rand(2, 4, 8, 8)
     with torch.inference_mode():
         torch.testing.assert_close(loaded.network(x), module(x)[0])
 
 
-def test_a_convention_that_does_not_fit_the_output_is_refused(own_store):
+def test_a_convention_that_does_not_fit_the_output_is_refused(store_copy):
     network, _ = network_state("posest")
     with pytest.raises(RequestError, match="3"):
-        through_store(own_store, pack_weights(network), OutputConvention("cos_sin"))
+        through_store(store_copy, pack_weights(network), OutputConvention("cos_sin"))
 
 
 def test_unknown_architectures_list_the_known_ones(tmp_path):

@@ -35,7 +35,7 @@ def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nig
 
 def made(folder: Path, store: Path) -> NightlyConfig:
     shutil.copytree(store, folder / "lab.s2r")
-    config = nights.written(folder, folder / "lab.s2r")
+    config = nights.write_config(folder, folder / "lab.s2r")
     return replace(config, sysid=SysidConfig(str(folder / "drives")))
 
 

@@ -30,15 +30,15 @@ from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.state import HeatChoice
-from tests.support.copies import copied
-from tests.support.silent_reporter import Quiet
+from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
 @pytest.fixture(scope="module")
-def store(moved_world: Path) -> Store:
-    return s2rstore.open(moved_world)
+def store(moved_camera_store: Path) -> Store:
+    return s2rstore.open(moved_camera_store)
 
 
 def array(store: Store, run: str, *names: str | None) -> np.ndarray:
@@ -56,7 +56,7 @@ def test_zero_everywhere_gives_the_very_same_bytes(store: Store) -> None:
         assert (run_frame(store, run, side, 3).rgb == store.frame(3, side).rgb).all()
 
 
-def test_only_the_moved_side_has_frames_of_its_own(store: Store, moved_world: Path) -> None:
+def test_only_the_moved_side_has_frames_of_its_own(store: Store, moved_camera_store: Path) -> None:
     kept = {
         run: sorted((r.kind, r.side) for r in store.arrays(run) if r.kind.startswith("frames:"))
         for run in ("vanilla", "zero", "up", "low")
@@ -69,7 +69,7 @@ def test_only_the_moved_side_has_frames_of_its_own(store: Store, moved_world: Pa
     assert (array(store, "up", "prediction", "sim")
             != array(store, "vanilla", "prediction", "sim")).any()  # fmt: skip
     assert "frames:rgb" not in {kind for kind, _ in heatmap_choices(store, "up")}
-    assert verify(moved_world) == []
+    assert verify(moved_camera_store) == []
 
 
 def floor_heights(depth: np.ndarray, domain: Domain) -> np.ndarray:
@@ -168,18 +168,20 @@ def test_the_counterfactual_with_all_factors_is_the_stored_error(store: Store) -
     ).any()
 
 
-def test_moved_cameras_need_a_renderer(tiny_store: Path, own_store: Path) -> None:
+def test_moved_cameras_need_a_renderer(tiny_store: Path, store_copy: Path) -> None:
     with s2rstore.open(tiny_store) as opened:
         assert "not rendered" in str(no_renderer_reason(opened))
         with pytest.raises(RequestError, match="taken, not rendered"):
             open_renderer(opened, "sim")
     with pytest.raises(RequestError, match="taken, not rendered"):
-        add_run(own_store, "up", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
-    add_run(own_store, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
+        add_run(store_copy, "up", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
+    add_run(store_copy, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
 
 
-def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "other.s2r")
+def test_a_world_that_is_rendered_otherwise_is_refused(
+    moved_camera_store: Path, tmp_path: Path
+) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "other.s2r")
     with s2rstore.open(path) as opened:
         assert no_renderer_reason(opened) is None
         recipe = json.loads(opened.provenance("world")["recipe"])
@@ -192,18 +194,18 @@ def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_pa
         add_run(path, "sunk", "vanilla", None, None, twice)
 
 
-def test_frames_are_neither_pruned_nor_made_again(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "pruned.s2r")
+def test_frames_are_neither_pruned_nor_made_again(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "pruned.s2r")
     prune(path, keep=1)
     assert verify(path) == []
-    told = Quiet()
+    told = SilentReporter()
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
     assert precompute(path, told, ["up"], PrecomputeOptions(kinds)) == []
     assert told.lines == ["up: up to date"]
 
 
-def test_frames_that_are_not_computed_yet_say_so(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "later.s2r")
+def test_frames_that_are_not_computed_yet_say_so(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "later.s2r")
     add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)

@@ -14,7 +14,7 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
 from s2rtui.session.heatmaps import heatmap_choices
-from tests.precompute.test_pipeline import Quiet
+from tests.precompute.test_pipeline import SilentReporter
 
 FEW = PrecomputeOptions(kinds=("feature_distance",))
 
@@ -60,10 +60,10 @@ def test_equal_embeddings_have_no_outlier() -> None:
 
 
 @pytest.fixture(scope="module")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("outlier") / "s.s2r"
-    shutil.copytree(trained, path)
-    assert precompute(path, Quiet(), ["vanilla"], FEW) == ["vanilla"]
+    shutil.copytree(trained_store, path)
+    assert precompute(path, SilentReporter(), ["vanilla"], FEW) == ["vanilla"]
     return path
 
 
@@ -102,7 +102,7 @@ def test_only_what_is_missing_is_computed(computed: Path, tmp_path: Path, column
             draft._connection.execute("DROP VIEW pair")
             draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
     written = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("*") if p.is_file()}
-    told = Quiet()
+    told = SilentReporter()
     assert precompute(path, told, ["vanilla"], FEW) == ["vanilla"]
     assert told.steps == 40
     assert {p: p.stat().st_mtime_ns for p in written} == written
@@ -126,7 +126,7 @@ def test_several_units_are_one_score(
         draft.delete("zarr_array", kind=outliers.KIND)
     monkeypatch.setattr("s2rtools.precompute.tasks.outliers.OUTLIER_ROWS", 32)
     monkeypatch.setattr("s2rtools.precompute.tasks.outliers._READ_ROWS", 7)
-    precompute(path, Quiet(), ["vanilla"], FEW)
+    precompute(path, SilentReporter(), ["vanilla"], FEW)
     with s2rstore.open(path) as store:
         assert np.allclose(store.run_columns("vanilla").sim.outlier, whole, rtol=1e-6)
     assert verify(path) == []

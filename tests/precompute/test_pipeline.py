@@ -28,7 +28,7 @@ from s2rtools.precompute.registration import add_run
 pytestmark = pytest.mark.xdist_group("computed")
 
 
-class Quiet:
+class SilentReporter:
     """A reporter that counts."""
 
     def __init__(self) -> None:
@@ -45,14 +45,14 @@ class Quiet:
 
 
 @pytest.fixture(scope="session")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same store, all runs computed."""
     path = tmp_path_factory.mktemp("computed") / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     add_run(path, "black", "vanilla", None, None, parse_adjustment("real:black"))
     add_run(path, "bright", "vanilla", None, None, parse_adjustment("real:brightness=1.15"))
-    assert precompute(path, Quiet(), ["vanilla"]) == ["vanilla"]
-    assert precompute(path, Quiet(), ["black", "bright"], PrecomputeOptions(())) == [
+    assert precompute(path, SilentReporter(), ["vanilla"]) == ["vanilla"]
+    assert precompute(path, SilentReporter(), ["black", "bright"], PrecomputeOptions(())) == [
         "black",
         "bright",
     ]
@@ -123,19 +123,19 @@ def test_instances_known_to_the_model_are_marked(computed: Path) -> None:
 
 def test_nothing_is_computed_twice(computed: Path, tmp_path: Path) -> None:
     generation = layout.read_current(computed).generation
-    told = Quiet()
+    told = SilentReporter()
     assert precompute(computed, told, ["vanilla"]) == []
     assert (told.steps, told.lines) == (0, ["vanilla: up to date"])
     assert layout.read_current(computed).generation == generation
 
 
 def test_several_workers_give_the_same_values(
-    computed: Path, trained: Path, tmp_path: Path
+    computed: Path, trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     kinds = ("feature_distance", "occlusion")
-    precompute(path, Quiet(), [], PrecomputeOptions(kinds, workers=2))
+    precompute(path, SilentReporter(), [], PrecomputeOptions(kinds, workers=2))
     assert verify(path) == []
     _same(path, computed, 1e-5)
 
@@ -153,10 +153,10 @@ def _same(path: Path, reference: Path, tolerance: float) -> None:
 
 
 def test_kill_9_loses_only_what_was_in_flight(
-    computed: Path, trained: Path, tmp_path: Path
+    computed: Path, trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     before = layout.read_current(path).generation
     for number in range(3):
         _killed(path, tmp_path, number)
@@ -165,7 +165,7 @@ def test_kill_9_loses_only_what_was_in_flight(
             assert store.run("vanilla").key is None
     proven = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("0") if p.is_file()}
     assert proven
-    precompute(path, Quiet())
+    precompute(path, SilentReporter())
     assert verify(path) == []
     assert {p: p.stat().st_mtime_ns for p in proven} == proven
     _same(path, computed, 0)
@@ -189,15 +189,15 @@ def _ledger_lines(path: Path) -> int:
     return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
 
 
-def test_wrong_requests_name_what_could_be(trained: Path) -> None:
+def test_wrong_requests_name_what_could_be(trained_store: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
-        precompute(trained, Quiet(), ["nothing"])
+        precompute(trained_store, SilentReporter(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
-        precompute(trained, Quiet(), [], PrecomputeOptions(("heat",)))
+        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(("heat",)))
     with pytest.raises(RequestError, match="backend"):
-        precompute(trained, Quiet(), [], PrecomputeOptions(backend="abacus"))
+        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(backend="abacus"))
     with pytest.raises(RequestError, match="models: vanilla"):
-        add_run(trained, "x", "nothing", None, None, {"sim": [], "real": []})
+        add_run(trained_store, "x", "nothing", None, None, {"sim": [], "real": []})
 
 
 @pytest.mark.parametrize("codes", [[], [3], [0, 0, 1, 3, 3, 0]])

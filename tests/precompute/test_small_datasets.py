@@ -34,19 +34,19 @@ def test_no_valid_instance_has_no_projection() -> None:
     assert np.isnan(sim).all()
 
 
-def test_a_name_is_given_once(own_store: Path) -> None:
+def test_a_name_is_given_once(store_copy: Path) -> None:
     def add(_: int) -> bool:
         try:
-            add_run(own_store, "dup", "vanilla", None, None, {"sim": [], "real": []})
+            add_run(store_copy, "dup", "vanilla", None, None, {"sim": [], "real": []})
         except RequestError:
             return False
         return True
 
     with ThreadPoolExecutor(3) as pool:
         assert sorted(pool.map(add, range(3))) == [False, False, True]
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.execute("SELECT count(*) FROM run WHERE run = 'dup'") == [(1,)]
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
 def test_a_split_of_another_data_set_is_refused() -> None:

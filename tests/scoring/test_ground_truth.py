@@ -21,14 +21,14 @@ from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 pytestmark = pytest.mark.xdist_group("world")
 
 KINDS = ("pixel_difference", "harmonised_difference", "harmonised_distance")
 
 
-class Quiet:
+class SilentReporter:
     def begin(self, what: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
     def say(self, line: str) -> None: ...
@@ -38,7 +38,7 @@ def make(path: Path, factors: str) -> Path:
     words = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
     assert main([*words, "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
-    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(KINDS))
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
     return path
 
 
@@ -54,12 +54,12 @@ def light_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def objects_scored(objects_only: Path) -> report.ScoreReport:
-    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
+    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
 
 
 @pytest.fixture(scope="module")
 def light_scored(light_only: Path) -> report.ScoreReport:
-    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), Quiet())
+    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
 
 
 def rows(scored: report.ScoreReport, **wanted: str) -> list[dict]:
@@ -93,7 +93,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["ingest", "world", "--instances", "6", "--store", str(path)]
     assert main(words) == 0
     pretrained.add_pretrained_models(path)
-    precompute(path, Quiet(), ["vanilla", "finetune"], PrecomputeOptions(()))
+    precompute(path, SilentReporter(), ["vanilla", "finetune"], PrecomputeOptions(()))
     return path
 
 
@@ -122,11 +122,11 @@ def test_counterfactuals_begin_and_end_at_the_stored_predictions(everything: Pat
 
 
 def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> None:
-    own = copied(everything, tmp_path / "own.s2r")
+    own = copy_store(everything, tmp_path / "own.s2r")
     request = TrainingRequest("vanilla", name="mine", steps=1)
     train_into_store(own, request, lambda *told: None, "s2r train")
-    precompute(own, Quiet(), ["mine"], PrecomputeOptions(()))
-    scored = report.score(own, report.ScoreSettings(("mine",), 12), Quiet())
+    precompute(own, SilentReporter(), ["mine"], PrecomputeOptions(()))
+    scored = report.score(own, report.ScoreSettings(("mine",), 12), SilentReporter())
     with s2rstore.open(own) as store:
         fresh = int(run_metrics.held_out(store, "mine").sum())
     if fresh:
@@ -182,9 +182,11 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Scor
 def test_equal_seeds_give_equal_text(
     objects_only: Path, objects_scored: report.ScoreReport
 ) -> None:
-    again = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
+    again = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
     assert json.dumps(again, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
-    other = report.score(objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), Quiet())
+    other = report.score(
+        objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), SilentReporter()
+    )
     assert other["heatmaps"] != again["heatmaps"]
 
 
@@ -200,8 +202,8 @@ def test_a_score_is_kept_once_and_told(
 
 
 def test_what_is_noted_of_a_kind_outlives_other_kinds(objects_only: Path, tmp_path: Path) -> None:
-    own = copied(objects_only, tmp_path / "own.s2r")
-    precompute(own, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+    own = copy_store(objects_only, tmp_path / "own.s2r")
+    precompute(own, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     with s2rstore.open(objects_only) as before, s2rstore.open(own) as after:
         old, new = (store.provenance("run:vanilla") for store in (before, after))
     assert json.loads(new["surfaces"]) == json.loads(old["surfaces"])

@@ -52,16 +52,16 @@ def test_a_run_keeps_the_order_of_its_steps(
     session.close()
 
 
-def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
-    session = with_chain(own_store, BRIGHT, FLAT, BRIGHT)
+def test_a_step_taken_twice_is_refused(store_copy: Path) -> None:
+    session = with_chain(store_copy, BRIGHT, FLAT, BRIGHT)
     assert session.state.adjust is not None
     with pytest.raises(RequestError, match="run vanilla: applies an adjustment twice"):
         adjusting.adjustment_chains(session.state.adjust)
     session.close()
     chains = {"sim": [], "real": [BRIGHT, FLAT, BRIGHT]}
     with pytest.raises(RequestError, match="--adjust real: brightness twice"):
-        add_run(own_store, "later", "vanilla", None, None, chains)
-    with s2rstore.open(own_store) as store:
+        add_run(store_copy, "later", "vanilla", None, None, chains)
+    with s2rstore.open(store_copy) as store:
         assert "later" not in store.runs
 
 

@@ -18,14 +18,14 @@ from s2rtui.session.model_input import model_input
 
 
 @pytest.fixture
-def store(own_store: Path) -> Store:
+def store(store_copy: Path) -> Store:
     for name, chain in (
         ("bright", "real:brightness=1.5"),
         ("dark", "real:black"),
         ("many", "real:brightness=1.5,contrast=0.5"),
     ):
-        add_run(own_store, name, "vanilla", None, None, parse_adjustment(chain))
-    return s2rstore.open(own_store)
+        add_run(store_copy, name, "vanilla", None, None, parse_adjustment(chain))
+    return s2rstore.open(store_copy)
 
 
 def run(store: Store, name: str) -> Run:
@@ -68,8 +68,8 @@ def test_without_the_tools_the_stored_frame_says_so(
 
 
 @pytest.mark.xdist_group("world")
-def test_the_instance_view_shows_the_moved_camera(moved_world: Path) -> None:
-    with s2rstore.open(moved_world) as store:
+def test_the_instance_view_shows_the_moved_camera(moved_camera_store: Path) -> None:
+    with s2rstore.open(moved_camera_store) as store:
         up, plain = (instance_input(store, name, 2, None) for name in ("up", "vanilla"))
         assert (up.sim.rgb != plain.sim.rgb).mean() > 0.5
         assert (up.real.rgb == plain.real.rgb).all()

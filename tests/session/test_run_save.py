@@ -22,13 +22,15 @@ from s2rtools.adjustments import make_chain
 from s2rtools.precompute.registration import add_run, drop_run
 from s2rtui.cli import main
 from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
-def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "s.s2r")
+def test_a_saved_run_is_the_one_of_the_command_line(
+    moved_camera_store: Path, tmp_path: Path
+) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     chain = {
         "sim": make_chain("sim", {"camera_pitch": 2.0}),
         "real": make_chain("real", {"contrast": 0.9, "brightness": 1.15}),
@@ -68,8 +70,8 @@ def waited(saving: PrecomputeJob, stage: str) -> None:
     raise AssertionError(saving.progress)
 
 
-def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
+def test_a_saving_ends_with_a_killed_application(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
         "import sys; from pathlib import Path\n"
@@ -100,16 +102,16 @@ def _state(process: int) -> str:
     return "Z"
 
 
-def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
+def test_a_busy_store_is_refused_at_once(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     with locks.compute_lock(path), pytest.raises(RequestError, match="holds the compute lock"):
         save_run(path, "saved", "vanilla", {})
     with s2rstore.open(path) as store:
         assert "saved" not in store.runs
 
 
-def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
+def test_a_run_that_is_left_can_be_gone_on_with(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     saving = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
     waited(saving, "forward")
     began = time.monotonic()
@@ -125,28 +127,28 @@ def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -
     assert verify(path) == []
 
 
-def test_wrong_requests_start_nothing(trained: Path) -> None:
+def test_wrong_requests_start_nothing(trained_store: Path) -> None:
     with pytest.raises(RequestError, match="choose another name"):
-        save_run(trained, "vanilla", "vanilla", {})
+        save_run(trained_store, "vanilla", "vanilla", {})
     with pytest.raises(RequestError, match="runs: vanilla"):
-        save_run(trained, "saved", "nothing", {})
+        save_run(trained_store, "saved", "nothing", {})
     with pytest.raises(RequestError, match="taken, not rendered"):
-        save_run(trained, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
+        save_run(trained_store, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
 
 
-def test_computed_runs_are_not_dropped(own_store: Path) -> None:
-    assert not drop_run(own_store, "vanilla")
-    assert not drop_run(own_store, "nothing")
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    assert drop_run(own_store, "later")
-    with s2rstore.open(own_store) as store:
+def test_computed_runs_are_not_dropped(store_copy: Path) -> None:
+    assert not drop_run(store_copy, "vanilla")
+    assert not drop_run(store_copy, "nothing")
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    assert drop_run(store_copy, "later")
+    with s2rstore.open(store_copy) as store:
         assert list(store.runs) == ["vanilla", "dataaug"]
 
 
 def test_progress_is_told_as_json_and_survives_its_reader(
-    moved_world: Path, tmp_path: Path
+    moved_camera_store: Path, tmp_path: Path
 ) -> None:
-    path = copied(moved_world, tmp_path / "s.s2r")
+    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     add_run(path, "later", "perlin", None, None, {"sim": [], "real": []})
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
                "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip

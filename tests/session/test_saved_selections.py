@@ -130,7 +130,7 @@ def test_nothing_is_written_over_what_cannot_be_read(tiny_store: Path, session: 
 
 @pytest.mark.parametrize("section", ["selections", "remarks", "history"])
 def test_a_section_of_another_form_is_kept(
-    tiny_store: Path, own_things: Path, section: str
+    tiny_store: Path, user_data_folder: Path, section: str
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -163,7 +163,7 @@ def test_impossible_names_are_refused(session: Session, name: str) -> None:
 
 @pytest.mark.parametrize("content", ["", "{}", '{"version": 1}', "[1]", '{"version": 2'])
 def test_a_damaged_notebook_is_refused_and_left_alone(
-    tiny_store: Path, own_things: Path, content: str
+    tiny_store: Path, user_data_folder: Path, content: str
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -174,7 +174,7 @@ def test_a_damaged_notebook_is_refused_and_left_alone(
 
 
 def test_a_patient_notebook_is_empty_until_its_file_is_mended(
-    tiny_store: Path, own_things: Path
+    tiny_store: Path, user_data_folder: Path
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -309,11 +309,11 @@ def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) -> None:
+def test_an_instance_leads_to_what_is_seen_alike(store_copy: Path, side: Side) -> None:
     rng = np.random.default_rng(3)
     points = {side: rng.normal(size=(40, 3)) for side in ("sim", "real")}
-    embeddings.add(own_store, "vanilla", points)
-    session = Session(own_store, "vanilla")
+    embeddings.add(store_copy, "vanilla", points)
+    session = Session(store_copy, "vanilla")
     session.set_cursor(4)
     heat = session.state.heat
     assert heat is not None

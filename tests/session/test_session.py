@@ -110,11 +110,11 @@ def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     ]
 
 
-def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> None:
-    session = Session(own_store)
+def test_a_newer_generation_is_noticed_and_taken_when_asked(store_copy: Path) -> None:
+    session = Session(store_copy)
     session.select("worst15")
     assert not session.check_for_updates()
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.delete("run", run="dataaug")
     assert session.check_for_updates()
     assert session.state.runs == ("vanilla", "dataaug")
@@ -124,16 +124,16 @@ def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> 
     assert session.open_newest_generation().message == "this is the newest generation"
 
 
-def test_a_run_that_is_not_computed_is_refused(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_a_run_that_is_not_computed_is_refused(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE run SET key = NULL WHERE run = 'dataaug'")
     with pytest.raises(RequestError, match="not computed"):
-        Session(own_store, "dataaug")
-    assert Session(own_store).state.runs == ("vanilla",)
-    with edit(own_store) as draft:
+        Session(store_copy, "dataaug")
+    assert Session(store_copy).state.runs == ("vanilla",)
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE run SET key = NULL")
     with pytest.raises(RequestError, match="s2r precompute"):
-        Session(own_store)
+        Session(store_copy)
 
 
 def test_views_get_the_stores_numbers(session: Session) -> None:

@@ -18,7 +18,7 @@ from bench.support.sshd import Sshd, application
 from s2rstore.files import layout
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 OpenScreen = Callable[..., Screen]
 USERS = 8
@@ -27,9 +27,9 @@ KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m",
 
 
 @pytest.fixture
-def computed(trained: Path, tmp_path: Path) -> Path:
+def computed(trained_store: Path, tmp_path: Path) -> Path:
     """A computed store with two more runs that are not computed yet."""
-    path = copied(trained, tmp_path / "s.s2r")
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     assert main(["precompute", str(path), "--kinds", KINDS]) == 0
     for number in (1, 2):
         adjust = f"real:brightness=1.{number}"

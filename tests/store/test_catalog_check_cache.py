@@ -9,7 +9,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index import catalog_check, catalog_check_cache, locked_connection
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 
 @pytest.fixture
@@ -38,19 +38,19 @@ def index_of(store: Path) -> Path:
 
 
 def test_equal_content_is_compared_once(
-    own_store: Path, tmp_path: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, tmp_path: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = index_of(copied(own_store, tmp_path / "other.s2r"))
-    opened(index_of(own_store), monkeypatch)
-    opened(index_of(own_store), monkeypatch)
+    other = index_of(copy_store(store_copy, tmp_path / "other.s2r"))
+    opened(index_of(store_copy), monkeypatch)
+    opened(index_of(store_copy), monkeypatch)
     opened(other, monkeypatch)
-    assert compared == [index_of(own_store)]
+    assert compared == [index_of(store_copy)]
 
 
 def test_another_expectation_is_compared_again(
-    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    index = index_of(own_store)
+    index = index_of(store_copy)
     opened(index, monkeypatch)
     monkeypatch.setattr(locked_connection, "_checked", {})
     with pytest.raises(RequestError):
@@ -59,9 +59,9 @@ def test_another_expectation_is_compared_again(
 
 
 def test_what_was_refused_is_not_remembered(
-    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+    store_copy: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    index = index_of(own_store)
+    index = index_of(store_copy)
     for _ in range(2):
         monkeypatch.setattr(locked_connection, "_checked", {})
         with pytest.raises(RequestError):
@@ -71,7 +71,7 @@ def test_what_was_refused_is_not_remembered(
 
 @pytest.mark.parametrize("trouble", ["others may write", "a link", "a file"])
 def test_a_folder_that_is_not_the_users_alone_is_not_used(
-    own_store: Path,
+    store_copy: Path,
     tmp_path: Path,
     compared: list[Path],
     monkeypatch: pytest.MonkeyPatch,
@@ -87,7 +87,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(
     else:
         folder.mkdir()
         folder.chmod(0o777)
-    index = index_of(own_store)
+    index = index_of(store_copy)
     for _ in range(2):
         opened(index, monkeypatch)
     assert compared == [index, index]

@@ -32,20 +32,20 @@ def _changed(root: Path, **values: object) -> None:
         {"index": "../x.duckdb"}, {"bytes": 1}, {"sha256": "0"},
     ],
 )  # fmt: skip
-def test_a_current_file_that_lies_is_found_and_never_pruned_by(own_store: Path, values) -> None:
-    _changed(own_store, **values)
-    before = sorted(own_store.rglob("*"))
-    assert verify(own_store)
+def test_a_current_file_that_lies_is_found_and_never_pruned_by(store_copy: Path, values) -> None:
+    _changed(store_copy, **values)
+    before = sorted(store_copy.rglob("*"))
+    assert verify(store_copy)
     if "bytes" not in values and "sha256" not in values:
         with pytest.raises(RequestError):
-            prune(own_store, keep=1)
-        assert sorted(own_store.rglob("*")) == before
+            prune(store_copy, keep=1)
+        assert sorted(store_copy.rglob("*")) == before
 
 
-def test_prune_refuses_what_it_does_not_know(own_store: Path) -> None:
-    _changed(own_store, schema=99)
+def test_prune_refuses_what_it_does_not_know(store_copy: Path) -> None:
+    _changed(store_copy, schema=99)
     with pytest.raises(RequestError, match="schema 99"):
-        prune(own_store)
+        prune(store_copy)
 
 
 def _publish_slowly(root: Path, started) -> None:
@@ -55,17 +55,17 @@ def _publish_slowly(root: Path, started) -> None:
         time.sleep(0.7)
 
 
-def test_prune_spares_what_is_published_while_it_waits(own_store: Path) -> None:
+def test_prune_spares_what_is_published_while_it_waits(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
     started = context.Event()
-    writer = context.Process(target=_publish_slowly, args=(own_store, started))
+    writer = context.Process(target=_publish_slowly, args=(store_copy, started))
     writer.start()
     assert started.wait(60)
-    prune(own_store, keep=1)
+    prune(store_copy, keep=1)
     writer.join()
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.provenance("late") == {"a": "1"}
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
 def _sql(root: Path, statement: str) -> None:
@@ -90,10 +90,10 @@ def _sql(root: Path, statement: str) -> None:
         "INSERT INTO model SELECT * FROM model LIMIT 1",
     ],
 )
-def test_verify_recomputes_what_the_index_says(own_store: Path, statement: str) -> None:
-    assert verify(own_store) == []
-    _sql(own_store, statement)
-    assert verify(own_store)
+def test_verify_recomputes_what_the_index_says(store_copy: Path, statement: str) -> None:
+    assert verify(store_copy) == []
+    _sql(store_copy, statement)
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,11 @@ def test_verify_recomputes_what_the_index_says(own_store: Path, statement: str) 
         "DROP VIEW pair; DROP TABLE room",
     ],
 )
-def test_names_do_not_lead_out_of_the_store(own_store: Path, statement: str) -> None:
-    _sql(own_store, statement)
+def test_names_do_not_lead_out_of_the_store(store_copy: Path, statement: str) -> None:
+    _sql(store_copy, statement)
     with pytest.raises(RequestError):
-        _read_all(own_store)
-    assert verify(own_store)
+        _read_all(store_copy)
+    assert verify(store_copy)
 
 
 def _read_all(root: Path) -> None:
@@ -122,22 +122,22 @@ def _read_all(root: Path) -> None:
         store.heatmap("vanilla", "occlusion", "real", 0)
 
 
-def test_a_missing_or_damaged_shard_is_no_picture(own_store: Path) -> None:
-    with s2rstore.open(own_store) as store:
+def test_a_missing_or_damaged_shard_is_no_picture(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as store:
         record, _ = store.array("vanilla", "occlusion", "real", "rgbd")
         assert np.abs(store.heatmap("vanilla", "occlusion", "real", 0)).max() > 0
-    shard = stored_array.shard_file(own_store / "runs.zarr" / record.path, 0, len(record.shape))
+    shard = stored_array.shard_file(store_copy / "runs.zarr" / record.path, 0, len(record.shape))
     content = shard.read_bytes()
     shard.unlink()
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="missing"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="missing"):
         store.heatmap("vanilla", "occlusion", "real", 0)
     shard.write_bytes(content[:-40])
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="damaged"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="damaged"):
         store.heatmap("vanilla", "occlusion", "real", 0)
-    (own_store / "runs.zarr" / record.path / "zarr.json").write_text("[]")
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="metadata"):
+    (store_copy / "runs.zarr" / record.path / "zarr.json").write_text("[]")
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="metadata"):
         store.heatmap("vanilla", "occlusion", "real", 0)
-    assert verify(own_store)
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize("iid", [-1, 40])

@@ -15,16 +15,16 @@ from s2rstore.maintenance.verify import verify
 
 
 @pytest.fixture
-def older(own_store: Path) -> Path:
+def older(store_copy: Path) -> Path:
     view = schema._pair_view()
     for side, alias in (("sim", "s"), ("real", "r")):
         view = view.replace(f"{alias}.outlier AS {side}_outlier, ", "")
     assert "outlier" not in view
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft._connection.execute("DROP VIEW pair")
         draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
         draft._connection.execute(view)
-    return own_store
+    return store_copy
 
 
 def test_it_opens_and_what_it_lacks_is_missing(older: Path) -> None:
@@ -53,9 +53,9 @@ def test_the_next_generation_has_the_column(older: Path) -> None:
     assert verify(older) == []
 
 
-def test_a_negative_outlier_score_is_damage(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_a_negative_outlier_score_is_damage(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft._connection.execute(
             "UPDATE prediction SET outlier = -1 WHERE iid = 3 AND side = 'sim'"
         )
-    assert [damage.what for damage in verify(own_store)] == ["2 rows: outlier is no distance"]
+    assert [damage.what for damage in verify(store_copy)] == ["2 rows: outlier is no distance"]

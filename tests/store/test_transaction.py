@@ -20,38 +20,38 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 
 
-def test_a_failed_edit_leaves_the_generation_as_it_was(own_store: Path) -> None:
-    before = layout.read_current(own_store)
-    with contextlib.suppress(ZeroDivisionError), edit(own_store) as draft:
+def test_a_failed_edit_leaves_the_generation_as_it_was(store_copy: Path) -> None:
+    before = layout.read_current(store_copy)
+    with contextlib.suppress(ZeroDivisionError), edit(store_copy) as draft:
         draft.delete("run")
         raise ZeroDivisionError
-    assert layout.read_current(own_store) == before
-    assert not list((own_store / "index").glob(".building*"))
-    assert verify(own_store) == []
+    assert layout.read_current(store_copy) == before
+    assert not list((store_copy / "index").glob(".building*"))
+    assert verify(store_copy) == []
 
 
-def test_readers_keep_their_generation(own_store: Path) -> None:
-    with s2rstore.open(own_store) as store:
+def test_readers_keep_their_generation(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as store:
         first = store.generation
-        with edit(own_store) as draft:
+        with edit(store_copy) as draft:
             draft.set_provenance("test", {"told": "new"})
             draft.delete("run", run="dataaug")
         assert store.provenance("test") == {}
         assert "dataaug" in store.runs
         assert store.latest_generation() == first + 1
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.provenance("test") == {"told": "new"}
         assert "dataaug" not in store.runs
 
 
-def test_an_index_name_is_never_used_again(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_an_index_name_is_never_used_again(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
-    newest = layout.read_current(own_store).generation
-    (own_store / layout.index_name(newest + 5)).touch()
-    with edit(own_store) as draft:
+    newest = layout.read_current(store_copy).generation
+    (store_copy / layout.index_name(newest + 5)).touch()
+    with edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 2})
-    assert layout.read_current(own_store).generation == newest + 6
+    assert layout.read_current(store_copy).generation == newest + 6
 
 
 def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -> None:
@@ -75,10 +75,10 @@ def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -
     assert schema.STORAGE_VERSION in str(tags)
 
 
-def test_nan_becomes_null(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_nan_becomes_null(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.insert("instance", {"iid": [99], "x": [float("nan")], "room": [None]})
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.execute("SELECT x, room FROM instance WHERE iid = 99") == [(None, None)]
 
 
@@ -88,14 +88,14 @@ def _publish_many(path: str, count: int) -> None:
             draft.set_provenance("many", {f"n{number}": number})
 
 
-def test_readers_never_meet_a_torn_state(own_store: Path) -> None:
+def test_readers_never_meet_a_torn_state(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
-    writer = context.Process(target=_publish_many, args=(str(own_store), 8))
+    writer = context.Process(target=_publish_many, args=(str(store_copy), 8))
     writer.start()
     seen = set()
     try:
         while writer.is_alive():
-            with s2rstore.open(own_store) as store:
+            with s2rstore.open(store_copy) as store:
                 told = store.provenance("many")
                 assert len(told) in {0, *range(9)}
                 assert len(store.run_columns("vanilla").valid) == 40
@@ -104,26 +104,26 @@ def test_readers_never_meet_a_torn_state(own_store: Path) -> None:
         writer.join()
     assert writer.exitcode == 0
     assert len(seen) >= 2
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
-def test_two_writers_take_turns(own_store: Path) -> None:
+def test_two_writers_take_turns(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=_publish_many, args=(str(own_store), 4)) for _ in range(2)]
-    before = layout.read_current(own_store).generation
+    writers = [context.Process(target=_publish_many, args=(str(store_copy), 4)) for _ in range(2)]
+    before = layout.read_current(store_copy).generation
     for writer in writers:
         writer.start()
     for writer in writers:
         writer.join()
     assert [writer.exitcode for writer in writers] == [0, 0]
-    assert layout.read_current(own_store).generation == before + 8
+    assert layout.read_current(store_copy).generation == before + 8
 
 
-def test_the_compute_lock_names_its_holder(own_store: Path) -> None:
+def test_the_compute_lock_names_its_holder(store_copy: Path) -> None:
     with (
-        locks.compute_lock(own_store),
+        locks.compute_lock(store_copy),
         pytest.raises(StoreBusyError, match="process"),
-        locks.compute_lock(own_store),
+        locks.compute_lock(store_copy),
     ):
         pass
 
@@ -139,30 +139,30 @@ def test_what_is_no_store_is_refused(tmp_path: Path, content: str | None, hint: 
         s2rstore.open(tmp_path)
 
 
-def test_a_store_of_another_schema_is_refused(own_store: Path) -> None:
-    current = json.loads((own_store / "CURRENT.json").read_text())
+def test_a_store_of_another_schema_is_refused(store_copy: Path) -> None:
+    current = json.loads((store_copy / "CURRENT.json").read_text())
     current["schema"] = 999
-    (own_store / "CURRENT.json").write_text(json.dumps(current))
+    (store_copy / "CURRENT.json").write_text(json.dumps(current))
     with pytest.raises(RequestError, match="schema 999"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
-def test_prune_keeps_what_kept_generations_reference(own_store: Path) -> None:
+def test_prune_keeps_what_kept_generations_reference(store_copy: Path) -> None:
     for number in range(4):
-        with edit(own_store) as draft:
+        with edit(store_copy) as draft:
             draft.set_provenance("n", {"number": number})
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.delete("zarr_array", run="dataaug")
-    orphan = own_store / "runs.zarr" / "vanilla" / "orphan"
+    orphan = store_copy / "runs.zarr" / "vanilla" / "orphan"
     orphan.mkdir()
     (orphan / "file").write_bytes(b"123")
-    told = prune(own_store, keep=1, dry_run=True)
+    told = prune(store_copy, keep=1, dry_run=True)
     assert orphan.exists()
-    assert prune(own_store, keep=1) == told
+    assert prune(store_copy, keep=1) == told
     assert not orphan.exists()
-    assert not (own_store / "runs.zarr" / "dataaug").exists()
-    assert verify(own_store) == []
-    with s2rstore.open(own_store) as store:
+    assert not (store_copy / "runs.zarr" / "dataaug").exists()
+    assert verify(store_copy) == []
+    with s2rstore.open(store_copy) as store:
         assert store.heatmap("vanilla", "occlusion", "real", 3).shape == (6, 6)
 
 
@@ -184,9 +184,9 @@ def _cut_index(root: Path) -> None:
 
 
 @pytest.mark.parametrize("harm", [_damage_shard, _remove_shard, _cut_index])
-def test_verify_finds_damage(own_store: Path, harm) -> None:
-    harm(own_store)
-    assert verify(own_store)
+def test_verify_finds_damage(store_copy: Path, harm) -> None:
+    harm(store_copy)
+    assert verify(store_copy)
 
 
 def test_the_sandbox_reaches_no_other_file(tiny_store: Path, tmp_path: Path) -> None:

@@ -6,6 +6,6 @@ import shutil
 from pathlib import Path
 
 
-def copied(store: Path, target: Path) -> Path:
+def copy_store(store: Path, target: Path) -> Path:
     """A copy at `target`, which must not exist."""
     return Path(shutil.copytree(store, target))

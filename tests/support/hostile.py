@@ -11,7 +11,7 @@ from bench.edited_index import Statement, edited
 from s2rstore.gap_history import reader
 from s2rstore.gap_history import schema as history_schema
 from s2rstore.index import schema
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 CLIPBOARD = "\x1b]52;c;aGFja2Vk\x07"
 """A complete OSC 52 sequence: a terminal that obeys writes the user's clipboard."""
@@ -41,9 +41,9 @@ def edit(store: Path, *statements: Statement) -> Path:
     return store
 
 
-def poisoned(source: Path, target: Path, text: str = HOSTILE) -> Path:
+def with_hostile_texts(source: Path, target: Path, text: str = HOSTILE) -> Path:
     """A copy of a store with `text` in every free text column; rooms keep distinct ends."""
-    store = copied(source, target)
+    store = copy_store(source, target)
     changes: list[Statement] = []
     for table, column in FREE:
         if column == "room":

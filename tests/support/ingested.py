@@ -17,7 +17,7 @@ from tests.support import pairs
 LOGS = ("real", "sim", "untuned", "commands")
 
 
-def ingested(folder: Path, n: int = 4) -> Path:
+def build_ingested_store(folder: Path, n: int = 4) -> Path:
     """Write the store in `folder` and give its path."""
     header = pairs.sim2realviz(folder / "data", n=n)
     scan = IMPORTERS["sim2realviz"](folder / "data", ScanOptions(header=header, frame=(16, 16)))

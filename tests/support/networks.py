@@ -114,7 +114,7 @@ def local_trunks() -> dict[str, tuple[nn.Module, int]]:
     }  # fmt: skip
 
 
-def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
+def nonlocal_trunks() -> dict[str, tuple[nn.Module, int]]:
     """Trunks with something global in them."""
     return {
         "group norm": (nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.GroupNorm(2, 8)), 8),
@@ -132,7 +132,7 @@ def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
     }  # fmt: skip
 
 
-def lively(network: nn.Module, seed: int = 0) -> nn.Module:
+def randomize_weights(network: nn.Module, seed: int = 0) -> nn.Module:
     """Weights and statistics under which every layer passes a signal of its size on."""
     generator = torch.Generator().manual_seed(seed)
     for module in network.modules():
@@ -150,14 +150,14 @@ def lively(network: nn.Module, seed: int = 0) -> nn.Module:
     return network.eval().requires_grad_(False)
 
 
-def small(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel:
+def small_model(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel:
     network = Small(trunk, channels, size)
-    lively(network)
+    randomize_weights(network)
     return LoadedModel("small", "small", network, network.convention, "0" * 64)
 
 
-def built(architecture: str) -> LoadedModel:
+def build_model(architecture: str) -> LoadedModel:
     network = build_network(architecture)
-    lively(network)
+    randomize_weights(network)
     heading = "cos_sin" if architecture == "resposenet" else "radians"
     return LoadedModel(architecture, architecture, network, OutputConvention(heading), "0" * 64)

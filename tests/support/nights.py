@@ -76,7 +76,7 @@ def golden(change: float, margin: float = 0.05) -> dict[str, Any]:
             "change_high": change + 0.01, "margin": margin, "n": 40, "missing": 0}  # fmt: skip
 
 
-def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> NightlyConfig:
+def write_config(folder: Path, store: Path, text: str = "", name: str = "lab") -> NightlyConfig:
     """A configuration on a store with a folder of drives, read from its file."""
     drives = folder / "drives" / "one"
     drives.mkdir(parents=True, exist_ok=True)

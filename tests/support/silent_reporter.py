@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Quiet:
+class SilentReporter:
     """Counts steps and keeps lines."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.rigid_alignment import RigidTransform
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 SETTINGS = GapSettings(replicates=100)
 
@@ -139,7 +139,7 @@ def test_a_delay_beyond_the_reach_is_inconclusive(evidence) -> None:
 @pytest.fixture
 def walked(tiny_store: Path, tmp_path: Path) -> Path:
     """A store whose trajectory a has odometry in a mirrored frame."""
-    own = copied(tiny_store, tmp_path / "walked.s2r")
+    own = copy_store(tiny_store, tmp_path / "walked.s2r")
     with edit(own) as draft:
         draft.rows(
             "UPDATE instance SET odom_x = 3 + 0.9 * y, odom_y = x - 2, odom_heading = "

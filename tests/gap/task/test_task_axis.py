@@ -25,7 +25,7 @@ from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_i
 from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 N = 120
 SETTINGS = GapSettings(replicates=300, seed=2)
@@ -120,7 +120,7 @@ def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
 
 
 def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         rows = draft.rows(
             "SELECT iid, x, y, error FROM prediction WHERE run = 'vanilla' AND side = 'sim'"
@@ -149,7 +149,7 @@ def test_too_few_instances_are_inconclusive(store: Store) -> None:
 
 
 def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("run", {"run": "vanilla"}, {"key": None})
     with s2rstore.open(root) as store:
@@ -157,7 +157,7 @@ def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
 
 
 def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "real", "iid": "4"}, {"error": None})
     with s2rstore.open(root) as store:
@@ -167,7 +167,7 @@ def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> 
 
 
 def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
     with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):

@@ -14,7 +14,7 @@ from safetensors.torch import save_file
 from s2rstore.errors import RequestError
 from s2rtools.gap.visual import feature_network
 from s2rtools.gap.visual.inception import Coarse, FidInception, Fine
-from tests.support.networks import lively
+from tests.support.networks import randomize_weights
 
 DESCRIPTION = """
 architecture = "inception_v3_fid"
@@ -31,7 +31,7 @@ range = [-1.0, 1.0]
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Random weights as the usual file has them, classifier included."""
     root = tmp_path_factory.mktemp("inception")
-    state = dict(lively(FidInception()).state_dict())
+    state = dict(randomize_weights(FidInception()).state_dict())
     state |= {"fc.weight": torch.zeros(1008, 2048), "fc.bias": torch.zeros(1008)}
     torch.save(state, root / "w.pth")
     plain = {k: v.contiguous() for k, v in state.items() if "num_batches" not in k}
@@ -81,7 +81,7 @@ def test_the_layout_is_that_of_the_usual_weights() -> None:
 
 
 def test_averages_leave_out_padding_and_the_last_block_takes_the_maximum() -> None:
-    fine, coarse = lively(Fine(4, 32)), Coarse(4, maximum=True)
+    fine, coarse = randomize_weights(Fine(4, 32)), Coarse(4, maximum=True)
     with torch.inference_mode():
         path = fine(torch.ones(1, 4, 6, 6))[0, -32:]
         assert torch.allclose(path, path[:, :1, :1].expand_as(path), atol=1e-5)
@@ -99,7 +99,7 @@ def test_features_are_those_of_the_network_on_prepared_images(folder: Path) -> N
     x = torch.nn.functional.interpolate(x, (80, 80), mode="bilinear", align_corners=False) * 2 - 1
     assert np.allclose(read.preprocessing(rgb), x.numpy(), atol=1e-5)
     with torch.inference_mode():
-        wanted = lively(FidInception())(x).numpy()
+        wanted = randomize_weights(FidInception())(x).numpy()
     found = read.features(rgb, batch=2)
     assert found.shape == (3, 2048)
     assert np.allclose(found, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())

@@ -17,14 +17,14 @@ from s2rtools.gap.visual.low_dimensional_samples import (
     principal_components,
 )
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 N = 40
 
 
 @pytest.fixture
 def path(tiny_store: Path, tmp_path: Path) -> Path:
-    return copied(tiny_store, tmp_path / "s.s2r")
+    return copy_store(tiny_store, tmp_path / "s.s2r")
 
 
 @pytest.fixture

@@ -24,8 +24,8 @@ from s2rtools.gap.visual.inception import FidInception
 from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
-from tests.support.copies import copied
-from tests.support.networks import lively
+from tests.support.copies import copy_store
+from tests.support.networks import randomize_weights
 
 N = 250
 SETTINGS = GapSettings(replicates=200, seed=3)
@@ -171,7 +171,7 @@ def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
 
 
 def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.delete("run", run="far")
     with s2rstore.open(root) as store:
@@ -209,7 +209,7 @@ def test_more_images_than_needed_are_sampled_by_blocks(
 
 
 def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     again(root, "run", {})
     sim = look(2, 0.1)
     sim[[4, 9, 14], 3] = np.nan
@@ -237,7 +237,7 @@ def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
 
 
 def test_images_are_looked_at_by_a_declared_network(store: Store, tmp_path: Path) -> None:
-    torch.save(lively(FidInception()).state_dict(), tmp_path / "w.pth")
+    torch.save(randomize_weights(FidInception()).state_dict(), tmp_path / "w.pth")
     file = tmp_path / "network.toml"
     file.write_text(
         'architecture = "inception_v3_fid"\nweights = "w.pth"\n'
