@@ -32,7 +32,7 @@ def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
     with s2rstore.open(store_path) as store:
         assert [t.trajectory for t in store.trajectories] == ["t1", "t2"]
         assert set(store.domains) == {"sim", "real", "sim_edit"}
-        x, y, heading = (np.array(c) for c in zip(*pairs.walk(8), strict=True))
+        x, y, heading = (np.array(c) for c in zip(*pairs.circular_poses(8), strict=True))
         truth = store.instances
         assert np.allclose(truth.x, np.tile(x, 2))
         assert np.allclose(truth.y, np.tile(y, 2))
@@ -139,7 +139,7 @@ def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
         assert frame.depth.dtype == dtype
         assert store.dataset.accuracy_scale == 10
         assert np.allclose(store.instances.timestamp, 0.1 * np.arange(12))
-        wanted = [a for *_, a in pairs.walk(12)]
+        wanted = [a for *_, a in pairs.circular_poses(12)]
         assert angles.distance(store.instances.heading, wanted).max() < 1e-5
     assert verify(tmp_path / "s.s2r") == []
 

@@ -135,7 +135,7 @@ def shown(app: S2RApp) -> str:
 async def test_every_view_and_screen(
     hostile_store: Path, user_data_folder: Path, tmp_path: Path, size: tuple[int, int]
 ) -> None:
-    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
+    book = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
     hostile.notebook(user_data_folder, selections={"mine": book}, history=[HOSTILE],
                      remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
     app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
@@ -182,7 +182,7 @@ async def test_pasted_text_is_escaped(hostile_store: Path) -> None:
 
 
 def test_the_bytes_on_a_terminal(hostile_store: Path, user_data_folder: Path) -> None:
-    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE)
+    book = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE)
     hostile.notebook(user_data_folder, selections={"mine": book}, history=[HOSTILE])
     user_data_folder.joinpath("toured").touch()
     environment = {"XDG_DATA_HOME": str(user_data_folder.parent), "COLORTERM": "truecolor",

@@ -20,7 +20,7 @@ from s2rtui.cli import main
 from tests.hostile.inputs import jpeg, png, s2r
 from tests.support import pairs
 
-COLOURS, _ = pairs.pictures(1.0, 2.0, 0.5, 3)
+COLOURS, _ = pairs.render_pair(1.0, 2.0, 0.5, 3)
 
 
 @pytest.fixture

@@ -136,7 +136,7 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
 async def test_the_whole_application_parses_no_markup_of_a_store(
     hostile_store: Path, user_data_folder: Path, tmp_path: Path, no_foreign_markup: list[str]
 ) -> None:
-    book = hostile.saved(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
+    book = hostile.saved_entry(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
     hostile.notebook(user_data_folder, selections={"[ @click=app.quit]CLICK": book, "[b": book},
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip

@@ -61,7 +61,7 @@ def chain(kind: str, deep: int = DEEP) -> dict[str, str]:
 def test_of_a_query(
     tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    made = {name: hostile.saved(text) for name, text in chain(kind).items()}
+    made = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
     hostile.notebook(user_data_folder, selections=made)
     for words in (["@s0"], ["@s0", "--count"], ["worst15 & !@s0"]):
         assert main(["query", str(tiny_store), *words]) == 2
@@ -72,7 +72,7 @@ def test_of_a_query(
 
 @pytest.mark.parametrize("kind", CHAINS)
 async def test_inside_the_application(tiny_store: Path, user_data_folder: Path, kind: str) -> None:
-    made = {name: hostile.saved(text) for name, text in chain(kind).items()}
+    made = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
     hostile.notebook(user_data_folder, selections=made)
     app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
@@ -214,7 +214,7 @@ def _odd(path: Path) -> None:
     huge = {"tags": ["a"], "note": "x"}
     remarks = {str(10**30): huge, "-1": huge, "٣": huge, "1": {"tags": "a", "note": 5}}
     content = {"version": 1, "dataset": "0" * 64, "remarks": remarks, "history": [None, {}],
-               "selections": {"a": hostile.saved("all", count=1e400), "b": None}}  # fmt: skip
+               "selections": {"a": hostile.saved_entry("all", count=1e400), "b": None}}  # fmt: skip
     path.write_text(json.dumps(content))
 
 

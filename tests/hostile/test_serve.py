@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from bench.support.processes import applications_below, is_alive, peak_bytes, wait_until
-from tests.support.serving import Served, StartServer, servers
+from tests.support.serving import ServerProcess, StartServer, servers
 
 aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
@@ -34,7 +34,9 @@ def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
         yield start
 
 
-def _asked(server: Served, target: str, *headers: str, method: str = "GET") -> tuple[int, str, str]:
+def _asked(
+    server: ServerProcess, target: str, *headers: str, method: str = "GET"
+) -> tuple[int, str, str]:
     """Status, head and body of the answer to a request as it is written here."""
     lines = "".join(f"{line}\r\n" for line in (f"{method} {target} HTTP/1.1", *headers))
     with socket.create_connection(("127.0.0.1", server.port), 10) as connection:
@@ -122,7 +124,7 @@ def test_oversized_requests_are_refused(serve: StartServer) -> None:
     assert is_alive(server.process.pid)
 
 
-async def _opened(session: Any, server: Served, size: str = "?width=80&height=24") -> Any:
+async def _opened(session: Any, server: ServerProcess, size: str = "?width=80&height=24") -> Any:
     """A page's socket, once its session draws."""
     page = await session.ws_connect(server.socket + size, max_msg_size=1 << 27)
     message = await page.receive(60)

@@ -19,7 +19,7 @@ from tests.support import chromium
 async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
     """Whether the page soon looks different: it draws in its next frame."""
     for _ in range(100):
-        if await page.picture() != before:
+        if await page.screenshot() != before:
             return True
         await asyncio.sleep(0.05)
     return False
@@ -28,7 +28,7 @@ async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
 async def _is_closed(page: chromium.Page) -> bool:
     """Whether the page soon says that its session has ended: it hears of it after the server."""
     for _ in range(100):
-        if await page.value("document.body.classList.contains('-closed')") is True:
+        if await page.evaluate("document.body.classList.contains('-closed')") is True:
             return True
         await asyncio.sleep(0.05)
     return False
@@ -43,10 +43,10 @@ async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_pat
         await page.open(server.url)
         first = await page.wait_for("of 40")
         assert first.splitlines()[0].strip().startswith("tiny.s2r")
-        assert await page.value("document.title") == "tiny.s2r"
+        assert await page.evaluate("document.title") == "tiny.s2r"
         await page.press("c")
         await page.wait_for("│ 40 of 40 │")
-        before = await page.picture()
+        before = await page.screenshot()
         await page.press("w")
         text = await page.wait_for("│ 6 of 40 │")
         assert "worst15" in text
@@ -55,7 +55,7 @@ async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_pat
         assert hosts == {f"127.0.0.1:{server.port}"}
         assert [url for url in page.requests if url.startswith("ws://")]
         assert page.failures == []
-        assert await page.value("document.fonts.check('16px Roboto Mono')") is True
+        assert await page.evaluate("document.fonts.check('16px Roboto Mono')") is True
         await page.press("q")
         assert wait_until(lambda: server.applications == [])
         assert await _is_closed(page)

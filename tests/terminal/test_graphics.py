@@ -33,12 +33,12 @@ from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
     ATTRIBUTES,
-    CELL,
-    CURSOR,
-    DRAWN,
-    Kitty,
+    CELL_SIZE,
+    CURSOR_REPORT,
+    GRAPHICS_OK,
+    KittyTerminal,
     box_cells,
-    placed,
+    placed_cells,
 )
 
 TRUE = Terminal(ColourMode.TRUECOLOR, False, "")
@@ -107,10 +107,10 @@ class Terminals:
         (ANSWER, True, "Kitty"),
         (b"typed" + ANSWER, True, "Kitty"),
         (ATTRIBUTES, False, "does not draw"),
-        (CURSOR + CURSOR + CELL + ATTRIBUTES, False, "does not draw"),
-        (CURSOR + DRAWN + MOVED + ATTRIBUTES, False, "not its placeholders"),
-        (DRAWN + ATTRIBUTES, False, "not its placeholders"),
-        (CURSOR + DRAWN + CURSOR, False, "did not answer"),
+        (CURSOR_REPORT + CURSOR_REPORT + CELL_SIZE + ATTRIBUTES, False, "does not draw"),
+        (CURSOR_REPORT + GRAPHICS_OK + MOVED + ATTRIBUTES, False, "not its placeholders"),
+        (GRAPHICS_OK + ATTRIBUTES, False, "not its placeholders"),
+        (CURSOR_REPORT + GRAPHICS_OK + CURSOR_REPORT, False, "did not answer"),
         (b"", False, "did not answer"),
     ],
 )
@@ -121,7 +121,7 @@ def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, t
 
 
 def test_the_size_of_a_cell_is_the_terminals() -> None:
-    assert parse_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
+    assert parse_answer(ANSWER.replace(CELL_SIZE, b"\x1b[6;31;15t")).cell == (15, 31)
 
 
 @pytest.mark.parametrize(
@@ -171,8 +171,8 @@ def test_placeholders_cover_the_box_and_no_other_cell() -> None:
     terminal = Terminals()
     strips = terminal.hang(canvas(noise((16, 16))))
     written = codes(strips)
-    (number,) = Kitty.after(terminal.written.encode()).held
-    assert placed(written) == {number: box_cells(6, 3)}
+    (number,) = KittyTerminal.after(terminal.written.encode()).images
+    assert placed_cells(written) == {number: box_cells(6, 3)}
     text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
     plain = re.sub(f"{kitty_protocol.PLACEHOLDER}...", "_", text)
     assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
@@ -182,7 +182,7 @@ def test_placeholders_cover_the_box_and_no_other_cell() -> None:
 @given(st.integers(0, 12), st.integers(0, 12))
 def test_a_part_of_a_strip_shows_its_part_of_the_picture(start: int, end: int) -> None:
     strip = Terminals().hang(canvas(noise((16, 16))))[2].crop(start, end)
-    columns = {column for cells in placed(codes([strip])).values() for column, _ in cells}
+    columns = {column for cells in placed_cells(codes([strip])).values() for column, _ in cells}
     assert columns == {at - 2 for at in range(start, end) if 2 <= at < 8}
     assert strip.cell_length == max(0, end - start)
 
@@ -190,7 +190,7 @@ def test_a_part_of_a_strip_shows_its_part_of_the_picture(start: int, end: int) -
 def test_restyled_strips_are_half_blocks_again() -> None:
     strip = Terminals().hang(canvas(noise((16, 16))))[2]
     assert strip.text == "abcdefghijkl"
-    assert not placed(codes([Strip(list(strip))]))
+    assert not placed_cells(codes([Strip(list(strip))]))
 
 
 # --- what is sent --------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
 def test_the_heaviest_picture_is_made_lighter() -> None:
     terminal = Terminals()
     terminal.hang(canvas(noise((256, 256)), (8, 4)))
-    assert 0 < Kitty.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
+    assert 0 < KittyTerminal.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
 
 
 def test_what_hangs_there_is_not_sent_again() -> None:
@@ -242,15 +242,15 @@ def test_pictures_are_made_elsewhere_and_the_newest_wins() -> None:
         return made
 
     first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))
-    before, shown = terminal.written, placed(codes(first))
+    before, shown = terminal.written, placed_cells(codes(first))
     for shade in range(5):
-        assert placed(codes(terminal.begin(drawn(shade)))) == shown
+        assert placed_cells(codes(terminal.begin(drawn(shade)))) == shown
     assert terminal.written == before
     opened.set()
     terminal.wait()
     made = terminal.begin(drawn(4))
-    (number,) = placed(codes(made))
-    assert (Kitty.after(terminal.written.encode()).held[number].pixels == 4).all()
+    (number,) = placed_cells(codes(made))
+    assert (KittyTerminal.after(terminal.written.encode()).images[number].pixels == 4).all()
     assert {shade for shade, _ in makers} <= {0, 4}
     assert threading.current_thread() not in {thread for _, thread in makers}
 
@@ -281,18 +281,18 @@ def test_programs_in_the_panes_of_one_terminal_take_different_numbers() -> None:
     for _ in range(20):
         terminal = Terminals()
         terminal.hang(canvas(noise((16, 16))))
-        firsts |= set(Kitty.after(terminal.written.encode()).held)
+        firsts |= set(KittyTerminal.after(terminal.written.encode()).images)
     assert len(firsts) > 10
 
 
 def test_a_picture_that_is_shown_keeps_its_number() -> None:
     terminal = Terminals()
     (strip, *_) = terminal.hang(canvas(noise((16, 16))), "instance")[1:]
-    shown = set(placed(codes([strip])))
+    shown = set(placed_cells(codes([strip])))
     for shade in range(3 * NUMBERS):
         drawn = canvas(np.full((4, 4, 3), shade, np.uint8))
-        assert not shown & set(placed(codes(terminal.hang(drawn, "adjust"))))
-    assert len(Kitty.after(terminal.written.encode()).held) <= NUMBERS
+        assert not shown & set(placed_cells(codes(terminal.hang(drawn, "adjust"))))
+    assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
 
 
 def test_all_are_deleted() -> None:
@@ -300,7 +300,7 @@ def test_all_are_deleted() -> None:
     for shade in range(5):
         terminal.hang(canvas(np.full((4, 4, 3), shade, np.uint8)))
     terminal.wall.delete_all()
-    assert Kitty.after(terminal.written.encode()).held == {}
+    assert KittyTerminal.after(terminal.written.encode()).images == {}
 
 
 def test_tmux_passes_every_sequence_on() -> None:
@@ -311,4 +311,4 @@ def test_tmux_passes_every_sequence_on() -> None:
     assert "".join(f"\x1bPtmux;{part}\x1b\\" for part in parts) == terminal.written
     passed = "".join(parts).replace("\x1b\x1b", "\x1b").encode()
     assert passed.count(b"a=T") == 1
-    assert Kitty.after(passed).received > 4096
+    assert KittyTerminal.after(passed).received > 4096

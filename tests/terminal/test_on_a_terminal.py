@@ -21,7 +21,14 @@ from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model,
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
-from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
+from tests.support.kitty import (
+    ANSWER,
+    ATTRIBUTES,
+    QUESTION_END,
+    KittyTerminal,
+    box_cells,
+    placed_cells,
+)
 
 Visit = dict[str, bytes]
 
@@ -84,17 +91,17 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     answered(screen, ANSWER)
     part("asked", lambda raw: True)
     past_the_tour(screen)
-    part("first", lambda raw: len(placed(raw)) == 4 and all_whole(raw))
+    part("first", lambda raw: len(placed_cells(raw)) == 4 and all_whole(raw))
     for _ in range(5):
         screen.press(RIGHT)
         time.sleep(0.02)
-    part("moved", lambda raw: len(placed(raw)) == 4 and all_whole(raw))
+    part("moved", lambda raw: len(placed_cells(raw)) == 4 and all_whole(raw))
     screen.press("?")
     part("help", lambda raw: b"straight driving" in raw)
     screen.press(b"\x1b")
-    part("back", lambda raw: placed(raw) == placed(parts["moved"]))
+    part("back", lambda raw: placed_cells(raw) == placed_cells(parts["moved"]))
     screen.resize(110, 36)
-    part("resized", lambda raw: len(Kitty.after(raw).held) == 4 and all_whole(raw))
+    part("resized", lambda raw: len(KittyTerminal.after(raw).images) == 4 and all_whole(raw))
     screen.press("q")
     assert screen.wait_for_end() == 0
     parts["left"], parts["all"] = bytes(screen.raw[at:]), bytes(screen.raw)
@@ -104,13 +111,13 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 def all_whole(raw: bytes) -> bool:
     """Whether every picture that was sent is placed with all its cells."""
-    held, cells = Kitty.after(raw).held, placed(raw)
+    held, cells = KittyTerminal.after(raw).images, placed_cells(raw)
     return bool(held) and all(cells.get(at) == box_cells(*held[at].box) for at in held)
 
 
 def test_what_is_sent_are_the_pictures_to_the_pixel(visit: Visit, seen: InstanceInput) -> None:
     model = instance_model(seen)
-    sent = [held.pixels for held in Kitty.after(visit["first"]).held.values()]
+    sent = [held.pixels for held in KittyTerminal.after(visit["first"]).images.values()]
     wanted = [
         panel_pixels(side, what, model, seen, (16, 16), DEPTH_SHADES)
         for what in ("rgb", "depth")
@@ -122,26 +129,26 @@ def test_what_is_sent_are_the_pictures_to_the_pixel(visit: Visit, seen: Instance
 
 
 def test_while_the_cursor_moves_nothing_is_sent(visit: Visit) -> None:
-    assert len(Kitty.after(visit["moved"]).held) == 4
+    assert len(KittyTerminal.after(visit["moved"]).images) == 4
     assert visit["moved"].count(b"a=T") == 4
 
 
 def test_a_screen_above_and_its_end_send_no_picture_again(visit: Visit) -> None:
     assert b"\x1b_G" not in visit["help"]
-    assert not placed(visit["help"])
+    assert not placed_cells(visit["help"])
     assert b"\x1b_G" not in visit["back"]
 
 
 def test_another_size_is_another_box(visit: Visit) -> None:
     boxes = [
-        {held.box for held in Kitty.after(visit[part]).held.values()}
+        {held.box for held in KittyTerminal.after(visit[part]).images.values()}
         for part in ("moved", "resized")
     ]
     assert boxes[0] != boxes[1]
 
 
 def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
-    assert Kitty.after(visit["all"]).held == {}
+    assert KittyTerminal.after(visit["all"]).images == {}
     before, _, after = visit["left"].partition(b"\x1b[?1049l")
     assert b"a=d" in before
     assert b"\x1b_G" not in after
