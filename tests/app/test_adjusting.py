@@ -1,4 +1,4 @@
-"""Adjusting live: sliders from the registry, the prediction at once, the newest move wins."""
+"""The adjustment panel: sliders, live predictions, dropped intermediate values and saved runs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.xdist_group("world")
 
 @pytest.fixture(scope="module")
 def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recorded data set with one computed run."""
+    """A data set with one computed run."""
     path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
     shutil.copytree(trained_store, path)
     precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
@@ -49,7 +49,7 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
         await settle(app, pilot)
 
 
-async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
+async def test_moving_a_slider_shows_the_live_prediction(computed: Path) -> None:
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", *["right"] * 3)
@@ -81,7 +81,7 @@ def _map_input(app: S2RApp):
     return BY_NAME["map"].input(app.scene)
 
 
-async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
+async def test_neutral_sliders_show_the_stored_prediction(computed: Path) -> None:
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "down", "left", "backspace")
@@ -95,7 +95,7 @@ async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
         assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
 
 
-async def test_the_newest_move_wins(computed: Path) -> None:
+async def test_only_the_newest_slider_value_is_shown(computed: Path) -> None:
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
@@ -114,7 +114,7 @@ async def test_the_newest_move_wins(computed: Path) -> None:
         assert (shown.real.rgb == expected.real.rgb).all()
 
 
-async def test_a_world_moves_its_sim_camera(moved_camera_store: Path) -> None:
+async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
     app = make_app(moved_camera_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
@@ -149,7 +149,7 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
         assert "brighter" in take_screenshot(app).text
 
 
-async def test_a_taken_name_is_told(computed: Path) -> None:
+async def test_an_existing_run_name_is_rejected(computed: Path) -> None:
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "enter")
@@ -164,14 +164,14 @@ async def test_one_run_is_saved_at_a_time(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
-    go_on = threading.Event()
+    release = threading.Event()
 
-    def slow(root: Path, name: str, *_: object) -> None:
+    def blocking_save(root: Path, name: str, *_: object) -> None:
         started.append(name)
-        go_on.wait(20)
+        release.wait(20)
         raise RequestError("nothing is saved here")
 
-    monkeypatch.setattr(run_save, "save_run", slow)
+    monkeypatch.setattr(run_save, "save_run", blocking_save)
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
@@ -183,8 +183,8 @@ async def test_one_run_is_saved_at_a_time(
         assert not app.prompt.is_open
         assert "run one is still being saved" in take_screenshot(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.run_save.save("two", lambda: slow(computed, "two"))
-        go_on.set()
+            app.run_save.save("two", lambda: blocking_save(computed, "two"))
+        release.set()
         await settle(app, pilot)
         assert started == ["one"]
         assert app.session.state.message == "run one: nothing is saved here"
@@ -193,13 +193,13 @@ async def test_one_run_is_saved_at_a_time(
         assert app.prompt.is_open
 
 
-async def test_a_saving_that_breaks_down_is_told(
+async def test_a_failed_save_shows_an_error(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> None:
+    def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr(run_save, "save_run", broken)
+    monkeypatch.setattr(run_save, "save_run", failing_save)
     app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")
@@ -207,7 +207,7 @@ async def test_a_saving_that_breaks_down_is_told(
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
-async def test_without_torch_the_panel_says_how_to_get_it(
+async def test_the_panel_explains_how_to_install_torch(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("s2rtools.")]:
@@ -229,7 +229,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
         assert app.resources.pictures is not None
 
 
-async def test_a_model_that_fails_is_not_being_loaded(
+async def test_a_failed_model_is_not_shown_as_loading(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app = make_app(computed)
@@ -247,39 +247,41 @@ async def test_a_model_that_fails_is_not_being_loaded(
         assert app.resources.live is not None
 
 
-async def test_a_slider_that_outruns_the_model_is_followed(
+async def test_a_running_prediction_is_shown_while_newer_values_wait(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app = make_app(computed)
-    begun, go_on = threading.Semaphore(0), threading.Semaphore(0)
+    started, release = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
     values: list[float] = []
 
-    def slowly(model: LiveModel, iid: int, chains, *rest):
+    def blocking_steps(model: LiveModel, iid: int, chains, *rest):
         values.append(chains["real"][0]["value"] if chains["real"] else 1.0)
-        begun.release()
-        assert go_on.acquire(timeout=20)
+        started.release()
+        assert release.acquire(timeout=20)
         yield from steps(model, iid, chains, *rest)
 
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         before = app.resources.live
-        monkeypatch.setattr(LiveModel, "steps", slowly)
+        monkeypatch.setattr(LiveModel, "steps", blocking_steps)
         await pilot.press("right")
-        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.press(*["right"] * 9)
-        go_on.release()
-        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        release.release()
+        assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.pause()
-        assert app.resources.live is not before  # the first move's, though nine came after it
+        assert (
+            app.resources.live is not before
+        )  # the result of the first move, although nine moves followed
         assert not app.settled
-        go_on.release()
+        release.release()
         await settle(app, pilot)
         step = ADJUSTMENTS["brightness"].step
         assert values == pytest.approx([1 + step, 1 + 10 * step])
 
 
-def test_the_live_model_stays_in_the_sessions_generation(computed: Path, tmp_path: Path) -> None:
+def test_the_live_model_uses_the_generation_of_the_session(computed: Path, tmp_path: Path) -> None:
     path = tmp_path / "own.s2r"
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
@@ -290,7 +292,7 @@ def test_the_live_model_stays_in_the_sessions_generation(computed: Path, tmp_pat
         model.close()
 
 
-async def test_without_the_tools_the_panel_says_how_to_get_them(
+async def test_the_panel_explains_how_to_install_the_tools(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "s2rtools"]:
@@ -314,7 +316,7 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         assert "not in a restricted session" in app.session.state.message
 
 
-async def test_a_click_elsewhere_leaves_the_panel_and_the_live_marks(computed: Path) -> None:
+async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(computed: Path) -> None:
     app = make_app(computed)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "a", "right")

@@ -1,4 +1,4 @@
-"""Two applications and a script read while a precompute publishes: no error, no torn state."""
+"""Two applications and a script read a store consistently while a precompute publishes to it."""
 
 from __future__ import annotations
 
@@ -74,15 +74,15 @@ def test_readers_while_a_precompute_publishes(trained_store: Path, tmp_path: Pat
     assert writer.returncode == 0
     stop.touch()
     for reader in readers:
-        out, err = _ended(reader)
+        out, err = _output(reader)
         assert reader.returncode == 0, err
         assert len(out.split(",")) >= 2, out
     assert len(counts) >= 2
     assert verify(path) == []
 
 
-def _ended(reader: subprocess.Popen[str]) -> tuple[str, str]:
-    """What it wrote; of one that does not end also where it stands."""
+def _output(reader: subprocess.Popen[str]) -> tuple[str, str]:
+    """The output of a process; a process that does not exit is aborted with a stack dump."""
     try:
         return reader.communicate(timeout=120)
     except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""A restricted session on a store with an adjusted run loads no tools and says what it shows."""
+"""A restricted session on a store with an adjusted run imports no tools and labels its images."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.adjustments import parse_adjustment
 
 
-def test_an_adjusted_run_is_shown_before_its_adjustments(store_copy: Path, tmp_path: Path) -> None:
+def test_an_adjusted_run_shows_its_unadjusted_images(store_copy: Path, tmp_path: Path) -> None:
     with edit(store_copy) as draft:
         adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
         draft.update("run", {"run": "dataaug"}, adjusted)

@@ -1,4 +1,4 @@
-"""What is drawn follows from the environment, and unusable terminals are refused with a reason."""
+"""Terminal detection from the environment, and rejection of unusable terminals with a reason."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from s2rtui.terminal.capabilities import detect, refuse_unusable
     ],
 )
 def test_environment(environment: dict[str, str], mode: ColourMode, ascii: bool) -> None:
-    found = detect(environment=environment)
-    assert (found.mode, found.ascii) == (mode, ascii)
-    assert found.reason
+    detected = detect(environment=environment)
+    assert (detected.mode, detected.ascii) == (mode, ascii)
+    assert detected.reason
 
 
-def test_options_win() -> None:
-    found = detect("256", True, {"COLORTERM": "truecolor"})
-    assert (found.mode, found.ascii) == (ColourMode.PALETTE, True)
+def test_options_override_the_environment() -> None:
+    detected = detect("256", True, {"COLORTERM": "truecolor"})
+    assert (detected.mode, detected.ascii) == (ColourMode.PALETTE, True)
 
 
-def test_no_terminal_is_refused_with_what_to_do() -> None:
+def test_a_missing_terminal_is_rejected_with_advice() -> None:
     with pytest.raises(RequestError, match="s2r snapshot"):
         refuse_unusable({"TERM": "xterm"})
