@@ -1,4 +1,4 @@
-"""The pictures are those that the model was shown, and where they cannot be the view says so."""
+"""The instance view shows the images as the model received them, or labels them otherwise."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def run(store: Store, name: str) -> Run:
     return store.runs[name]
 
 
-def test_pictures_are_adjusted(store: Store) -> None:
+def test_images_are_adjusted(store: Store) -> None:
     plain, bright = (
         model_input(store, run(store, name), "real", 4) for name in ("vanilla", "bright")
     )
@@ -44,19 +44,19 @@ def test_pictures_are_adjusted(store: Store) -> None:
     assert model_input(store, run(store, "bright"), "sim", 4).title == ""
 
 
-def test_depth_that_was_taken_away_is_no_depth(store: Store) -> None:
+def test_removed_depth_is_missing(store: Store) -> None:
     dark = model_input(store, run(store, "dark"), "real", 4)
     assert np.isnan(dark.depth).all()
     assert not dark.rgb.any()
 
 
-def test_long_chains_are_told_in_a_note(store: Store) -> None:
+def test_long_chains_are_listed_in_a_note(store: Store) -> None:
     many = model_input(store, run(store, "many"), "real", 4)
     assert many.title == "real, adjusted"
     assert many.notes == (("real images", "brightness=1.5, contrast=0.5"),)
 
 
-def test_without_the_tools_the_stored_frame_says_so(
+def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = model_input(store, run(store, "vanilla"), "real", 4)
