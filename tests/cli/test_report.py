@@ -77,8 +77,8 @@ def page(tiny_store: Path) -> Page:
 def test_a_report_is_self_contained(tiny_store: Path) -> None:
     text = render_report(tiny_store, WORST).decode()
     page = Page(text)
-    assert not page.named("script")
-    assert not page.named("link")
+    assert not page.elements("script")
+    assert not page.elements("link")
     addresses = [a.get("src") or a.get("href") or a.get("srcset") for _, a in page.tags]
     assert all(a.startswith(("data:image/", "#")) for a in addresses if a)
     assert not re.search(r"url\(|@import|https?://|onload|onclick", text)
@@ -90,14 +90,14 @@ def test_a_report_is_accessible_without_images(page: Page) -> None:
     assert levels[0] == 1
     assert levels.count(1) == 1
     assert all(after - before <= 1 for before, after in pairwise(levels))
-    images = page.named("img")
+    images = page.elements("img")
     assert len(images) == 2 + 4 + 3 * 4
     assert all(re.search(r"\d", str(image["alt"])) for image in images)
     assert all(image["width"] and image["height"] for image in images)
-    assert all(cell["scope"] in ("row", "col") for cell in page.named("th"))
-    assert page.named("html")[0]["lang"] == "en"
+    assert all(cell["scope"] in ("row", "col") for cell in page.elements("th"))
+    assert page.elements("html")[0]["lang"] == "en"
     anchors = {a["id"] for _, a in page.tags if "id" in a}
-    assert {str(link["href"])[1:] for link in page.named("a")} <= anchors
+    assert {str(link["href"])[1:] for link in page.elements("a")} <= anchors
 
 
 def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> None:
@@ -123,13 +123,14 @@ def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> N
             assert row[7] == str(int(held_out_selected.sum()))
         assert 0 < held_out_selected.sum() < selected.sum()
         assert any(
-            f"trained on {int((selected & ~held_out_selected).sum())}" in t for t in page.said("p")
+            f"trained on {int((selected & ~held_out_selected).sum())}" in t
+            for t in page.texts_in("p")
         )
-        assert f"{int(selected.sum())} of 40 instances" in page.said("dd")
+        assert f"{int(selected.sum())} of 40 instances" in page.texts_in("dd")
         worst = np.flatnonzero(selected)[np.argsort(-columns.real.error[selected])][:3]
-    assert page.said("h5") == [f"Instance {iid}" for iid in worst]
-    assert f"tiny.s2r, generation {_generation(tiny_store)}" in page.said("dd")
-    assert "0" * 16 in page.said("dd")
+    assert page.texts_in("h5") == [f"Instance {iid}" for iid in worst]
+    assert f"tiny.s2r, generation {_generation(tiny_store)}" in page.texts_in("dd")
+    assert "0" * 16 in page.texts_in("dd")
 
 
 def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Page) -> None:
@@ -152,7 +153,7 @@ def test_a_report_is_deterministic_and_has_a_date_only_on_request(tiny_store: Pa
 def test_dark_figures_are_used_on_dark_screens(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),))
     page = Page(render_report(tiny_store, request).decode())
-    sources = page.named("source")
+    sources = page.elements("source")
     assert len(sources) == 2 + 4
     assert all(
         str(s["media"]).startswith("screen and (prefers-color-scheme: dark)") for s in sources
@@ -174,20 +175,20 @@ def test_a_report_contains_saved_selections_tags_and_notes(
     arguments = ["report", str(tiny_store), "--out", str(out), "--light", "--date", "1 March"]
     assert main([*arguments, "--title", "A & B <i>"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h1") == ["A & B <i>"]
-    assert "1 March" in page.said("p")
-    assert page.said("h2") == ["All runs", "@bad", "@empty", "@gone"]
-    assert "9 instances of run dataaug at generation 1" in page.said("dd")
-    assert "4 of 40 instances" in page.said("dd")
-    assert page.said("h3") == ["Run dataaug"]
+    assert page.texts_in("h1") == ["A & B <i>"]
+    assert "1 March" in page.texts_in("p")
+    assert page.texts_in("h2") == ["All runs", "@bad", "@empty", "@gone"]
+    assert "9 instances of run dataaug at generation 1" in page.texts_in("dd")
+    assert "4 of 40 instances" in page.texts_in("dd")
+    assert page.texts_in("h3") == ["Run dataaug"]
     assert page.tables["Tags and notes"][1:] == [
         [str(iid), "door", "<script>alert(1)</script> & more"]
     ]
-    assert page.said("blockquote") == ["<script>alert(1)</script> & more"]
-    assert page.said("li").count("#door") == 1
-    assert not page.named("script")
+    assert page.texts_in("blockquote") == ["<script>alert(1)</script> & more"]
+    assert page.texts_in("li").count("#door") == 1
+    assert not page.elements("script")
     empty_selection_texts = [
-        text for text in page.said("p") if "cellar" in text or "No instance" in text
+        text for text in page.texts_in("p") if "cellar" in text or "No instance" in text
     ]
     assert len(empty_selection_texts) == 2
 
@@ -200,11 +201,11 @@ def test_expressions_runs_and_saved_selections_can_be_requested(
     arguments = ["report", str(tiny_store), "--light", "--out", str(out), "--select", "ids(2)"]
     assert main([*arguments, "--run", "dataaug", "--run", "vanilla"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h3") == ["Run dataaug", "Run vanilla"]
+    assert page.texts_in("h3") == ["Run dataaug", "Run vanilla"]
     assert main([*arguments, "--saved"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h2") == ["All runs", "@mine"]
-    assert page.said("h3") == ["Run vanilla", "Run vanilla"]
+    assert page.texts_in("h2") == ["All runs", "@mine"]
+    assert page.texts_in("h3") == ["Run vanilla", "Run vanilla"]
 
 
 def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
@@ -214,21 +215,23 @@ def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
             path, ReportRequest((RequestedSelection("none"), RequestedSelection("all")), dark=False)
         ).decode()
     )
-    assert len(page.named("img")) == 1 + 4 + 3 * 4
-    assert "No instance is selected." in page.said("p")
+    assert len(page.elements("img")) == 1 + 4 + 3 * 4
+    assert "No instance is selected." in page.texts_in("p")
 
 
 def test_a_requested_heatmap_is_drawn_on_the_images(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", dark=False)
     page = Page(render_report(tiny_store, request).decode())
-    assert any("occlusion rgb" in text for text in page.said("figcaption"))
+    assert any("occlusion rgb" in text for text in page.texts_in("figcaption"))
     without_heatmap = Page(
         render_report(
             tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)
         ).decode()
     )
-    assert [i["src"] for i in without_heatmap.named("img")] != [i["src"] for i in page.named("img")]
-    assert not any("occlusion" in text for text in without_heatmap.said("figcaption"))
+    assert [i["src"] for i in without_heatmap.elements("img")] != [
+        i["src"] for i in page.elements("img")
+    ]
+    assert not any("occlusion" in text for text in without_heatmap.texts_in("figcaption"))
 
 
 @pytest.mark.parametrize(

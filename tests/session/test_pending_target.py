@@ -166,7 +166,7 @@ def test_each_key_during_a_pending_load_gives_the_synchronous_state(
         pair.press(key)
         pair.arrive()
         try:
-            pair.agree()
+            pair.assert_equal()
         except AssertionError as error:
             raise AssertionError(f"{action}, {name}: {error}") from error
 
@@ -190,4 +190,4 @@ def test_several_keys_during_a_pending_load_give_the_synchronous_state(
     for name in names:
         pair.press(_ACTIONS[name])
     pair.arrive()
-    pair.agree()
+    pair.assert_equal()

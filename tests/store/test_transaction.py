@@ -1,4 +1,4 @@
-"""Generations: published at once or not at all, never rewritten, readable by plain DuckDB."""
+"""Index generations: published atomically, never modified, readable by plain DuckDB."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 
 
-def test_a_failed_edit_leaves_the_generation_as_it_was(store_copy: Path) -> None:
+def test_a_failed_edit_keeps_the_published_generation(store_copy: Path) -> None:
     before = layout.read_current(store_copy)
     with contextlib.suppress(ZeroDivisionError), edit(store_copy) as draft:
         draft.delete("run")
@@ -58,7 +58,7 @@ def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -
     index = tiny_store / layout.read_current(tiny_store).index
     path = shutil.copy(index, tmp_path)  # DuckDB opens a file only once per process
     with duckdb.connect(str(path), read_only=True) as plain:
-        silent = plain.execute(
+        undescribed = plain.execute(
             """SELECT table_name, column_name FROM duckdb_columns()
                WHERE NOT internal AND coalesce(comment, '') = ''"""
         ).fetchall()
@@ -69,7 +69,7 @@ def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -
         databases = "SELECT tags FROM duckdb_databases() WHERE NOT internal"
         tags = plain.execute(databases).fetchall()
         pairs = plain.execute("SELECT count(*) FROM pair").fetchall()
-    assert silent == []
+    assert undescribed == []
     assert tables == []
     assert pairs == [(80,)]
     assert schema.STORAGE_VERSION in str(tags)
@@ -88,26 +88,26 @@ def _publish_many(path: str, count: int) -> None:
             draft.set_provenance("many", {f"n{number}": number})
 
 
-def test_readers_never_meet_a_torn_state(store_copy: Path) -> None:
+def test_readers_always_see_a_consistent_generation(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
     writer = context.Process(target=_publish_many, args=(str(store_copy), 8))
     writer.start()
-    seen = set()
+    generations = set()
     try:
         while writer.is_alive():
             with s2rstore.open(store_copy) as store:
-                told = store.provenance("many")
-                assert len(told) in {0, *range(9)}
+                values = store.provenance("many")
+                assert len(values) in {0, *range(9)}
                 assert len(store.run_columns("vanilla").valid) == 40
-                seen.add(store.generation)
+                generations.add(store.generation)
     finally:
         writer.join()
     assert writer.exitcode == 0
-    assert len(seen) >= 2
+    assert len(generations) >= 2
     assert verify(store_copy) == []
 
 
-def test_two_writers_take_turns(store_copy: Path) -> None:
+def test_two_writers_publish_one_after_the_other(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=_publish_many, args=(str(store_copy), 4)) for _ in range(2)]
     before = layout.read_current(store_copy).generation
@@ -132,7 +132,7 @@ def test_the_compute_lock_names_its_holder(store_copy: Path) -> None:
     ("content", "hint"),
     [(None, "not a store"), ("{", "damaged"), ('{"generation": 1}', "damaged")],
 )
-def test_what_is_no_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
+def test_an_invalid_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
     if content is not None:
         (tmp_path / "CURRENT.json").write_text(content)
     with pytest.raises(RequestError, match=hint):
@@ -147,7 +147,7 @@ def test_a_store_of_another_schema_is_refused(store_copy: Path) -> None:
         s2rstore.open(store_copy)
 
 
-def test_prune_keeps_what_kept_generations_reference(store_copy: Path) -> None:
+def test_prune_keeps_data_of_retained_generations(store_copy: Path) -> None:
     for number in range(4):
         with edit(store_copy) as draft:
             draft.set_provenance("n", {"number": number})
@@ -156,9 +156,9 @@ def test_prune_keeps_what_kept_generations_reference(store_copy: Path) -> None:
     orphan = store_copy / "runs.zarr" / "vanilla" / "orphan"
     orphan.mkdir()
     (orphan / "file").write_bytes(b"123")
-    told = prune(store_copy, keep=1, dry_run=True)
+    planned = prune(store_copy, keep=1, dry_run=True)
     assert orphan.exists()
-    assert prune(store_copy, keep=1) == told
+    assert prune(store_copy, keep=1) == planned
     assert not orphan.exists()
     assert not (store_copy / "runs.zarr" / "dataaug").exists()
     assert verify(store_copy) == []
@@ -183,13 +183,13 @@ def _cut_index(root: Path) -> None:
     index.write_bytes(index.read_bytes()[:-100])
 
 
-@pytest.mark.parametrize("harm", [_damage_shard, _remove_shard, _cut_index])
-def test_verify_finds_damage(store_copy: Path, harm) -> None:
-    harm(store_copy)
+@pytest.mark.parametrize("damage_store", [_damage_shard, _remove_shard, _cut_index])
+def test_verify_detects_damage(store_copy: Path, damage_store) -> None:
+    damage_store(store_copy)
     assert verify(store_copy)
 
 
-def test_the_sandbox_reaches_no_other_file(tiny_store: Path, tmp_path: Path) -> None:
+def test_sql_cannot_access_other_files(tiny_store: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret.csv"
     secret.write_text("a\n1\n")
     with s2rstore.open(tiny_store) as store:
