@@ -1,7 +1,6 @@
 """Every view at every size compared with stored text screens.
 
-`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` rewrites the screens; check the
-diff.
+`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` rewrites them; check the diff.
 """
 
 from __future__ import annotations

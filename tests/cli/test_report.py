@@ -25,8 +25,7 @@ VOID_TAGS = ("img", "meta", "source", "br", "hr", "input", "link")
 
 
 class Page(HTMLParser):
-    """Parsed HTML: tags with attributes, tables as rows of texts; checks that tags are nested
-    correctly."""
+    """Parsed HTML: tags with attributes and tables as rows of texts; checks the nesting of tags."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""A symbolic link, a pipe or a device inside a store leads nowhere."""
+"""Symbolic links, pipes and devices inside a store are rejected."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SHARD = "frames.zarr/sim/a/rgb/c/0/0/0/0"
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
 
 
-def _moved_out(root: Path, relative: str, outside: Path) -> Path:
-    """Move a part of a store elsewhere and leave a link to it."""
+def _replace_by_link(root: Path, relative: str, outside: Path) -> Path:
+    """Move a part of a store outside and replace it by a link."""
     outside.mkdir(exist_ok=True)
     target = outside / Path(relative).name
     (root / relative).rename(target)
@@ -34,7 +34,7 @@ def _moved_out(root: Path, relative: str, outside: Path) -> Path:
     return target
 
 
-def _index(root: Path) -> str:
+def _index_name(root: Path) -> str:
     return layout.read_current(root).index
 
 
@@ -52,22 +52,24 @@ def _read(root: Path) -> None:
         "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c/0/0/0/0",
     ],
 )  # fmt: skip
-def test_no_link_is_read_through(store_copy: Path, tmp_path: Path, relative: str) -> None:
-    _moved_out(store_copy, relative, tmp_path / "outside")
+def test_links_inside_a_store_are_not_followed(
+    store_copy: Path, tmp_path: Path, relative: str
+) -> None:
+    _replace_by_link(store_copy, relative, tmp_path / "outside")
     with pytest.raises(RequestError, match="symbolic link"):
         _read(store_copy)
-    found = verify(store_copy)
-    assert any("symbolic link" in damage.what for damage in found)
+    damages = verify(store_copy)
+    assert any("symbolic link" in damage.what for damage in damages)
 
 
-def test_the_published_index_may_not_be_a_link(store_copy: Path, tmp_path: Path) -> None:
-    _moved_out(store_copy, _index(store_copy), tmp_path / "outside")
+def test_a_linked_index_is_rejected(store_copy: Path, tmp_path: Path) -> None:
+    _replace_by_link(store_copy, _index_name(store_copy), tmp_path / "outside")
     assert verify(store_copy)
     with pytest.raises(RequestError, match="symbolic link"), edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
 
 
-def test_a_store_that_is_reached_by_a_link_is_read(store_copy: Path, tmp_path: Path) -> None:
+def test_a_store_can_be_opened_through_a_link(store_copy: Path, tmp_path: Path) -> None:
     (tmp_path / "link.s2r").symlink_to(store_copy)
     _read(tmp_path / "link.s2r")
     assert verify(tmp_path / "link.s2r") == []
@@ -102,40 +104,40 @@ def _nested(root: Path, outside: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "harm", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
+    "add_link", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
 )
 def test_prune_removes_nothing_outside(
-    store_copy: Path, tmp_path: Path, harm: Callable[[Path, Path], None]
+    store_copy: Path, tmp_path: Path, add_link: Callable[[Path, Path], None]
 ) -> None:
     outside = tmp_path / "outside"
-    inner = outside / "folder" / "sub"
-    inner.mkdir(parents=True)
-    for folder in (inner, inner.parent):
+    subfolder = outside / "folder" / "sub"
+    subfolder.mkdir(parents=True)
+    for folder in (subfolder, subfolder.parent):
         (folder / "file").write_text("kept")
     (outside / "file.safetensors").write_text("kept")
     for number in range(3):
         with edit(store_copy) as draft:
             draft.set_provenance("n", {"number": number})
-    harm(store_copy, outside)
+    add_link(store_copy, outside)
     prune(store_copy, keep=1)
-    for folder in (inner, inner.parent):
+    for folder in (subfolder, subfolder.parent):
         assert (folder / "file").read_text() == "kept"
     assert (outside / "file.safetensors").read_text() == "kept"
 
 
-@pytest.mark.parametrize("what", ["link", "pipe", "folder", "other content"])
+@pytest.mark.parametrize("replacement", ["link", "pipe", "folder", "other content"])
 @pytest.mark.parametrize("generation", ["published", "old"])
-def test_prune_removes_nothing_where_an_index_cannot_be_read(
-    store_copy: Path, tmp_path: Path, what: str, generation: str
+def test_prune_removes_nothing_if_an_index_is_unreadable(
+    store_copy: Path, tmp_path: Path, replacement: str, generation: str
 ) -> None:
     published = store_copy / layout.read_current(store_copy).index
     index = published if generation == "published" else published.with_name("index-000001.duckdb")
-    kept = index.rename(tmp_path / "kept.duckdb")
-    if what == "link":
-        index.symlink_to(kept)
-    elif what == "pipe":
+    moved_index = index.rename(tmp_path / "kept.duckdb")
+    if replacement == "link":
+        index.symlink_to(moved_index)
+    elif replacement == "pipe":
         os.mkfifo(index)
-    elif what == "folder":
+    elif replacement == "folder":
         index.mkdir()
     else:
         index.write_bytes(b"no index")
@@ -143,10 +145,10 @@ def test_prune_removes_nothing_where_an_index_cannot_be_read(
     with deadline(), pytest.raises(RequestError, match=index.name):
         prune(store_copy)
     assert sorted((store_copy / "runs.zarr").rglob("*")) == before
-    assert kept.exists()
+    assert moved_index.exists()
 
 
-def test_prune_names_the_links_that_it_leaves(store_copy: Path, tmp_path: Path) -> None:
+def test_prune_reports_the_links_that_it_keeps(store_copy: Path, tmp_path: Path) -> None:
     _keys(store_copy, tmp_path)
     pruned = prune(store_copy)
     assert pruned.links == ("runs.zarr/x",)
@@ -155,7 +157,7 @@ def test_prune_names_the_links_that_it_leaves(store_copy: Path, tmp_path: Path) 
 
 def test_nothing_is_written_through_a_link(store_copy: Path, tmp_path: Path) -> None:
     outside = tmp_path / "outside"
-    _moved_out(store_copy, "runs.zarr/vanilla", outside)
+    _replace_by_link(store_copy, "runs.zarr/vanilla", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         stored_array.create(
@@ -180,7 +182,7 @@ def test_the_ledger_and_locks_are_not_written_through_links(
         prune(store_copy)
     assert "secret" in (outside / "lock").read_text()
     lock.unlink()
-    _moved_out(store_copy, "ledger", outside)
+    _replace_by_link(store_copy, "ledger", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         Ledger(store_copy).add("unit", [(SHARD, 16)])
@@ -190,10 +192,10 @@ def test_the_ledger_and_locks_are_not_written_through_links(
 @pytest.mark.parametrize(
     "relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"]
 )
-def test_a_pipe_is_refused_and_nobody_waits_for_it(store_copy: Path, relative: str) -> None:
+def test_a_pipe_is_rejected_without_blocking(store_copy: Path, relative: str) -> None:
     (store_copy / relative).unlink(missing_ok=True)
     os.mkfifo(store_copy / relative)
     command = [sys.executable, "-m", "s2rtui", "verify", str(store_copy)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 1
-    assert "pipe" in done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert process.returncode == 1
+    assert "pipe" in process.stdout

@@ -1,4 +1,4 @@
-"""A shard that is not there is an error that names it, for every reader."""
+"""A missing shard is an error that names the array, for every reader."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ N, WIDTH = 40, 8
 
 
 @pytest.fixture
-def embedded(store_copy: Path) -> Path:
+def store_with_embeddings(store_copy: Path) -> Path:
     """A store with embeddings of both sides of a run, in shards of 16 rows."""
     rng = np.random.default_rng(0)
     with edit(store_copy) as draft:
@@ -44,12 +44,12 @@ def embedded(store_copy: Path) -> Path:
     return store_copy
 
 
-@pytest.mark.parametrize("gone", ["c/1/0", "c"])
-def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
+@pytest.mark.parametrize("missing", ["c/1/0", "c"])
+def test_every_reader_names_the_missing_shard(store_with_embeddings: Path, missing: str) -> None:
     for side in ("sim", "real"):
-        path = embedded / f"runs.zarr/vanilla/key0/embedding.{side}" / gone
+        path = store_with_embeddings / f"runs.zarr/vanilla/key0/embedding.{side}" / missing
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    with s2rstore.open(embedded) as store:
+    with s2rstore.open(store_with_embeddings) as store:
         _, sim = store.array("vanilla", "embedding", "sim")
         _, real = store.array("vanilla", "embedding", "real")
         readers = (
@@ -67,9 +67,9 @@ def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
                 read()
 
 
-def test_rows_of_other_shards_are_read(embedded: Path) -> None:
-    (embedded / "runs.zarr/vanilla/key0/embedding.sim/c/1/0").unlink()
-    with s2rstore.open(embedded) as store:
+def test_rows_of_other_shards_can_be_read(store_with_embeddings: Path) -> None:
+    (store_with_embeddings / "runs.zarr/vanilla/key0/embedding.sim/c/1/0").unlink()
+    with s2rstore.open(store_with_embeddings) as store:
         _, array = store.array("vanilla", "embedding", "sim")
         assert array[:16].shape == (16, WIDTH)
         assert array[32:].shape == (8, WIDTH)

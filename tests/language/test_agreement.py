@@ -100,8 +100,7 @@ EXPRESSIONS = st.recursive(
 
 @pytest.fixture(scope="module")
 def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """A store with missing values and embeddings, ties, points on edges and instances without a
-    room."""
+    """A store with missing values and embeddings, ties, points on edges and a missing room."""
     path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48)
     with edit(path) as draft:
         draft._connection.execute(

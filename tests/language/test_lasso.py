@@ -47,8 +47,7 @@ def test_points_enclosed_twice_are_outside() -> None:
 def test_adding_a_corner_changes_only_the_points_of_its_triangle(
     corners: list[tuple[float, float]], point: int
 ) -> None:
-    """A corner inserted between the last and the first adds or removes exactly the triangle's
-    points."""
+    """A corner between the last and the first adds or removes exactly the triangle's points."""
     enclosed = points_inside(GRID, tuple(corners))
     new_corner = (float(GRID[point][0]) / 3, float(GRID[point][1]) / 7)
     triangle = points_inside(GRID, (corners[-1], new_corner, corners[0]))

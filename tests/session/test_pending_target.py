@@ -1,5 +1,4 @@
-"""Deferred loading gives the same state as synchronous loading, whatever keys are pressed
-meanwhile."""
+"""Deferred loading gives the same state as synchronous loading, whatever keys are pressed."""
 
 from __future__ import annotations
 
@@ -52,8 +51,7 @@ class SessionPair:
     worker: bool = False
 
     def begin(self) -> None:
-        """Reset both sessions; only the data of the first screen is loaded, undo and redo have
-        entries."""
+        """Reset both sessions; only the first screen's data is loaded, undo and redo have entries."""
         for session in (self.deferred, self.direct):
             session.defers_loading = False
             session.set_state(self.first(session))

@@ -1,5 +1,4 @@
-"""Bootstrap confidence intervals: coverage, small-sample correction and agreement of screen and
-gate."""
+"""Bootstrap intervals: coverage, small-sample correction, agreement of screen and gate."""
 
 from __future__ import annotations
 
@@ -28,8 +27,7 @@ def test_student_quantiles_equal_scipy(level: float) -> None:
 
 @pytest.mark.parametrize("level", [0.8, 0.95, 0.99])
 def test_the_corrected_interval_of_a_normal_mean_is_student_s(level: float) -> None:
-    """A normal bootstrap of b values divides by b, not by b - 1; the correction gives Student's
-    interval."""
+    """A normal bootstrap of b values divides by b, not by b - 1; the correction restores it."""
     for b in (2, 5, 30):
         tail = (1 + level) / 2
         expected = stats.t.ppf(tail, b - 1) / np.sqrt(b)

@@ -46,8 +46,7 @@ def build_message(
 
 
 def write(path: Path, topics: Topics, stamped: bool = True) -> Path:
-    """Write a ROS 1 bag for a name in ".bag", else a ROS 2 folder (MCAP if the name contains
-    "mcap")."""
+    """Write a ROS 1 bag if the name ends in ".bag", else a ROS 2 folder ("mcap" selects MCAP)."""
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     if ros1:

@@ -48,8 +48,7 @@ class ServerProcess:
 
 @contextmanager
 def servers(store: Path, data_home: Path) -> Iterator[StartServer]:
-    """A function that starts servers of a store, with `cwd` as working folder; all end with the
-    context."""
+    """A function that starts servers of a store in the folder `cwd`; all end with the context."""
     started: list[ServerProcess] = []
     (data_home / "s2rtui").mkdir(parents=True)
     (data_home / "s2rtui" / "toured").touch()

@@ -43,8 +43,7 @@ def look(seed: int, shift: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs of one model: `far` with a gap, `near` whose sim images are adapted, and `same` of
-    another model without any gap."""
+    """Runs of one model: `far` with a gap, `near` with adapted images, `same` without any gap."""
     root = tiny.build(tmp_path_factory.mktemp("visual") / "s.s2r", N, ("far",))
     real = look(1, 0.0)
     again(root, "near", {"sim_adjustments": [{"name": "brightness", "value": 1.2}]})
