@@ -122,7 +122,7 @@ def test_nights_contain_no_control_characters(hostile_store: Path) -> None:
 
 
 def screen_text_of(app: S2RApp) -> str:
-    """All text of the screen; its escape codes must contain no forbidden sequence except colours."""
+    """All text of the screen; the escape codes must contain no forbidden sequence."""
     console = Console(file=io.StringIO(), force_terminal=True)
     strips = app.screen._compositor.render_strips()
     text = "".join(segment.text for strip in strips for segment in strip)

@@ -51,7 +51,7 @@ class SessionPair:
     worker: bool = False
 
     def begin(self) -> None:
-        """Reset both sessions; only the first screen's data is loaded, undo and redo have entries."""
+        """Reset both sessions: loaded data of the first screen, entries to undo and redo."""
         for session in (self.deferred, self.direct):
             session.defers_loading = False
             session.set_state(self.first(session))
