@@ -54,7 +54,7 @@ def test_a_cell_shows_the_mean_of_its_selected_instances(
 
 
 def three_points() -> CompareInput:
-    """The second run is better at the left, the first in the middle; they are equal at the right."""
+    """The second run is better at the left, the first in the middle, neither at the right."""
     all_true = np.ones(3, dtype=np.bool_)
     return CompareInput(
         np.array([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]]),
