@@ -1,4 +1,4 @@
-"""Servers for the tests of this folder."""
+"""A fixture that starts servers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture
 def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
-    """Starts servers of the tiny store; they end with the test."""
+    """A function that starts servers of the tiny store; they end with the test."""
     pytest.importorskip("textual_serve")
     with servers(tiny_store, tmp_path / "data") as start:
         yield start

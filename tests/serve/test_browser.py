@@ -1,4 +1,4 @@
-"""The application in a headless Chromium that has no network but loopback."""
+"""The application in a headless Chromium with access only to the loopback network."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ pytest.importorskip("aiohttp")
 from tests.support import chromium
 
 
-async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
-    """Whether the page soon looks different: it draws in its next frame."""
+async def _is_redrawn(page: chromium.Page, before: bytes) -> bool:
+    """Whether the page changes soon; it is drawn in the next frame."""
     for _ in range(100):
         if await page.screenshot() != before:
             return True
@@ -26,7 +26,7 @@ async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
 
 
 async def _is_closed(page: chromium.Page) -> bool:
-    """Whether the page soon says that its session has ended: it hears of it after the server."""
+    """Whether the page soon shows that its session has ended."""
     for _ in range(100):
         if await page.evaluate("document.body.classList.contains('-closed')") is True:
             return True
@@ -50,7 +50,7 @@ async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_pat
         await page.press("w")
         text = await page.wait_for("│ 6 of 40 │")
         assert "worst15" in text
-        assert await _drawn_anew(page, before)
+        assert await _is_redrawn(page, before)
         hosts = {urlsplit(url).netloc for url in page.requests if not url.startswith("data:")}
         assert hosts == {f"127.0.0.1:{server.port}"}
         assert [url for url in page.requests if url.startswith("ws://")]
