@@ -163,7 +163,7 @@ def test_the_registry_describes_every_slider():
         assert adjustment.description
         assert set(adjustment.sides) <= set(SIDES)
         assert isinstance(adjustment, ImageAdjustment) != adjustment.needs_renderer
-    rendered = [name for name, found in ADJUSTMENTS.items() if found.needs_renderer]
+    rendered = [name for name, entry in ADJUSTMENTS.items() if entry.needs_renderer]
     assert tuple(rendered) == camera_offset.NAMES
 
 

@@ -143,8 +143,7 @@ def umap_input(**changes: Any) -> UmapInput:
 
 
 def orientation_input(**changes: Any) -> OrientationInput:
-    """Headings in all directions, sim close to and real far from the truth; instance 4 has no real
-    one."""
+    """All headings; sim is close to the truth, real far from it; instance 4 has no real heading."""
     random = np.random.default_rng(12)
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)

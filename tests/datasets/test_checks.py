@@ -69,8 +69,8 @@ def _broken_plan(root: Path) -> None:
 
 def _half_size(root: Path) -> None:
     for path in (root / "traj1").rglob("*.jpeg"):
-        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        cv2.imwrite(str(path), cv2.resize(picture, (32, 24)))
+        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), cv2.resize(image, (32, 24)))
 
 
 def _missing(root: Path) -> None:

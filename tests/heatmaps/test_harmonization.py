@@ -112,14 +112,14 @@ def test_reprojection_keeps_the_point_in_space() -> None:
 @given(arrays.arrays(np.uint16, (2, 12, 12), elements=RAW),
        arrays.arrays(np.uint16, (2, 12, 12), elements=RAW))  # fmt: skip
 def test_the_nearer_surface_is_the_minimum_of_both_depths(
-    own: np.ndarray, other: np.ndarray
+    first: np.ndarray, second: np.ndarray
 ) -> None:
     lens = Intrinsics(8.0, 8.0, 6.0, 6.0, 0.0)
     a = replace(RIG, rgb=lens, depth=lens)
     b = replace(a, domain="real", kind="real")
-    nearer = NearerSurface(a, b, (12, 12))(own, other)
-    assert (nearer <= own).all()
-    known = (own >= 1) & (own <= 10_000)
-    both = known & (other >= 1) & (other <= 10_000)
-    assert np.array_equal(nearer[~both], own[~both])
-    assert np.array_equal(nearer[both], np.minimum(own, other)[both])
+    nearer = NearerSurface(a, b, (12, 12))(first, second)
+    assert (nearer <= first).all()
+    known = (first >= 1) & (first <= 10_000)
+    both = known & (second >= 1) & (second <= 10_000)
+    assert np.array_equal(nearer[~both], first[~both])
+    assert np.array_equal(nearer[both], np.minimum(first, second)[both])

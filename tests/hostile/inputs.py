@@ -33,8 +33,8 @@ class ProcessResult:
         last = self.err.strip().splitlines()[-1]
         assert last.startswith("s2r: "), self.err
         assert "Traceback" not in self.err
-        for word in words:
-            assert word in last, self.err
+        for expected in words:
+            assert expected in last, self.err
         assert self.megabytes < MAX_MEGABYTES
 
 

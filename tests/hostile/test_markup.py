@@ -66,8 +66,8 @@ def calls() -> Iterator[tuple[str, str, ast.Call]]:
                 name = node.func.attr if isinstance(node.func, ast.Attribute) else (
                     node.func.id if isinstance(node.func, ast.Name) else ""
                 )  # fmt: skip
-                place = f"{path.relative_to(SOURCES)}:{node.lineno}"
-                yield place, name if uses_textual or name != "update" else "", node
+                location = f"{path.relative_to(SOURCES)}:{node.lineno}"
+                yield location, name if uses_textual or name != "update" else "", node
 
 
 def disables_markup(call: ast.Call) -> bool:
@@ -91,19 +91,19 @@ def is_content(call: ast.Call) -> bool:
 
 def test_no_widget_receives_a_string_with_markup_enabled() -> None:
     violations = []
-    for place, name, call in calls():
+    for location, name, call in calls():
         if (name in WIDGETS or (name == "notify" and call.args)) and not disables_markup(call):
-            violations.append(f"{place}: {name} without markup=False")
+            violations.append(f"{location}: {name} without markup=False")
         if name in TEXTS and not is_content(call):
-            violations.append(f"{place}: {name} of a string")
+            violations.append(f"{location}: {name} of a string")
         if name == "update" and call.args and not is_content(call):
-            violations.append(f"{place}: update with a string")
+            violations.append(f"{location}: update with a string")
         if name in ("from_markup", "print_markup", "rprint"):
-            violations.append(f"{place}: {name}")
+            violations.append(f"{location}: {name}")
         if name == "TextColumn" and not disables_markup(call):
-            violations.append(f"{place}: TextColumn without markup=False")
+            violations.append(f"{location}: TextColumn without markup=False")
         if ast.unparse(call.func).endswith("console.print") and not disables_markup(call):
-            violations.append(f"{place}: console.print without markup=False")
+            violations.append(f"{location}: console.print without markup=False")
     assert not violations
 
 

@@ -51,7 +51,7 @@ def test_the_history_contains_the_complete_report(recorded_week: Week) -> None:
     last = loaded.of_configuration("lab")[-1]
     report = json.loads(history.report_text(recorded_week.config.history, last.measured))
     assert report["verdict"]["gap"] == last.gap.value
-    assert [each["gap"] for each in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
+    assert [entry["gap"] for entry in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
 
 
 def test_verify_and_prune_accept_a_history(week: Week) -> None:

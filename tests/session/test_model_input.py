@@ -51,9 +51,9 @@ def test_removed_depth_is_missing(store: Store) -> None:
 
 
 def test_long_chains_are_listed_in_a_note(store: Store) -> None:
-    many = model_input(store, run(store, "many"), "real", 4)
-    assert many.title == "real, adjusted"
-    assert many.notes == (("real images", "brightness=1.5, contrast=0.5"),)
+    long_chain = model_input(store, run(store, "many"), "real", 4)
+    assert long_chain.title == "real, adjusted"
+    assert long_chain.notes == (("real images", "brightness=1.5, contrast=0.5"),)
 
 
 def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
@@ -61,10 +61,12 @@ def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
 ) -> None:
     plain = model_input(store, run(store, "vanilla"), "real", 4)
     monkeypatch.setitem(sys.modules, "s2rtools.adjustments", None)
-    bright, many = (model_input(store, run(store, name), "real", 4) for name in ("bright", "many"))
+    bright, long_chain = (
+        model_input(store, run(store, name), "real", 4) for name in ("bright", "many")
+    )
     np.testing.assert_array_equal(bright.rgb, plain.rgb)
     assert bright.title == "real, before brightness=1.5"
-    assert many.title == "real, before adjustments"
+    assert long_chain.title == "real, before adjustments"
 
 
 @pytest.mark.xdist_group("world")

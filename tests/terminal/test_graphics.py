@@ -72,30 +72,30 @@ class FakeTerminal:
 
     def __init__(self, in_tmux: bool = False) -> None:
         self.written = ""
-        self.made = 0
+        self.ready_count = 0
         graphics = Graphics(True, "", in_tmux=in_tmux)
-        self.wall = KittyImageManager(graphics, self._write, self._ready)
+        self.manager = KittyImageManager(graphics, self._write, self._ready)
 
     def _write(self, text: str) -> None:
         self.written += text
 
     def _ready(self) -> None:
-        self.made += 1
+        self.ready_count += 1
 
     def begin(self, canvas_with_image: Canvas, view: str = "instance") -> list[Strip]:
-        return self.wall.attach(
+        return self.manager.attach(
             view, canvas_with_image, to_strips(canvas_with_image, ColourMode.TRUECOLOR)
         ).strips
 
-    def hang(self, canvas_with_image: Canvas, view: str = "instance") -> list[Strip]:
-        """As it is once the pictures are made."""
+    def draw(self, canvas_with_image: Canvas, view: str = "instance") -> list[Strip]:
+        """The strips after the images have been encoded."""
         strips = self.begin(canvas_with_image, view)
         self.wait()
-        return self.begin(canvas_with_image, view) if self.made else strips
+        return self.begin(canvas_with_image, view) if self.ready_count else strips
 
     def wait(self) -> None:
         limit = time.monotonic() + 20
-        while not self.wall.idle:
+        while not self.manager.idle:
             assert time.monotonic() < limit
             time.sleep(0.0005)
 
@@ -178,7 +178,7 @@ def test_ascii_and_graphics_exclude_each_other(
 
 def test_placeholders_cover_exactly_the_box() -> None:
     terminal = FakeTerminal()
-    strips = terminal.hang(canvas(noise((16, 16))))
+    strips = terminal.draw(canvas(noise((16, 16))))
     written = codes(strips)
     (number,) = KittyTerminal.after(terminal.written.encode()).images
     assert placed_cells(written) == {number: box_cells(6, 3)}
@@ -190,14 +190,14 @@ def test_placeholders_cover_exactly_the_box() -> None:
 @settings(deadline=None)
 @given(st.integers(0, 12), st.integers(0, 12))
 def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> None:
-    strip = FakeTerminal().hang(canvas(noise((16, 16))))[2].crop(start, end)
+    strip = FakeTerminal().draw(canvas(noise((16, 16))))[2].crop(start, end)
     columns = {column for cells in placed_cells(codes([strip])).values() for column, _ in cells}
     assert columns == {position - 2 for position in range(start, end) if 2 <= position < 8}
     assert strip.cell_length == max(0, end - start)
 
 
 def test_restyled_strips_contain_no_placeholders() -> None:
-    strip = FakeTerminal().hang(canvas(noise((16, 16))))[2]
+    strip = FakeTerminal().draw(canvas(noise((16, 16))))[2]
     assert strip.text == "abcdefghijkl"
     assert not placed_cells(codes([Strip(list(strip))]))
 
@@ -223,17 +223,17 @@ def test_the_pixel_size_is_limited_by_image_box_and_maximum(
 
 def test_large_images_are_reduced_to_the_byte_limit() -> None:
     terminal = FakeTerminal()
-    terminal.hang(canvas(noise((256, 256)), (8, 4)))
+    terminal.draw(canvas(noise((256, 256)), (8, 4)))
     assert 0 < KittyTerminal.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
 
 
 def test_a_displayed_image_is_not_sent_again() -> None:
     terminal = FakeTerminal()
-    terminal.hang(canvas(noise((16, 16))))
+    terminal.draw(canvas(noise((16, 16))))
     written_before = terminal.written
-    terminal.hang(canvas(noise((16, 16))))
+    terminal.draw(canvas(noise((16, 16))))
     assert terminal.written == written_before
-    terminal.hang(canvas(255 - noise((16, 16))))
+    terminal.draw(canvas(255 - noise((16, 16))))
     assert terminal.written != written_before
 
 
@@ -252,7 +252,7 @@ def test_images_are_encoded_in_the_background_and_the_newest_is_shown() -> None:
         )
         return strips_after
 
-    first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))
+    first = terminal.draw(canvas(np.full((4, 4, 3), 9, np.uint8)))
     written_before, shown = terminal.written, placed_cells(codes(first))
     for shade in range(5):
         assert placed_cells(codes(terminal.begin(canvas_of_shade(shade)))) == shown
@@ -272,18 +272,18 @@ def test_images_encoded_after_deletion_are_not_sent() -> None:
     delayed_pixels = partial(lambda pixels, size: released.wait(10) and pixels, noise((16, 16)))
     canvas_with_image.images[0] = replace(canvas_with_image.images[0], pixels=delayed_pixels)
     terminal.begin(canvas_with_image)
-    terminal.wall.delete_all()
+    terminal.manager.delete_all()
     released.set()
     terminal.wait()
-    assert (terminal.written, terminal.made) == ("", 0)
+    assert (terminal.written, terminal.ready_count) == ("", 0)
 
 
 def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = FakeTerminal()
-    terminal.hang(canvas(noise((16, 16)), source="one"))
+    terminal.draw(canvas(noise((16, 16)), source="one"))
     written_before = terminal.written
     monkeypatch.setitem(globals(), "resized", lambda pixels, size: pytest.fail("made again"))
-    terminal.hang(canvas(noise((16, 16)), source="one"))
+    terminal.draw(canvas(noise((16, 16)), source="one"))
     assert terminal.written == written_before
 
 
@@ -291,33 +291,33 @@ def test_instances_use_different_image_numbers() -> None:
     numbers_used = set()
     for _ in range(20):
         terminal = FakeTerminal()
-        terminal.hang(canvas(noise((16, 16))))
+        terminal.draw(canvas(noise((16, 16))))
         numbers_used |= set(KittyTerminal.after(terminal.written.encode()).images)
     assert len(numbers_used) > 10
 
 
 def test_a_displayed_image_keeps_its_number() -> None:
     terminal = FakeTerminal()
-    (strip, *_) = terminal.hang(canvas(noise((16, 16))), "instance")[1:]
+    (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]
     shown = set(placed_cells(codes([strip])))
     for shade in range(3 * NUMBERS):
         canvas_with_image = canvas(np.full((4, 4, 3), shade, np.uint8))
-        assert not shown & set(placed_cells(codes(terminal.hang(canvas_with_image, "adjust"))))
+        assert not shown & set(placed_cells(codes(terminal.draw(canvas_with_image, "adjust"))))
     assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
 
 
 def test_all_images_can_be_deleted() -> None:
     terminal = FakeTerminal()
     for shade in range(5):
-        terminal.hang(canvas(np.full((4, 4, 3), shade, np.uint8)))
-    terminal.wall.delete_all()
+        terminal.draw(canvas(np.full((4, 4, 3), shade, np.uint8)))
+    terminal.manager.delete_all()
     assert KittyTerminal.after(terminal.written.encode()).images == {}
 
 
 def test_every_sequence_is_wrapped_for_tmux() -> None:
     terminal = FakeTerminal(in_tmux=True)
-    terminal.hang(canvas(noise((64, 64)), (10, 3)))
-    terminal.wall.delete_all()
+    terminal.draw(canvas(noise((64, 64)), (10, 3)))
+    terminal.manager.delete_all()
     parts = re.findall(r"\x1bPtmux;((?:\x1b\x1b|[^\x1b])*)\x1b\\", terminal.written)
     assert "".join(f"\x1bPtmux;{part}\x1b\\" for part in parts) == terminal.written
     passed_through = "".join(parts).replace("\x1b\x1b", "\x1b").encode()

@@ -33,14 +33,14 @@ from tests.support.kitty import (
 Visit = dict[str, bytes]
 
 
-def open_application(store: Path, share: Path, *words: str) -> Screen:
+def open_application(store: Path, share: Path, *options: str) -> Screen:
     environment = {
         "XDG_DATA_HOME": str(share),
         "PYTHONPATH": ":".join(path for path in sys.path if path),
         "COLORTERM": "truecolor",
         "OMP_NUM_THREADS": "1",
     }
-    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *words]
+    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
     return Screen(command, (120, 40), environment)
 
 

@@ -146,9 +146,9 @@ def test_the_delay_anchor_is_a_period_or_the_untuned_simulator(evidence) -> None
 
 
 def test_missing_evidence_is_explained(evidence) -> None:
-    none = evidence([])
-    assert "no drives" in (DynamicsAxis().missing(none) or "")
-    assert "no drives" in (DelayAxis().missing(none) or "")
+    without_drives = evidence([])
+    assert "no drives" in (DynamicsAxis().missing(without_drives) or "")
+    assert "no drives" in (DelayAxis().missing(without_drives) or "")
     without_commands = evidence([replace(robot.pair(1), commands=None)])
     assert DynamicsAxis().missing(without_commands) is None
     assert "commands.csv" in (DelayAxis().missing(without_commands) or "")
