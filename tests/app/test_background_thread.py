@@ -114,16 +114,16 @@ def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
     worker.end()
 
 
-def test_a_lane_outlives_what_its_work_raises() -> None:
-    told: list[Exception] = []
-    blocking, worker = BlockingJob(), LatestOnlyWorker("lane", told.append)
-    fault = ZeroDivisionError("of the work")
+def test_a_worker_survives_a_failing_job() -> None:
+    errors: list[Exception] = []
+    blocking, worker = BlockingJob(), LatestOnlyWorker("lane", errors.append)
+    error = ZeroDivisionError("of the work")
 
-    def work() -> None:
+    def failing_job() -> None:
         blocking.wait()
-        raise fault
+        raise error
 
-    worker.put(work)
+    worker.put(failing_job)
     assert blocking.entered.wait(10)
     worker.put(lambda: blocking.note("after"))
     assert not worker.idle
@@ -133,5 +133,5 @@ def test_a_lane_outlives_what_its_work_raises() -> None:
         assert time.monotonic() < deadline
         time.sleep(0.001)
     assert blocking.done == ["first", "after"]
-    assert told == [fault]
+    assert errors == [error]
     worker.end()

@@ -116,7 +116,7 @@ async def test_a_lasso_can_be_drawn_by_keys(tiny_store: Path) -> None:
         assert not app.session.state.is_error
 
 
-async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
+async def test_a_lasso_of_two_corners_is_rejected(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L", "x", "enter")
@@ -499,7 +499,7 @@ async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
         assert app.session.state.expression == "all"
 
 
-async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) -> None:
+async def test_the_key_that_closes_the_tour_has_no_other_effect(tiny_store: Path) -> None:
     app = make_app(tiny_store)
     app.is_first_start = True
     async with app.run_test(size=(120, 40)) as pilot:

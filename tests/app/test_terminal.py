@@ -27,7 +27,9 @@ from s2rtui.terminal.capabilities import detect, refuse_unusable
         ({"TERM": "xterm", "LC_ALL": "POSIX", "LANG": "en_US.UTF-8"}, ColourMode.ANSI, True),
     ],
 )
-def test_environment(environment: dict[str, str], mode: ColourMode, ascii: bool) -> None:
+def test_the_environment_determines_the_colour_mode(
+    environment: dict[str, str], mode: ColourMode, ascii: bool
+) -> None:
     detected = detect(environment=environment)
     assert (detected.mode, detected.ascii) == (mode, ascii)
     assert detected.reason

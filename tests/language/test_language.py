@@ -170,7 +170,7 @@ def test_numbers_are_not_completed() -> None:
         ('curved | @"two w', 'curved | @"two words"'),
     ],
 )
-def test_names_with_blanks_are_completed_and_quoted(text: str, completed: str) -> None:
+def test_names_with_spaces_are_completed_and_quoted(text: str, completed: str) -> None:
     saved_expressions = {"two words": parse("all"), "other": parse("all")}
     vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), saved_expressions)
     assert [line for line, _ in complete(text, vocabulary)] == [completed]

@@ -106,5 +106,5 @@ def test_centred_outputs_are_near_the_centre(architecture):
     assert (poses[:, :2] - torch.tensor([40.0, -30.0])).abs().max() < 10
 
 
-def test_resposenet_is_small():
+def test_resposenet_has_200_to_300_thousand_parameters():
     assert 200_000 < sum(p.numel() for p in build_network("resposenet").parameters()) < 300_000

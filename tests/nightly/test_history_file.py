@@ -108,7 +108,9 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
     ],
     ids=["while adding", "before the rename", "after the rename", "while telling"],
 )
-def test_a_kill_loses_at_most_the_night(week: Week, patch: str, expected_nights: int) -> None:
+def test_a_killed_writer_loses_at_most_the_current_night(
+    week: Week, patch: str, expected_nights: int
+) -> None:
     week.config = replace(week.config, sysid=None)
     week.night(1)
     code = _KILLED_NIGHT_SCRIPT.format(patch=patch)
