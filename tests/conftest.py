@@ -1,4 +1,4 @@
-"""Fixtures that every room shares."""
+"""Fixtures shared by all test packages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from textual import _wait
 
 from tests.support import pairs, tiny
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
@@ -17,42 +17,42 @@ _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
-"""s; a pilot looks at 20 ms of idleness after every key, most of which nothing follows."""
+"""Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
 
-TOGETHER = ("gap", "terminal", "nightly", "sysid", "training")
-"""Folders whose tests share what is dear to make: one worker runs all of a folder's."""
+FOLDERS_WITH_SHARED_FIXTURES = ("gap", "terminal", "nightly", "sysid", "training")
+"""Folders whose fixtures are expensive: one xdist worker runs all tests of such a folder."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
+    tests_folder = Path(__file__).parent
     for item in items:
-        folder = item.path.relative_to(here).parts[0]
-        if folder in TOGETHER and not item.get_closest_marker("xdist_group"):
+        folder = item.path.relative_to(tests_folder).parts[0]
+        if folder in FOLDERS_WITH_SHARED_FIXTURES and not item.get_closest_marker("xdist_group"):
             item.add_marker(pytest.mark.xdist_group(folder))
 
 
 @pytest.fixture(autouse=True)
-def own_things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of this test's own for the user's selections, notes and tags."""
+def user_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A separate folder per test for the user's selections, notes and tags."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
     return tmp_path / "share" / "s2rtui"
 
 
 @pytest.fixture(scope="session")
 def tiny_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A synthetic store that no test writes to."""
+    """A synthetic store that no test modifies."""
     return tiny.build(tmp_path_factory.mktemp("tiny") / "tiny.s2r")
 
 
 @pytest.fixture
-def own_store(tiny_store: Path, tmp_path: Path) -> Path:
-    """A synthetic store of this test's own."""
-    return copied(tiny_store, tmp_path / "own.s2r")
+def store_copy(tiny_store: Path, tmp_path: Path) -> Path:
+    """A private copy of the synthetic store, which the test may modify."""
+    return copy_store(tiny_store, tmp_path / "own.s2r")
 
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """The Sim2RealViz data, named by S2R_DATA."""
+    """The Sim2RealViz data set in the folder named by S2R_DATA."""
     folder = os.environ.get("S2R_DATA")
     if not folder:
         pytest.skip("S2R_DATA does not name the Sim2RealViz data")
@@ -60,8 +60,8 @@ def real_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of 40 pairs, two shards, with a briefly trained model; nothing is computed yet."""
+def trained_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of 40 pairs in two shards with a briefly trained model and no computed run."""
     root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
     from s2rtools.datasets import IMPORTERS
@@ -74,21 +74,21 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scan = IMPORTERS["sim2realviz"](root / "data", options)
     build(scan, root / "s.s2r", "s2r ingest", False, lambda steps: None)
     request = TrainingRequest("vanilla", steps=3)
-    train_into_store(root / "s.s2r", request, lambda *told: None, "s2r train")
+    train_into_store(root / "s.s2r", request, lambda *progress: None, "s2r train")
     return root / "s.s2r"
 
 
 @pytest.fixture(scope="session")
-def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small default world that no test writes to; runs of one model with moved cameras.
+def moved_camera_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small default world with runs of one model whose cameras are moved; no test modifies it.
 
-    `zero` moves nothing by adjustments of 0, `up` the sim camera and brightens it, `low` the real
-    one; all are computed.
+    Run `zero` sets all adjustments to 0, `up` raises the sim camera and brightens its images,
+    `low` lowers the real camera; all runs are computed.
     """
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
     from s2rtui.cli import main
-    from tests.support.silent_reporter import Quiet
+    from tests.support.silent_reporter import SilentReporter
 
     path = tmp_path_factory.mktemp("moved") / "world.s2r"
     assert main(["ingest", "world", "--instances", "4", "--store", str(path)]) == 0
@@ -99,9 +99,19 @@ def moved_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "low": "real:camera_height=-0.1,camera_fov=-4",
     }
     for name, chain in moves.items():
-        words = ["run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", str(path)]
-        assert main(words) == 0
+        arguments = [
+            "run",
+            "add",
+            name,
+            "--model",
+            "vanilla",
+            "--adjust",
+            chain,
+            "--store",
+            str(path),
+        ]
+        assert main(arguments) == 0
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    precompute(path, Quiet(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
-    precompute(path, Quiet(), ["up"], PrecomputeOptions(kinds, workers=2))
+    precompute(path, SilentReporter(), ["vanilla", "zero", "low"], PrecomputeOptions(kinds))
+    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(kinds, workers=2))
     return path

@@ -1,4 +1,4 @@
-"""Adjustments: neutral to the bit, chained, and what each one changes."""
+"""Image adjustments: neutral values, chains, and the effect of each adjustment."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def chain(**values: float) -> list[dict[str, object]]:
     return [{"name": name, "value": value} for name, value in values.items()]
 
 
-def test_neutral_values_give_the_very_same_arrays(frames):
+def test_neutral_values_return_the_input_arrays(frames):
     neutral = {name: adjustment.neutral for name, adjustment in ADJUSTMENTS.items()}
     rgb, depth = apply_chain(*frames, chain(**neutral))
     assert rgb is frames[0]
@@ -43,10 +43,10 @@ def test_neutral_values_give_the_very_same_arrays(frames):
 
 
 @pytest.mark.parametrize("name", list(ADJUSTMENTS))
-@pytest.mark.parametrize("end", ["lowest", "highest"])
-def test_types_and_shapes_stay_and_the_input_is_not_touched(frames, name, end):
+@pytest.mark.parametrize("limit", ["lowest", "highest"])
+def test_types_and_shapes_are_preserved_and_the_input_is_unchanged(frames, name, limit):
     before = [image.copy() for image in frames]
-    value = getattr(ADJUSTMENTS[name], end)
+    value = getattr(ADJUSTMENTS[name], limit)
     rgb, depth = apply_chain(*frames, chain(**{name: value}))
     assert (rgb.dtype, rgb.shape) == (frames[0].dtype, frames[0].shape)
     assert (depth.dtype, depth.shape) == (frames[1].dtype, frames[1].shape)
@@ -55,19 +55,19 @@ def test_types_and_shapes_stay_and_the_input_is_not_touched(frames, name, end):
 
 
 @pytest.mark.parametrize("name", ["brightness", "contrast", "temperature"])
-def test_colour_adjustments_leave_depth_alone(frames, name):
+def test_colour_adjustments_do_not_change_depth(frames, name):
     rgb, depth = apply_chain(*frames, chain(**{name: ADJUSTMENTS[name].highest}))
     assert depth is frames[1]
     assert not np.array_equal(rgb, frames[0])
 
 
 @pytest.mark.parametrize("name", ["depth_range", "depth_blur"])
-def test_depth_adjustments_leave_colour_and_invalid_depth_alone(frames, name):
+def test_depth_adjustments_change_only_valid_depth(frames, name):
     rgb, depth, valid = frames
-    made_rgb, made = apply_chain(rgb, depth, valid, chain(**{name: 2.0}))
-    assert made_rgb is rgb
-    np.testing.assert_array_equal(made[~valid], depth[~valid])
-    assert not np.array_equal(made[valid], depth[valid])
+    adjusted_rgb, adjusted = apply_chain(rgb, depth, valid, chain(**{name: 2.0}))
+    assert adjusted_rgb is rgb
+    np.testing.assert_array_equal(adjusted[~valid], depth[~valid])
+    assert not np.array_equal(adjusted[valid], depth[valid])
 
 
 def test_brightness_multiplies_and_saturates(frames):
@@ -75,13 +75,13 @@ def test_brightness_multiplies_and_saturates(frames):
     np.testing.assert_array_equal(rgb, np.clip(np.rint(frames[0] * 1.15), 0, 255))
 
 
-def test_contrast_zero_is_each_images_own_mean(frames):
+def test_zero_contrast_gives_the_mean_of_each_image(frames):
     rgb, _ = apply_chain(*frames, chain(contrast=0.0))
     for image, source in zip(rgb, frames[0], strict=True):
         assert np.unique(image).tolist() == [round(float(source.mean()))]
 
 
-def test_warmer_means_redder(frames):
+def test_a_higher_temperature_gives_more_red(frames):
     rgb, _ = apply_chain(*frames, chain(temperature=0.5))
     assert rgb[..., 0].mean() > frames[0][..., 0].mean()
     assert rgb[..., 2].mean() < frames[0][..., 2].mean()
@@ -91,8 +91,10 @@ def test_blur_of_flat_depth_ignores_holes():
     depth = np.full((1, 20, 20), 100, dtype=np.uint8)
     depth[0, 8:12, 8:12] = 0
     valid = depth > 5
-    _, made = apply_chain(np.zeros((1, 20, 20, 3), np.uint8), depth, valid, chain(depth_blur=3.0))
-    np.testing.assert_array_equal(made, depth)
+    _, adjusted = apply_chain(
+        np.zeros((1, 20, 20, 3), np.uint8), depth, valid, chain(depth_blur=3.0)
+    )
+    np.testing.assert_array_equal(adjusted, depth)
 
 
 def test_steps_apply_in_order(frames):
@@ -103,17 +105,17 @@ def test_steps_apply_in_order(frames):
     np.testing.assert_array_equal(both[0], twice[0])
 
 
-def test_each_image_is_adjusted_as_if_alone(frames):
+def test_images_of_a_batch_are_adjusted_independently(frames):
     steps = chain(contrast=1.4, depth_blur=2.0)
     rgb, depth = apply_chain(*frames, steps)
     for index in range(len(rgb)):
-        alone = apply_chain(*(image[index : index + 1] for image in frames), steps)
-        np.testing.assert_array_equal(alone[0][0], rgb[index])
-        np.testing.assert_array_equal(alone[1][0], depth[index])
+        single = apply_chain(*(image[index : index + 1] for image in frames), steps)
+        np.testing.assert_array_equal(single[0][0], rgb[index])
+        np.testing.assert_array_equal(single[1][0], depth[index])
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
-def test_black_gives_one_constant_prediction(frames, architecture):
+def test_black_images_give_a_constant_prediction(frames, architecture):
     network = build_network(architecture).eval()
     rgb, depth = apply_chain(*frames, chain(black=1.0))
     x = preprocess(rgb, depth, 10 / 255, network.input_size)
@@ -123,7 +125,7 @@ def test_black_gives_one_constant_prediction(frames, architecture):
     torch.testing.assert_close(output, output[:1].expand_as(output), rtol=1e-5, atol=1e-5)
 
 
-def test_the_command_line_form():
+def test_adjustments_are_parsed_from_the_command_line():
     assert parse_adjustment("real:brightness=1.15, contrast=1.1") == {
         "sim": [],
         "real": chain(brightness=1.15, contrast=1.1),
@@ -132,7 +134,7 @@ def test_the_command_line_form():
 
 
 @pytest.mark.parametrize(
-    ("text", "named"),
+    ("text", "message"),
     [
         ("brightness=1.1", "sim: or real:"),
         ("both:brightness=1.1", "sim: or real:"),
@@ -145,12 +147,12 @@ def test_the_command_line_form():
         ("sim:camera_pitch=31", r"-30 \.\. 30 \(degrees\)"),
     ],
 )
-def test_wrong_requests_say_what_could_stand_there(text, named):
-    with pytest.raises(RequestError, match=named):
+def test_invalid_adjustments_list_the_valid_values(text, message):
+    with pytest.raises(RequestError, match=message):
         parse_adjustment(text)
 
 
-def test_the_registry_alone_makes_sliders():
+def test_the_registry_describes_every_slider():
     for name, adjustment in ADJUSTMENTS.items():
         assert adjustment.name == name
         assert adjustment.lowest <= adjustment.neutral <= adjustment.highest
@@ -161,11 +163,11 @@ def test_the_registry_alone_makes_sliders():
         assert adjustment.description
         assert set(adjustment.sides) <= set(SIDES)
         assert isinstance(adjustment, ImageAdjustment) != adjustment.needs_renderer
-    rendered = [name for name, found in ADJUSTMENTS.items() if found.needs_renderer]
+    rendered = [name for name, entry in ADJUSTMENTS.items() if entry.needs_renderer]
     assert tuple(rendered) == camera_offset.NAMES
 
 
-def test_what_needs_a_renderer_leaves_images_alone(frames):
+def test_camera_adjustments_do_not_change_images(frames):
     rgb, depth = apply_chain(*frames, chain(camera_height=0.3, camera_pitch=-4, camera_fov=10))
     assert rgb is frames[0]
     assert depth is frames[1]
@@ -175,22 +177,22 @@ def test_what_needs_a_renderer_leaves_images_alone(frames):
     st.dictionaries(st.sampled_from(list(ADJUSTMENTS)), st.floats(0, 1), max_size=5),
     st.sampled_from(SIDES),
 )
-def test_values_make_the_chain_that_the_command_line_makes(shares, side):
+def test_slider_values_give_the_chain_of_the_command_line(shares, side):
     values = {}
     for name, share in shares.items():
         low, high = ADJUSTMENTS[name].lowest, ADJUSTMENTS[name].highest
         values[name] = round(low + share * (high - low), 3)
-    made = make_chain(side, values)
-    assert [step["name"] for step in made] == [
+    chain_of_values = make_chain(side, values)
+    assert [step["name"] for step in chain_of_values] == [
         name for name in ADJUSTMENTS if values.get(name, ADJUSTMENTS[name].neutral)
         != ADJUSTMENTS[name].neutral
     ]  # fmt: skip
-    if made:
-        text = ",".join(f"{step['name']}={step['value']!r}" for step in made)
-        assert parse_adjustment(f"{side}:{text}")[side] == made
+    if chain_of_values:
+        text = ",".join(f"{step['name']}={step['value']!r}" for step in chain_of_values)
+        assert parse_adjustment(f"{side}:{text}")[side] == chain_of_values
 
 
-def test_values_out_of_range_are_refused():
+def test_values_out_of_range_are_rejected():
     with pytest.raises(RequestError, match=r"brightness=4: allowed are 0 \.\. 3"):
         make_chain("real", {"brightness": 4.0})
     with pytest.raises(RequestError, match="one of brightness"):

@@ -1,4 +1,4 @@
-"""Adjusting live: sliders from the registry, the prediction at once, the newest move wins."""
+"""The adjustment panel: sliders, live predictions, dropped intermediate values and saved runs."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session
-from tests.support.silent_reporter import Quiet
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
 @pytest.fixture(scope="module")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recorded data set with one computed run."""
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set with one computed run."""
     path = tmp_path_factory.mktemp("adjusting") / "s.s2r"
-    shutil.copytree(trained, path)
-    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+    shutil.copytree(trained_store, path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
     return path
 
 
-def app_on(store: Path, access: Permissions | None = None) -> S2RApp:
+def make_app(store: Path, access: Permissions | None = None) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions(), access=access)
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -49,8 +49,8 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
         await settle(app, pilot)
 
 
-async def test_a_slider_gives_what_the_live_model_says(computed: Path) -> None:
-    app = app_on(computed)
+async def test_moving_a_slider_shows_the_live_prediction(computed: Path) -> None:
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", *["right"] * 3)
         adjust, shown = app.session.state.adjust, app.resources.live
@@ -81,8 +81,8 @@ def _map_input(app: S2RApp):
     return BY_NAME["map"].input(app.renderer.scene)
 
 
-async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
-    app = app_on(computed)
+async def test_neutral_sliders_show_the_stored_prediction(computed: Path) -> None:
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "down", "left", "backspace")
         shown = app.resources.live
@@ -95,8 +95,8 @@ async def test_neutral_is_the_stored_prediction(computed: Path) -> None:
         assert all(adjust.value(slider.key) == slider.neutral for slider in adjust.sliders)
 
 
-async def test_the_newest_move_wins(computed: Path) -> None:
-    app = app_on(computed)
+async def test_only_the_newest_slider_value_is_shown(computed: Path) -> None:
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         await pilot.press(*["right"] * 12, "n", "left", "left")
@@ -114,8 +114,8 @@ async def test_the_newest_move_wins(computed: Path) -> None:
         assert (shown.real.rgb == expected.real.rgb).all()
 
 
-async def test_a_world_moves_its_sim_camera(moved_world: Path) -> None:
-    app = app_on(moved_world)
+async def test_a_synthetic_world_renders_moved_sim_cameras(moved_camera_store: Path) -> None:
+    app = make_app(moved_camera_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         before = app.resources.live
@@ -133,7 +133,7 @@ async def test_a_world_moves_its_sim_camera(moved_world: Path) -> None:
 async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) -> None:
     path = tmp_path / "own.s2r"
     shutil.copytree(computed, path)
-    app = app_on(path)
+    app = make_app(path)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "right", "S")
         await pilot.press(*"brighter", "enter")
@@ -149,8 +149,8 @@ async def test_adjustments_are_saved_as_a_run(computed: Path, tmp_path: Path) ->
         assert "brighter" in take_screenshot(app).text
 
 
-async def test_a_taken_name_is_told(computed: Path) -> None:
-    app = app_on(computed)
+async def test_an_existing_run_name_is_rejected(computed: Path) -> None:
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "enter")
         assert "type a name for the run" in app.session.state.message
@@ -164,15 +164,15 @@ async def test_one_run_is_saved_at_a_time(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
-    go_on = threading.Event()
+    release = threading.Event()
 
-    def slow(root: Path, name: str, *_: object) -> None:
+    def blocking_save(root: Path, name: str, *_: object) -> None:
         started.append(name)
-        go_on.wait(20)
+        release.wait(20)
         raise RequestError("nothing is saved here")
 
-    monkeypatch.setattr(run_save, "save_run", slow)
-    app = app_on(computed)
+    monkeypatch.setattr(run_save, "save_run", blocking_save)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         await pilot.press("S", *"one", "enter")
@@ -183,8 +183,8 @@ async def test_one_run_is_saved_at_a_time(
         assert not app.prompt.is_open
         assert "run one is still being saved" in take_screenshot(app).text
         with pytest.raises(RequestError, match="run one is still being saved"):
-            app.run_save.save("two", lambda: slow(computed, "two"))
-        go_on.set()
+            app.run_save.save("two", lambda: blocking_save(computed, "two"))
+        release.set()
         await settle(app, pilot)
         assert started == ["one"]
         assert app.session.state.message == "run one: nothing is saved here"
@@ -193,21 +193,21 @@ async def test_one_run_is_saved_at_a_time(
         assert app.prompt.is_open
 
 
-async def test_a_saving_that_breaks_down_is_told(
+async def test_a_failed_save_shows_an_error(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> None:
+    def failing_save(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'torch'", name="torch")
 
-    monkeypatch.setattr(run_save, "save_run", broken)
-    app = app_on(computed)
+    monkeypatch.setattr(run_save, "save_run", failing_save)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", *"one", "enter")
         assert app.session.state.is_error
         assert "saving a run needs torch: pip install 's2rtui[tools]'" in app.session.state.message
 
 
-async def test_without_torch_the_panel_says_how_to_get_it(
+async def test_the_panel_explains_how_to_install_torch(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("s2rtools.")]:
@@ -216,7 +216,7 @@ async def test_without_torch_the_panel_says_how_to_get_it(
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right")
         text = " ".join(take_screenshot(app).text.split())
@@ -229,10 +229,10 @@ async def test_without_torch_the_panel_says_how_to_get_it(
         assert app.resources.pictures is not None
 
 
-async def test_a_model_that_fails_is_not_being_loaded(
+async def test_a_failed_model_is_not_shown_as_loading(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(computed)
+    app = make_app(computed)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         monkeypatch.setattr(LiveModel, "steps", lambda *_: iter([1 / 0]))
@@ -247,39 +247,41 @@ async def test_a_model_that_fails_is_not_being_loaded(
         assert app.resources.live is not None
 
 
-async def test_a_slider_that_outruns_the_model_is_followed(
+async def test_a_running_prediction_is_shown_while_newer_values_wait(
     computed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(computed)
-    begun, go_on = threading.Semaphore(0), threading.Semaphore(0)
+    app = make_app(computed)
+    started, release = threading.Semaphore(0), threading.Semaphore(0)
     steps = LiveModel.steps
     values: list[float] = []
 
-    def slowly(model: LiveModel, iid: int, chains, *rest):
+    def blocking_steps(model: LiveModel, iid: int, chains, *rest):
         values.append(chains["real"][0]["value"] if chains["real"] else 1.0)
-        begun.release()
-        assert go_on.acquire(timeout=20)
+        started.release()
+        assert release.acquire(timeout=20)
         yield from steps(model, iid, chains, *rest)
 
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         before = app.resources.live
-        monkeypatch.setattr(LiveModel, "steps", slowly)
+        monkeypatch.setattr(LiveModel, "steps", blocking_steps)
         await pilot.press("right")
-        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.press(*["right"] * 9)
-        go_on.release()
-        assert await asyncio.to_thread(begun.acquire, timeout=20)
+        release.release()
+        assert await asyncio.to_thread(started.acquire, timeout=20)
         await pilot.pause()
-        assert app.resources.live is not before  # the first move's, though nine came after it
+        assert (
+            app.resources.live is not before
+        )  # the result of the first move, although nine moves followed
         assert not app.settled
-        go_on.release()
+        release.release()
         await settle(app, pilot)
         step = ADJUSTMENTS["brightness"].step
         assert values == pytest.approx([1 + step, 1 + 10 * step])
 
 
-def test_the_live_model_stays_in_the_sessions_generation(computed: Path, tmp_path: Path) -> None:
+def test_the_live_model_uses_the_generation_of_the_session(computed: Path, tmp_path: Path) -> None:
     path = tmp_path / "own.s2r"
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
@@ -290,13 +292,13 @@ def test_the_live_model_stays_in_the_sessions_generation(computed: Path, tmp_pat
         model.close()
 
 
-async def test_without_the_tools_the_panel_says_how_to_get_them(
+async def test_the_panel_explains_how_to_install_the_tools(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "s2rtools"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "s2rtools", None)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a", "right", "S", "escape")
         text = " ".join(take_screenshot(app).text.split())
@@ -306,7 +308,7 @@ async def test_without_the_tools_the_panel_says_how_to_get_them(
 
 
 async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
-    app = app_on(tiny_store, Permissions.for_store(tiny_store, restricted=True))
+    app = make_app(tiny_store, Permissions.for_store(tiny_store, restricted=True))
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "a")
         assert app.session.state.view != "adjust"
@@ -314,8 +316,8 @@ async def test_a_restricted_session_loads_no_model(tiny_store: Path) -> None:
         assert "not in a restricted session" in app.session.state.message
 
 
-async def test_a_click_elsewhere_leaves_the_panel_and_the_live_marks(computed: Path) -> None:
-    app = app_on(computed)
+async def test_clicking_other_views_keeps_the_panel_and_the_live_marks(computed: Path) -> None:
+    app = make_app(computed)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "a", "right")
         live = _map_input(app).live

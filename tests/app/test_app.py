@@ -1,4 +1,4 @@
-"""The application under a pilot: every size, every key twice, keys while loading, plain ASCII."""
+"""The application in Textual's test pilot: sizes, all keys, keys during loading, ASCII output."""
 
 from __future__ import annotations
 
@@ -21,46 +21,50 @@ from s2rtui.session import Brush, Session
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
-def app_on(store: Path, look: RenderOptions | None = None, at: Path | None = None) -> S2RApp:
-    app = S2RApp(Session(store), look or RenderOptions(), at)
+def make_app(
+    store: Path, options: RenderOptions | None = None, output_folder: Path | None = None
+) -> S2RApp:
+    app = S2RApp(Session(store), options or RenderOptions(), output_folder)
     app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
-RIGHT_ERRORS = ("missing; add the model again",)
-"""What the store of these tests cannot do: its models were never trained."""
+EXPECTED_ERRORS = ("missing; add the model again",)
+"""Errors that are expected, because the models of the test store were never trained."""
 
 
-async def sound(app: S2RApp, pilot: Pilot[None], key: str) -> None:
-    """After a key the application runs, and tells no error that has no reason."""
+async def check_running(app: S2RApp, pilot: Pilot[None], key: str) -> None:
+    """After a key the application runs and shows only expected errors."""
     await settle(app, pilot)
     state = app.session.state
     assert app.fault is None, key
     assert app.is_running, key
-    told = [state.message] if state.is_error else []
-    for error in (*told, *app.resources.failed.values()):
-        assert any(words in error for words in RIGHT_ERRORS), (key, error)
+    shown_errors = [state.message] if state.is_error else []
+    for error in (*shown_errors, *app.resources.failed.values()):
+        assert any(expected in error for expected in EXPECTED_ERRORS), (key, error)
 
 
 @pytest.mark.parametrize("size", [SIZES[0], SIZES[-1]])
-async def test_every_key_twice(tiny_store: Path, tmp_path: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store, at=tmp_path)
+async def test_pressing_every_key_twice_causes_no_error(
+    tiny_store: Path, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    app = make_app(tiny_store, output_folder=tmp_path)
     async with app.run_test(size=size) as pilot:
         for action in ACTIONS:
             if action.name == "quit":
                 continue
             for key in action.keys:
                 await pilot.press(key, key)
-                await sound(app, pilot, key)
+                await check_running(app, pilot, key)
                 while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                     await pilot.press("escape")
-        await sound(app, pilot, "escape")
+        await check_running(app, pilot, "escape")
         assert len(list(tmp_path.glob("s2r-*.png"))) == 2
 
 
 @pytest.mark.parametrize("size", SIZES)
-async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store)
+async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await pilot.press("right", "r", "h", "right", "o", "w", "v", "left", "R", "3", "right")
         await settle(app, pilot)
@@ -80,20 +84,22 @@ async def test_keys_while_loading(tiny_store: Path, size: tuple[int, int]) -> No
         ),
     ],
 )
-async def test_layouts(tiny_store: Path, size: tuple[int, int], views: set[str]) -> None:
-    app = app_on(tiny_store)
+async def test_each_size_shows_its_views(
+    tiny_store: Path, size: tuple[int, int], views: set[str]
+) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
-        seen = {view.id for view in app.query(PlotView) if view.region.area and view.size.height}
-        assert seen == views
+        visible = {view.id for view in app.query(PlotView) if view.region.area and view.size.height}
+        assert visible == views
         for view in app.query(PlotView):
-            if view.id in seen:
+            if view.id in visible:
                 assert view.region.right <= size[0]
                 assert view.region.bottom <= size[1]
 
 
 async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
         for key, view in (("1", "overview"), ("3", "instance"), ("2", "map")):
             await pilot.press(key)
@@ -104,7 +110,7 @@ async def test_number_keys_switch_views_on_a_small_screen(tiny_store: Path) -> N
 
 @pytest.mark.parametrize("size", [(60, 20), (30, 8), (10, 3)])
 async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, int]) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await pilot.press("w", "right", "3", "1")
         await settle(app, pilot)
@@ -113,7 +119,7 @@ async def test_small_terminals_do_not_break(tiny_store: Path, size: tuple[int, i
 
 
 async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await settle(app, pilot)
         for size in ((80, 24), (120, 40), (20, 5), (200, 60)):
@@ -122,8 +128,8 @@ async def test_resizing_changes_the_layout(tiny_store: Path) -> None:
         assert "errors" in take_screenshot(app).text
 
 
-async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_an_invalid_expression_can_be_corrected_in_the_query_line(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("c", "slash")
         query = app.query_one("#query", Input)
@@ -145,8 +151,8 @@ async def test_an_expression_is_written_corrected_and_applied(tiny_store: Path) 
         assert app.session.state.expression == "worst15"
 
 
-async def test_letters_go_into_the_query_line_while_it_is_open(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_an_open_query_line_receives_letter_keys(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("slash")
         app.query_one("#query", Input).value = ""
@@ -158,11 +164,13 @@ async def test_letters_go_into_the_query_line_while_it_is_open(tiny_store: Path)
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("keys", ["", "m,o", "3,v,o,o", "question_mark", "1,slash"])
-def test_ascii_is_ascii_everywhere(tiny_store: Path, size: tuple[int, int], keys: str) -> None:
+def test_ascii_mode_shows_only_ascii_characters(
+    tiny_store: Path, size: tuple[int, int], keys: str
+) -> None:
     pressed = [key for key in keys.split(",") if key]
-    shot = snapshot(tiny_store, size, pressed, RenderOptions(ascii=True))
-    strange = {c for c in shot.text if ord(c) > 126}
-    assert strange == set()
+    screenshot = snapshot(tiny_store, size, pressed, RenderOptions(ascii=True))
+    non_ascii = {c for c in screenshot.text if ord(c) > 126}
+    assert non_ascii == set()
 
 
 @pytest.mark.parametrize("mode", list(ColourMode))
@@ -173,15 +181,15 @@ def test_every_colour_mode_shows_the_same_text(tiny_store: Path, mode: ColourMod
     assert "6 of 40" in text
 
 
-def test_the_same_keys_give_the_same_picture(tiny_store: Path) -> None:
-    shots = [
+def test_screenshots_are_deterministic(tiny_store: Path) -> None:
+    images = [
         snapshot(tiny_store, (80, 24), ["w", "right", "3"]).png(RenderOptions()) for _ in range(2)
     ]
-    assert shots[0] == shots[1]
-    assert shots[0].startswith(b"\x89PNG")
+    assert images[0] == images[1]
+    assert images[0].startswith(b"\x89PNG")
 
 
-def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
+def test_the_overview_shows_the_accuracies_of_the_store(tiny_store: Path) -> None:
     import s2rstore
     from s2rstore.metrics import run_metrics
 
@@ -194,15 +202,15 @@ def test_numbers_on_the_screen_are_the_stores(tiny_store: Path) -> None:
                 assert f"{100 * accuracy:.1f}" in line
 
 
-def test_key_map_footer_and_help_come_from_one_table(tiny_store: Path) -> None:
+def test_bindings_footer_and_help_use_the_same_actions(tiny_store: Path) -> None:
     state = Session(tiny_store).state
     brush = Brush("map", Mark("map", ((0.0, 0.0), (1.0, 1.0))))
-    for situation in (state, replace(state, brush=brush), replace(state, view="list")):
-        applying = [action for action in ACTIONS if action.applies(situation)]
-        keys = [key for action in applying for key in action.keys]
+    for current in (state, replace(state, brush=brush), replace(state, view="list")):
+        applicable = [action for action in ACTIONS if action.applies(current)]
+        keys = [key for action in applicable for key in action.keys]
         assert len(keys) == len(set(keys))
         for width in range(0, 200, 7):
-            assert footer(width, situation)[-1][1] == "quit"
+            assert footer(width, current)[-1][1] == "quit"
     for action in ACTIONS:
         name = action.call.split("(")[0]
         assert hasattr(S2RApp, f"action_{name}"), name
@@ -210,7 +218,7 @@ def test_key_map_footer_and_help_come_from_one_table(tiny_store: Path) -> None:
 
 
 def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> None:
-    """Nor what asks for graphics, and draws them: so nothing of that reaches the terminal."""
+    """Nor does it import the terminal graphics, which would write queries to the terminal."""
     import subprocess
     import sys
 
@@ -222,28 +230,30 @@ def test_starting_the_application_loads_no_heavy_package(tiny_store: Path) -> No
         "print([m for m in ('torch', 'matplotlib', 'zarr', 'scipy', 'cv2', 'PIL', 's2rtools', "
         "'s2rtui.terminal.graphics') if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["run", "[]"]
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert process.stdout.split() == ["run", "[]"]
 
 
-def test_keys_are_shown_as_they_stand_on_a_keyboard() -> None:
+def test_key_labels_match_the_keyboard() -> None:
     lines = {line.strip() for line in help_text().splitlines()}
     assert any(line.startswith("z  +  =  ") for line in lines)
     for action in ACTIONS:
         for key in action.keys:
-            shown = key_label(key)
-            assert shown.isascii()
-            assert "_" not in shown
-            assert len(shown) == 1 or shown.split("+")[-1].replace(" ", "") == key.split("+")[-1]
+            label = key_label(key)
+            assert label.isascii()
+            assert "_" not in label
+            assert len(label) == 1 or label.split("+")[-1].replace(" ", "") == key.split("+")[-1]
 
 
-async def test_escape_is_offered_while_something_is_begun(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_footer_offers_escape_during_a_brush_or_operator(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         assert "escape cancel" not in take_screenshot(app).text
-        for begin in ("x", "vertical_line"):
-            await pilot.press(begin)
+        for start_key in ("x", "vertical_line"):
+            await pilot.press(start_key)
             await settle(app, pilot)
             assert "escape cancel" in take_screenshot(app).text
             await pilot.press("escape")

@@ -1,4 +1,4 @@
-"""ASCII means ASCII: on every screen, in every line, whatever a user's things are called."""
+"""ASCII mode: every screen contains only ASCII characters, whatever names the user chose."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from s2rtui.terminal.ascii_filter import to_ascii
 from s2rtui.user_data.notebook import Notebook
 
 
-def strange(app: S2RApp) -> set[str]:
+def non_ascii(app: S2RApp) -> set[str]:
     return {char for char in take_screenshot(app).text if ord(char) > 126}
 
 
-async def pressed(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
     for key in keys:
         await pilot.press(key)
         await settle(app, pilot)
 
 
 @given(st.text())
-def test_plain_text_is_ascii_and_as_wide(text: str) -> None:
+def test_ascii_text_keeps_the_width_of_the_original(text: str) -> None:
     assert to_ascii(text).isascii()
     assert cell_len(to_ascii(text)) == cell_len(text) or not text.isprintable()
 
@@ -52,13 +52,13 @@ async def test_every_screen_is_ascii(
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
-        await pressed(app, pilot, *keys)
-        assert strange(app) == set()
+        await press(app, pilot, *keys)
+        assert non_ascii(app) == set()
 
 
-async def test_ctrl_c_says_how_to_quit(tiny_store: Path) -> None:
+async def test_ctrl_c_shows_the_key_that_quits(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
-        await pressed(app, pilot, "ctrl+c")
+        await press(app, pilot, "ctrl+c")
         assert "q quits" in take_screenshot(app).text
         assert not app._notifications

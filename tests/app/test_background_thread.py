@@ -1,4 +1,4 @@
-"""Work in threads of their own: of what waits only the newest is done, and nobody waits for it."""
+"""Background threads: only the newest waiting job runs, and shutdown never waits for a job."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from s2rtui.jobs import background_thread
 from s2rtui.jobs.background_thread import LatestOnlyWorker
 
 
-class Gate:
-    """Work that waits until it is let through; `done` names what was done, in order."""
+class BlockingJob:
+    """A job that blocks until `open` is set; `done` lists the finished jobs in order."""
 
     def __init__(self) -> None:
         self.entered, self.open = threading.Event(), threading.Event()
@@ -31,101 +31,107 @@ class Gate:
         self.done.append(name)
 
 
-def test_of_what_waits_only_the_newest_is_done() -> None:
-    gate, lane = Gate(), LatestOnlyWorker("lane")
-    lane.put(gate.wait)
-    assert gate.entered.wait(10)
+def test_only_the_newest_waiting_job_runs() -> None:
+    blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
+    worker.put(blocking.wait)
+    assert blocking.entered.wait(10)
     for name in "abcd":
-        lane.put(lambda name=name: gate.note(name))
-    gate.open.set()
+        worker.put(lambda name=name: blocking.note(name))
+    blocking.open.set()
     assert background_thread.wait_until_idle(10)
-    assert gate.done == ["first", "d"]
-    assert gate.threads == {"lane"}
-    lane.end()
+    assert blocking.done == ["first", "d"]
+    assert blocking.threads == {"lane"}
+    worker.end()
 
 
-def test_a_lane_that_ends_drops_what_waits_and_does_its_last() -> None:
-    gate, lane = Gate(), LatestOnlyWorker("lane")
-    lane.put(gate.wait)
-    assert gate.entered.wait(10)
-    lane.put(lambda: gate.note("waiting"))
-    began = time.monotonic()
-    lane.end(lambda: gate.note("last"))
-    assert time.monotonic() - began < 0.5
-    lane.put(lambda: gate.note("late"))
-    gate.open.set()
+def test_ending_a_worker_drops_waiting_jobs_and_runs_its_last_job() -> None:
+    blocking, worker = BlockingJob(), LatestOnlyWorker("lane")
+    worker.put(blocking.wait)
+    assert blocking.entered.wait(10)
+    worker.put(lambda: blocking.note("waiting"))
+    start = time.monotonic()
+    worker.end(lambda: blocking.note("last"))
+    assert time.monotonic() - start < 0.5
+    worker.put(lambda: blocking.note("late"))
+    blocking.open.set()
     assert background_thread.wait_until_idle(10)
-    assert gate.done == ["first", "last"]
+    assert blocking.done == ["first", "last"]
 
 
-def test_a_lane_that_never_began_has_no_last() -> None:
-    done: list[str] = []
-    LatestOnlyWorker("lane").end(lambda: done.append("last"))
-    assert done == []
+def test_a_worker_that_never_started_runs_no_last_job() -> None:
+    completed: list[str] = []
+    LatestOnlyWorker("lane").end(lambda: completed.append("last"))
+    assert completed == []
 
 
-def test_lanes_do_not_wait_for_each_other() -> None:
-    gate, busy, other = Gate(), LatestOnlyWorker("busy"), LatestOnlyWorker("other")
+def test_workers_run_independently() -> None:
+    blocking, busy_worker, other_worker = (
+        BlockingJob(),
+        LatestOnlyWorker("busy"),
+        LatestOnlyWorker("other"),
+    )
     finished = threading.Event()
-    busy.put(gate.wait)
-    assert gate.entered.wait(10)
-    other.put(finished.set)
+    busy_worker.put(blocking.wait)
+    assert blocking.entered.wait(10)
+    other_worker.put(finished.set)
     assert finished.wait(10)
-    gate.open.set()
+    blocking.open.set()
     assert background_thread.wait_until_idle(10)
 
 
-def test_a_process_ends_around_what_is_under_way() -> None:
+def test_the_process_exits_while_a_job_runs() -> None:
     code = (
         "import sys, time; from s2rtui.jobs import background_thread\n"
         "background_thread.run_in_thread('endless', lambda: time.sleep(60)); print('told')\n"
         "sys.exit(background_thread.end_process(70))"
     )
-    began = time.monotonic()
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
-    assert (done.returncode, done.stdout, done.stderr) == (70, "told\n", "")
-    assert time.monotonic() - began < 10
+    start = time.monotonic()
+    completed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30
+    )
+    assert (completed.returncode, completed.stdout, completed.stderr) == (70, "told\n", "")
+    assert time.monotonic() - start < 10
 
 
-class Held:
-    """Something that work is made with."""
+class JobOwner:
+    """An object that a job refers to."""
 
     def work(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
-def test_a_lane_at_rest_holds_nothing_of_what_it_did() -> None:
-    lane, held = LatestOnlyWorker("lane"), Held()
-    gone = weakref.ref(held)
-    lane.put(held.work)
-    del held
+def test_an_idle_worker_keeps_no_reference_to_its_jobs() -> None:
+    worker, owner = LatestOnlyWorker("lane"), JobOwner()
+    owner_reference = weakref.ref(owner)
+    worker.put(owner.work)
+    del owner
     deadline = time.monotonic() + 10
-    while not lane.idle:
+    while not worker.idle:
         assert time.monotonic() < deadline
         time.sleep(0.001)
     gc.collect()
-    assert gone() is None
-    lane.end()
+    assert owner_reference() is None
+    worker.end()
 
 
-def test_a_lane_outlives_what_its_work_raises() -> None:
-    told: list[Exception] = []
-    gate, lane = Gate(), LatestOnlyWorker("lane", told.append)
-    fault = ZeroDivisionError("of the work")
+def test_a_worker_survives_a_failing_job() -> None:
+    errors: list[Exception] = []
+    blocking, worker = BlockingJob(), LatestOnlyWorker("lane", errors.append)
+    error = ZeroDivisionError("of the work")
 
-    def work() -> None:
-        gate.wait()
-        raise fault
+    def failing_job() -> None:
+        blocking.wait()
+        raise error
 
-    lane.put(work)
-    assert gate.entered.wait(10)
-    lane.put(lambda: gate.note("after"))
-    assert not lane.idle
-    gate.open.set()
+    worker.put(failing_job)
+    assert blocking.entered.wait(10)
+    worker.put(lambda: blocking.note("after"))
+    assert not worker.idle
+    blocking.open.set()
     deadline = time.monotonic() + 10
-    while not lane.idle:
+    while not worker.idle:
         assert time.monotonic() < deadline
         time.sleep(0.001)
-    assert gate.done == ["first", "after"]
-    assert told == [fault]
-    lane.end()
+    assert blocking.done == ["first", "after"]
+    assert errors == [error]
+    worker.end()

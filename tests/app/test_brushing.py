@@ -1,4 +1,4 @@
-"""The workbench under a pilot: brushes by keys and by mouse, operators, lists, live adjusting."""
+"""Brushing by keys and mouse, operators, saved selections, notes and tags in the application."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list"
 KEYS = {view.name: view.key for view in VIEWS}
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -44,10 +44,10 @@ def panels(app: S2RApp, name: str) -> list[Panel]:
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
 @pytest.mark.parametrize("name", BRUSHABLE)
-async def test_every_view_is_brushed_by_keys(
+async def test_every_view_can_be_brushed_by_keys(
     tiny_store: Path, size: tuple[int, int], name: str
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "c", KEYS[name], "x")
@@ -59,30 +59,30 @@ async def test_every_view_is_brushed_by_keys(
         assert state.brush is None
         assert not state.is_error
         assert state.expression != "all"
-        again = Session(tiny_store)
-        assert np.array_equal(again.select(state.expression).selected, state.selected)
+        other = Session(tiny_store)
+        assert np.array_equal(other.select(state.expression).selected, state.selected)
 
 
 @pytest.mark.parametrize("key", ["ampersand", "vertical_line", "minus"])
-async def test_a_brush_joins_by_an_operator(tiny_store: Path, key: str) -> None:
-    app = app_on(tiny_store)
+async def test_a_brush_is_combined_by_the_operator(tiny_store: Path, key: str) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w")
         worst = app.session.state.selected
         await press(app, pilot, "6", "x")
         await press(app, pilot, key)
         rooms = Session(tiny_store).select(app.session.state.expression.split(" ", 2)[2]).selected
-        joined = {
+        combined = {
             "ampersand": worst & rooms,
             "vertical_line": worst | rooms,
             "minus": worst & ~rooms,
         }
-        assert np.array_equal(app.session.state.selected, joined[key])
+        assert np.array_equal(app.session.state.selected, combined[key])
 
 
-async def test_the_papers_question_takes_under_ten_keys(tiny_store: Path) -> None:
-    """Poor in simulation but well in reality, inside this region of the map."""
-    app = app_on(tiny_store)
+async def test_the_example_query_takes_fewer_than_ten_keys(tiny_store: Path) -> None:
+    """Large error in simulation but small in reality, inside a region of the map."""
+    app = make_app(tiny_store)
     keys = ["W", "ampersand", "b", "x", "Z", "Z", "ampersand"]
     assert len(keys) < 10
     async with app.run_test(size=(120, 40)) as pilot:
@@ -94,7 +94,7 @@ async def test_the_papers_question_takes_under_ten_keys(tiny_store: Path) -> Non
 
 
 async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "x", "escape")
         assert app.session.state.brush is None
@@ -105,19 +105,19 @@ async def test_escape_drops_a_brush_and_a_pending_operator(tiny_store: Path) -> 
         assert app.session.state.expression == "worst15"
 
 
-async def test_a_lasso_by_keys(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_lasso_can_be_drawn_by_keys(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L", "x", "space")
-        for step in ("right", "down", "left"):
-            await press(app, pilot, *[step] * 8, "space")
+        for key in ("right", "down", "left"):
+            await press(app, pilot, *[key] * 8, "space")
         await press(app, pilot, "enter")
         assert app.session.state.expression.startswith("lasso(")
         assert not app.session.state.is_error
 
 
-async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_lasso_of_two_corners_is_rejected(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L", "x", "enter")
         assert "three corners" in app.session.state.message
@@ -128,19 +128,19 @@ async def test_a_lasso_of_two_corners_is_refused(tiny_store: Path) -> None:
         assert (state.operator, state.brush is None) == ("replace", False)
 
 
-async def test_a_lasso_too_short_by_the_mouse_leaves_no_mark(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_mouse_lasso_with_two_corners_leaves_no_mark(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "L")
         panel = panels(app, "map")[0]
-        at = panel.x + 9, panel.y + 9
-        await drag(app, pilot, "map", [at, (at[0] + 1, at[1])])
+        start = panel.x + 9, panel.y + 9
+        await drag(app, pilot, "map", [start, (start[0] + 1, start[1])])
         assert "three corners" in app.session.state.message
         assert app.session.state.brush is None
 
 
-async def test_the_wheel_moves_through_the_list_from_any_view(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_wheel_moves_the_list_cursor_from_any_view(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "8")
         rows = instance_list.order(app.session.store, app.session.state, app.session.notes)
@@ -162,8 +162,8 @@ async def drag(app: S2RApp, pilot: Pilot[None], name: str, cells: list[tuple[int
 
 
 @pytest.mark.parametrize("name", ["map", "umap", "errors", "rooms", "orientation"])
-async def test_every_view_is_brushed_by_mouse(tiny_store: Path, name: str) -> None:
-    app = app_on(tiny_store)
+async def test_every_view_can_be_brushed_by_mouse(tiny_store: Path, name: str) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", KEYS[name])
         panel = panels(app, name)[-1]
@@ -176,36 +176,40 @@ async def test_every_view_is_brushed_by_mouse(tiny_store: Path, name: str) -> No
         assert state.brush is None
 
 
-async def test_what_the_mouse_boxed_on_the_map_is_selected(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_mouse_box_on_the_map_selects_the_instances_inside(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2")
         panel = panels(app, "map")[0]
         cells = [(panel.x + 5, panel.y + 6), (panel.x + 30, panel.y + 30)]
         await drag(app, pilot, "map", cells)
         truth = app.session.store.instances
-        places = [panel.to_cells(float(x), float(y)) for x, y in zip(truth.x, truth.y, strict=True)]
+        positions = [
+            panel.to_cells(float(x), float(y)) for x, y in zip(truth.x, truth.y, strict=True)
+        ]
         (left, top), (right, bottom) = cells
-        inside = [left <= column < right + 1 and top - 1 <= row < bottom for column, row in places]
+        inside = [
+            left <= column < right + 1 and top - 1 <= row < bottom for column, row in positions
+        ]
         assert np.array_equal(app.session.state.selected, inside)
         assert any(inside)
 
 
-async def test_a_click_on_the_map_puts_the_cursor_there(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_click_on_the_map_moves_the_cursor(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2")
         truth = app.session.store.instances
         column, row = panels(app, "map")[0].to_cells(float(truth.x[17]), float(truth.y[17]))
         await pilot.click("#map", offset=(int(column), int(row) + 1))
         await settle(app, pilot)
-        found = app.session.state.cursor
-        assert found is not None
-        assert np.hypot(truth.x[found] - truth.x[17], truth.y[found] - truth.y[17]) < 0.5
+        cursor = app.session.state.cursor
+        assert cursor is not None
+        assert np.hypot(truth.x[cursor] - truth.x[17], truth.y[cursor] - truth.y[17]) < 0.5
 
 
-async def test_a_click_on_a_run_turns_to_it(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_click_on_a_run_selects_it(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await settle(app, pilot)
         panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
@@ -215,7 +219,7 @@ async def test_a_click_on_a_run_turns_to_it(tiny_store: Path) -> None:
 
 
 async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "w", "number_sign")
         await pilot.press(*"door", "enter")
@@ -231,8 +235,8 @@ async def test_notes_and_tags_are_written_and_shown_in_the_list(tiny_store: Path
         assert app.session.state.count == "1 of 40"
 
 
-async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_saved_selection_is_listed_and_applied(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "at")
         await pilot.press(*"bad", "enter")
@@ -245,8 +249,8 @@ async def test_a_selection_is_saved_found_and_taken_again(tiny_store: Path) -> N
         assert "bad" not in app.session.notes.selections
 
 
-async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_an_invalid_name_keeps_the_input_open(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "at", "space", "enter")
         assert app.prompt.is_open
@@ -255,8 +259,8 @@ async def test_a_wrong_name_keeps_the_line_open(tiny_store: Path) -> None:
         assert not app.prompt.is_open
 
 
-async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_tab_completes_and_up_recalls_the_history(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "b", "slash")
         app.query_line.value = "worst15 & room:le"
@@ -269,8 +273,8 @@ async def test_tab_completes_and_up_recalls(tiny_store: Path) -> None:
         assert app.session.state.expression == "worst15"
 
 
-async def test_jumping_by_a_letter(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_jump_screen_opens_a_view_by_its_letter(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "space", "a")
         first = app.session.state.view
@@ -280,8 +284,8 @@ async def test_jumping_by_a_letter(tiny_store: Path) -> None:
         assert app.session.state.expression == "worst15"
 
 
-async def test_two_runs_are_compared(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_compare_view_counts_better_and_worse_instances(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "9")
         text = take_screenshot(app).text
@@ -293,28 +297,26 @@ async def test_two_runs_are_compared(tiny_store: Path) -> None:
         assert f"▼ {worse} " in text
 
 
-async def test_heat_of_the_selection_is_gathered(tiny_store: Path) -> None:
+async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> None:
     from s2rtui.session.heatmaps import instance_grid
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "slash")
         app.query_line.value = "ids(5)"
         await press(app, pilot, "enter", "o", "o")
         state = app.session.state
         assert state.overlay == "selection"
-        own = instance_grid(app.session.store, "vanilla", state.heat, 5)
-        np.testing.assert_array_equal(app.resources.floor_heat, own)
+        expected = instance_grid(app.session.store, "vanilla", state.heat, 5)
+        np.testing.assert_array_equal(app.resources.floor_heat, expected)
         await press(app, pilot, "C")
-        seen = app.resources.seen_floor
-        assert np.isfinite(seen).sum() >= np.isfinite(own).sum() > 0
+        seen_floor = app.resources.seen_floor
+        assert np.isfinite(seen_floor).sum() >= np.isfinite(expected).sum() > 0
 
 
 @pytest.mark.parametrize("size", [(80, 24), (200, 60)])
-async def test_screens_over_the_views_open_and_close(
-    tiny_store: Path, size: tuple[int, int]
-) -> None:
-    app = app_on(tiny_store)
+async def test_modal_screens_open_and_close(tiny_store: Path, size: tuple[int, int]) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=size) as pilot:
         for key, shown in (("D", "what you should see"), ("T", "reality is red"), ("f", "history")):
             await press(app, pilot, key)
@@ -323,17 +325,17 @@ async def test_screens_over_the_views_open_and_close(
         assert "overview" in take_screenshot(app).text or "map" in take_screenshot(app).text
 
 
-async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_tab_cycles_through_views_and_panels(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "1")
-        seen, names = [], [view.name for view in VIEWS if view.name != "adjust"]
+        visited, names = [], [view.name for view in VIEWS if view.name != "adjust"]
         for _ in names:
             await press(app, pilot, "tab")
-            seen.append(app.session.state.view)
-        assert sorted(seen) == sorted(names)
+            visited.append(app.session.state.view)
+        assert sorted(visited) == sorted(names)
         await press(app, pilot, "shift+tab")
-        assert app.session.state.view == seen[-2]
+        assert app.session.state.view == visited[-2]
         await press(app, pilot, "5", "x")
         brushed = set()
         for _ in range(3):
@@ -344,8 +346,8 @@ async def test_tab_goes_to_the_next_view_and_the_next_panel(tiny_store: Path) ->
         assert brushed == {"sim", "truth", "real"}
 
 
-async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_overview_line_of_another_run_can_be_brushed(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "1")
         panel = next(p for p in panels(app, "overview") if p.name == "dataaug")
@@ -356,7 +358,7 @@ async def test_the_line_of_another_run_is_brushed(tiny_store: Path) -> None:
 
 
 async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "2", "L")
         panel = panels(app, "map")[0]
@@ -370,10 +372,10 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
         assert app.session.state.selected.any()
 
 
-async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None:
+async def test_brushing_bars_selects_the_counted_instances(tiny_store: Path) -> None:
     from s2rtui.charts.errors.model import errors_model
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", "7")
         view = BY_NAME["errors"].input(app.renderer.scene)
@@ -384,8 +386,8 @@ async def test_a_brush_of_bars_selects_what_they_count(tiny_store: Path) -> None
         assert abs(int(app.session.state.selected.sum()) - int(counts[3:21].sum())) <= 1
 
 
-async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_changing_a_tag_updates_the_selection_that_uses_it(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "number_sign")
         await pilot.press(*"done", "enter")
@@ -399,18 +401,18 @@ async def test_a_tag_changes_the_selection_that_uses_it(tiny_store: Path) -> Non
         assert app.session.state.count == "4 of 40"
 
 
-async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
+async def test_a_failed_load_shows_an_error_and_the_next_one_succeeds(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from s2rtui.loaders import store_data
 
-    def broken(*arguments: object) -> None:
+    def failing_load(*arguments: object) -> None:
         raise KeyError("frames")
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        monkeypatch.setattr(store_data, "instance_input", broken)
+        monkeypatch.setattr(store_data, "instance_input", failing_load)
         await press(app, pilot, "right")
         assert "pictures" in app.session.state.message
         monkeypatch.undo()
@@ -418,8 +420,8 @@ async def test_a_feed_that_fails_is_told_and_the_screen_goes_on(
         assert app.resources.pictures is not None
 
 
-async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_heatmap_is_hidden_until_the_chosen_kind_is_loaded(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "o")
         assert app.resources.heat_on_map(app.session.state) is not None
@@ -429,8 +431,8 @@ async def test_heat_is_never_shown_under_another_name(tiny_store: Path) -> None:
         assert app.resources.heat_on_map(app.session.state) is None
 
 
-async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_clicks_on_a_modal_screen_do_not_reach_the_views(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "D")
         await pilot.click(offset=(60, 20))
@@ -439,8 +441,8 @@ async def test_the_mouse_on_a_screen_above_the_views_does_nothing(tiny_store: Pa
         assert app.session.state.expression == "worst15"
 
 
-async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_tags_of_another_session_are_available(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     other = Session(tiny_store, notebooks=Notebook)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -452,29 +454,29 @@ async def test_what_another_session_saved_is_found(tiny_store: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["map", "orientation", "errors"])
-@pytest.mark.parametrize("end", ["escape", "resize", "tiny", "view"])
-async def test_a_drag_that_is_broken_off_leaves_no_mark(
-    tiny_store: Path, name: str, end: str
+@pytest.mark.parametrize("interruption", ["escape", "resize", "tiny", "view"])
+async def test_an_interrupted_drag_leaves_no_mark(
+    tiny_store: Path, name: str, interruption: str
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(200, 60)) as pilot:
         await press(app, pilot, "c", KEYS[name])
         panel = panels(app, name)[-1]
-        at = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
-        beyond = panel.x + panel.width // 2, panel.y + panel.height // 2 + 1
-        await pilot.mouse_down(f"#{name}", offset=at)
-        await pilot.hover(f"#{name}", offset=beyond)
+        start = panel.x + panel.width // 4, panel.y + panel.height // 4 + 1
+        next_cell = panel.x + panel.width // 2, panel.y + panel.height // 2 + 1
+        await pilot.mouse_down(f"#{name}", offset=start)
+        await pilot.hover(f"#{name}", offset=next_cell)
         await settle(app, pilot)
         assert app.session.state.brush is not None
-        if end == "escape":
+        if interruption == "escape":
             await press(app, pilot, "escape")
-        elif end == "view":
+        elif interruption == "view":
             await pilot.resize_terminal(80, 24)
             await pilot.mouse_down(f"#{name}", offset=(20, 9))
             await pilot.hover(f"#{name}", offset=(25, 11))
             await press(app, pilot, "1")
         else:
-            await pilot.resize_terminal(*((80, 24) if end == "resize" else (20, 6)))
+            await pilot.resize_terminal(*((80, 24) if interruption == "resize" else (20, 6)))
             await settle(app, pilot)
         assert app.session.state.brush is None
         assert app.mouse_captured is None
@@ -486,7 +488,7 @@ async def test_a_drag_that_is_broken_off_leaves_no_mark(
 
 
 async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         await pilot.mouse_down("#map", offset=(20, 9))
@@ -497,8 +499,8 @@ async def test_escape_ends_a_drag_that_has_not_moved(tiny_store: Path) -> None:
         assert app.session.state.expression == "all"
 
 
-async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_key_that_closes_the_tour_has_no_other_effect(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     app.is_first_start = True
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -513,36 +515,36 @@ async def test_the_key_that_ends_the_tour_does_nothing_else(tiny_store: Path) ->
             await pilot.pause()
 
 
-async def test_the_history_is_kept_last_of_all_and_may_fail(
+async def test_the_history_is_saved_last_and_may_fail(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app, done = app_on(tiny_store), []
+    app, calls = make_app(tiny_store), []
 
-    def remember(*_: object) -> None:
-        done.append("remembered")
+    def failing_save(*_: object) -> None:
+        calls.append("remembered")
         raise OSError("no locks available")
 
     stop = app.load_scheduler.stop
-    monkeypatch.setattr(app.load_scheduler, "stop", lambda: (done.append("stopped"), stop()))
-    monkeypatch.setattr(app.run_save, "close", lambda: done.append("left"))
-    monkeypatch.setattr(Notebook, "add_history", remember)
+    monkeypatch.setattr(app.load_scheduler, "stop", lambda: (calls.append("stopped"), stop()))
+    monkeypatch.setattr(app.run_save, "close", lambda: calls.append("left"))
+    monkeypatch.setattr(Notebook, "add_history", failing_save)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-    assert done == ["stopped", "left", "remembered"]
+    assert calls == ["stopped", "left", "remembered"]
     assert app.fault is None
 
 
-async def test_a_store_that_is_out_of_reach_is_told_once(
+async def test_an_unreachable_store_is_reported_once(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def gone() -> bool:
+    def unreachable() -> bool:
         raise RequestError("the store is out of reach")
 
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr(app.session, "check_for_updates", gone)
+            patch.setattr(app.session, "check_for_updates", unreachable)
             app.store_updates.check_store()
             assert app.session.state.message == "the store is out of reach"
             app.session.show_message("what the user does now")
@@ -553,10 +555,10 @@ async def test_a_store_that_is_out_of_reach_is_told_once(
         assert (app.session.state.message, app.session.state.is_error) == ("", False)
 
 
-async def test_tagging_everyone_has_its_limits(
+async def test_the_number_of_tagged_instances_is_limited(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "number_sign", *"many*")
         monkeypatch.setattr(prompt, "_MAX_TAGGED", 39)
@@ -572,8 +574,8 @@ async def test_tagging_everyone_has_its_limits(
     assert {tag for r in app.session.notes.remarks.values() for tag in r.tags} == {"many"}
 
 
-async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_notes_and_tags_without_an_instance_show_a_message(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.set_state(replace(app.session.state, cursor=None))
@@ -584,8 +586,8 @@ async def test_without_an_instance_notes_and_tags_say_so(tiny_store: Path) -> No
         assert not app.prompt.is_open
 
 
-async def test_a_tag_that_ends_the_present_selection_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_removing_a_tag_of_the_current_selection_shows_an_error(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "w", "number_sign", *"one", "enter")
         app.session.select("@one")

@@ -1,4 +1,4 @@
-"""A view is drawn anew exactly where something that it shows has changed."""
+"""Cache keys of the views: a view is redrawn if and only if something that it shows has changed."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ ADJUST = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
 BOX = ((2.0, 2.0), (6.0, 5.0))
 
 
-def _others(session: Session, state: State) -> np.ndarray:
+def unselected(session: Session, state: State) -> np.ndarray:
     return state.base & ~state.selected
 
 
-STATES: dict[str, Callable[[Session, State], object]] = {
+STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "generation": lambda _, state: state.generation + 1,
     "newest": lambda _, state: state.newest + 1,
     "runs": lambda _, state: state.runs[::-1],
     "run": lambda _, state: state.runs[1],
     "trajectories": lambda _, state: ("a",),
     "expression": lambda _, state: "none",
-    "selected": _others,
+    "selected": unselected,
     "base": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
     "cursor": lambda _, state: (state.cursor or 0) + 1,
     "heat": lambda _, state: HeatChoice("occlusion", "rgb", "sim"),
@@ -74,24 +74,29 @@ STATES: dict[str, Callable[[Session, State], object]] = {
     "past": lambda _, state: ("all",),
     "future": lambda _, state: ("all",),
 }
-RESOURCES: dict[str, Callable[[Resources], object]] = {
-    "rows": lambda found: (replace(found.rows[0], real_accuracy=0.3), *found.rows[1:]),
-    "lines": lambda found: RunAccuracies("sim", {r: v / 2 for r, v in found.lines.values.items()}),
-    "baseline": lambda found: 0.9,
-    "floor_plan": lambda found: np.full((20, 20, 3), 200, dtype=np.uint8),
-    "pictures": lambda found: replace(found.pictures, iid=3, notes=(("where", "here"),)),
-    "pictures_source": lambda found: replace(found.pictures_source, iid=3),
-    "floor_heat": lambda found: np.ones((4, 4), dtype=np.float32),
-    "floor_heat_source": lambda found: HeatProvenance(("another run's",), None),
-    "seen_floor": lambda found: np.eye(4, dtype=np.float32),
-    "seen_floor_source": lambda found: ("another run's",),
-    "live": lambda found: replace(found.live, iid=5, notes=(("real", "else"),)),
-    "live_source": lambda found: replace(found.live_source, run="another"),
-    "live_floor_heat": lambda found: np.ones((4, 4), dtype=np.float32),
-    "history": lambda found: gaps.history(*gaps.week()),
-    "progress": lambda found: {"live": 0.5},
-    "failed": lambda found: {"live": "no model"},
-    "saving": lambda found: "1 of 3",
+RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
+    "rows": lambda resources: (
+        replace(resources.rows[0], real_accuracy=0.3),
+        *resources.rows[1:],
+    ),
+    "lines": lambda resources: RunAccuracies(
+        "sim", {r: v / 2 for r, v in resources.lines.values.items()}
+    ),
+    "baseline": lambda resources: 0.9,
+    "floor_plan": lambda resources: np.full((20, 20, 3), 200, dtype=np.uint8),
+    "pictures": lambda resources: replace(resources.pictures, iid=3, notes=(("where", "here"),)),
+    "pictures_source": lambda resources: replace(resources.pictures_source, iid=3),
+    "floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
+    "floor_heat_source": lambda resources: HeatProvenance(("another run's",), None),
+    "seen_floor": lambda resources: np.eye(4, dtype=np.float32),
+    "seen_floor_source": lambda resources: ("another run's",),
+    "live": lambda resources: replace(resources.live, iid=5, notes=(("real", "else"),)),
+    "live_source": lambda resources: replace(resources.live_source, run="another"),
+    "live_floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
+    "history": lambda resources: gaps.history(*gaps.week()),
+    "progress": lambda resources: {"live": 0.5},
+    "failed": lambda resources: {"live": "no model"},
+    "saving": lambda resources: "1 of 3",
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
@@ -102,21 +107,24 @@ NEVER_DRAWN = {
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=("vanilla", "b", "c"))
-    found = Session(path)
-    found.select("worst(40%, real.error)")
-    yield found
-    found.close()
+    opened = Session(path)
+    opened.select("worst(40%, real.error)")
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(scope="module")
 def scenes(session: Session) -> dict[str, Scene]:
-    """A map in colours; one with heat, clip and glyphs, and a brush; one beside sliders."""
+    """A coloured map; a scene with heatmap, clipping, glyphs and a brush; a scene with sliders."""
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
-    fed = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
+    loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
-    of = {"pictures_source": instance_provenance(state), "live_source": instance_provenance(state)}
-    plain = Scene(store, state, Resources(**fed, pictures=pictures, live=live, **of))
+    sources = {
+        "pictures_source": instance_provenance(state),
+        "live_source": instance_provenance(state),
+    }
+    plain = Scene(store, state, Resources(**loaded, pictures=pictures, live=live, **sources))
     heated = replace(
         plain.resources, floor_heat=grid, seen_floor=grid > 7, live_floor_heat=grid[::-1]
     )
@@ -140,69 +148,71 @@ def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 
 
-def drawn(view: View, scene: Scene) -> tuple[Canvas, object]:
+def draw(view: View, scene: Scene) -> tuple[Canvas, object]:
     drawing = TitledView(view, scene)
     return drawing.draw(SIZE, RenderOptions()), drawing.cache_key
 
 
-def same(first: Canvas, second: Canvas) -> bool:
+def same_canvas(first: Canvas, second: Canvas) -> bool:
     return all(
         np.array_equal(getattr(first, part), getattr(second, part))
         for part in ("char", "fg", "bg", "bold")
     )
 
 
-def changes(session: Session, scene: Scene) -> Iterator[tuple[str, Scene]]:
-    for name, change in STATES.items():
+def changed_scenes(session: Session, scene: Scene) -> Iterator[tuple[str, Scene]]:
+    for name, change in STATE_CHANGES.items():
         yield (
             name,
             replace(scene, state=replace(scene.state, **{name: change(session, scene.state)})),
         )
-    for name, change in RESOURCES.items():
+    for name, change in RESOURCE_CHANGES.items():
         changed = replace(scene.resources, **{name: change(scene.resources)})
         yield name, replace(scene, resources=changed)
     notes = Notes(remarks={int(np.flatnonzero(scene.state.selected)[0]): Remark(("odd",), "")})
     yield "notes", replace(scene, notes=notes)
 
 
-def test_every_field_has_a_change() -> None:
-    assert set(STATES) == {field.name for field in fields(State)}
-    assert set(RESOURCES) == {field.name for field in fields(Resources)}
+def test_every_field_of_state_and_resources_is_covered() -> None:
+    assert set(STATE_CHANGES) == {field.name for field in fields(State)}
+    assert set(RESOURCE_CHANGES) == {field.name for field in fields(Resources)}
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
-def test_what_changes_a_drawing_changes_what_it_depends_on(
+def test_a_changed_canvas_has_a_changed_cache_key(
     view: View, session: Session, scene: Scene
 ) -> None:
-    before, key = drawn(view, scene)
+    before, key = draw(view, scene)
     assert key is not None
-    for name, changed in changes(session, scene):
-        after, other = drawn(view, changed)
-        assert other != key or same(before, after), name
+    for name, changed in changed_scenes(session, scene):
+        after, other = draw(view, changed)
+        assert other != key or same_canvas(before, after), name
 
 
-def test_all_but_what_no_view_shows_is_seen(session: Session, scenes: dict[str, Scene]) -> None:
-    seen = set()
+def test_every_field_except_the_listed_ones_is_drawn(
+    session: Session, scenes: dict[str, Scene]
+) -> None:
+    drawn_fields = set()
     for scene in scenes.values():
-        before = {view.name: drawn(view, scene)[0] for view in VIEWS}
-        for name, changed in changes(session, scene):
-            if any(not same(before[view.name], drawn(view, changed)[0]) for view in VIEWS):
-                seen.add(name)
-    assert seen == {*STATES, *RESOURCES, "notes"} - NEVER_DRAWN
+        before = {view.name: draw(view, scene)[0] for view in VIEWS}
+        for name, changed in changed_scenes(session, scene):
+            if any(not same_canvas(before[view.name], draw(view, changed)[0]) for view in VIEWS):
+                drawn_fields.add(name)
+    assert drawn_fields == {*STATE_CHANGES, *RESOURCE_CHANGES, "notes"} - NEVER_DRAWN
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
-def test_the_same_scene_told_again_is_not_drawn_again(view: View, scene: Scene) -> None:
-    _, key = drawn(view, scene)
-    again = replace(scene, state=replace(scene.state, message="else", past=("all",)))
-    assert drawn(view, again)[1] == key
+def test_fields_that_are_not_drawn_keep_the_cache_key(view: View, scene: Scene) -> None:
+    _, key = draw(view, scene)
+    changed = replace(scene, state=replace(scene.state, message="else", past=("all",)))
+    assert draw(view, changed)[1] == key
 
 
-def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> None:
+def test_a_moved_brush_redraws_only_its_view(scenes: dict[str, Scene]) -> None:
     scene = scenes["rich"]
     moved = Brush("umap", Mark("real", ((1.0, 1.0), (3.0, 3.0))))
     changed = replace(scene, state=replace(scene.state, brush=moved))
-    redrawn = {view.name for view in VIEWS if drawn(view, changed)[1] != drawn(view, scene)[1]}
+    redrawn = {view.name for view in VIEWS if draw(view, changed)[1] != draw(view, scene)[1]}
     assert redrawn == {"umap"}
 
 
@@ -213,7 +223,7 @@ def test_a_moving_mark_draws_its_own_view_alone(scenes: dict[str, Scene]) -> Non
         ("map", "heat on the map"), ("overview", "rows"), ("instance", "pictures"),
     ],
 )  # fmt: skip
-def test_what_failed_is_not_being_loaded(session: Session, name: str, feed: str) -> None:
+def test_a_failed_load_is_not_shown_as_loading(session: Session, name: str, feed: str) -> None:
     view = next(view for view in VIEWS if view.name == name)
     assert feed in view.loads
     state = replace(session.state, clip=feed == "seen floor", cursor=4)

@@ -1,4 +1,4 @@
-"""Files written from the application: reports, rows, the screen; and where none may be written."""
+"""Exports of the application: reports, rows and screenshots, and their restrictions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 
-def app_on(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
+def make_app(store: Path, folder: Path, restricted: bool = False) -> S2RApp:
     access = Permissions.for_store(store, restricted)
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions(), folder, access)
     app.load_scheduler.debounce_seconds = 0.001
@@ -46,10 +46,10 @@ async def answer(app: S2RApp, pilot: Pilot[None], text: str) -> str:
     return app.session.state.message
 
 
-async def test_a_report_of_what_is_saved(tiny_store: Path, tmp_path: Path) -> None:
-    book = Notebook("0" * 64)
-    book.save("mine", SavedSelection("worst15", 1, "dataaug", 6))
-    app = app_on(tiny_store, tmp_path)
+async def test_the_report_contains_saved_selections(tiny_store: Path, tmp_path: Path) -> None:
+    notebook = Notebook("0" * 64)
+    notebook.save("mine", SavedSelection("worst15", 1, "dataaug", 6))
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(100, 30)) as pilot:
         await settle(app, pilot)
         await pilot.press("E")
@@ -64,8 +64,8 @@ async def test_a_report_of_what_is_saved(tiny_store: Path, tmp_path: Path) -> No
     assert (tmp_path / "s2r-report-002.html").read_text(encoding="utf-8") == text
 
 
-async def test_a_report_of_the_present_selection(tiny_store: Path, tmp_path: Path) -> None:
-    app = app_on(tiny_store, tmp_path)
+async def test_the_report_contains_the_current_selection(tiny_store: Path, tmp_path: Path) -> None:
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "b", "r", "E")
@@ -74,56 +74,62 @@ async def test_a_report_of_the_present_selection(tiny_store: Path, tmp_path: Pat
     assert "<h3>Run dataaug</h3>" in text
 
 
-async def test_the_selection_is_written_as_the_command_writes_it(
-    tiny_store: Path, tmp_path: Path
-) -> None:
-    app = app_on(tiny_store, tmp_path)
+async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_path: Path) -> None:
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
         assert app.session.state.message.endswith("s2r-selection-001.csv: 6 instances")
         await press(app, pilot, "F")
-        told = await answer(app, pilot, "mine.json")
-        assert told.endswith("mine.json: 6 instances")
+        shown = await answer(app, pilot, "mine.json")
+        assert shown.endswith("mine.json: 6 instances")
     out = tmp_path / "by command.json"
-    words = ["query", str(tiny_store), "worst15", "--with-expression", "--json", "--out", str(out)]
-    assert main(words) == 0
+    arguments = [
+        "query",
+        str(tiny_store),
+        "worst15",
+        "--with-expression",
+        "--json",
+        "--out",
+        str(out),
+    ]
+    assert main(arguments) == 0
     assert json.loads((tmp_path / "mine.json").read_text()) == json.loads(out.read_text())
 
 
 @pytest.mark.parametrize("expression", ["worst15", "all", "none", "room:right | ids(3, 7)"])
-def test_rows_of_what_is_selected_are_those_of_its_expression(
+def test_rows_of_a_selection_equal_rows_of_its_expression(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch, expression: str
 ) -> None:
     monkeypatch.setattr(selected_instances, "_BLOCK_IIDS", 7)
     with s2rstore.open(tiny_store) as store:
-        wanted = selected_instances.selected_rows(store, expression)
-        chosen = evaluation.select(store, expression)
+        expected = selected_instances.selected_rows(store, expression)
+        selected = evaluation.select(store, expression)
         monkeypatch.setattr(evaluation, "sql", lambda *_: 1 / 0)
-        assert selected_instances.selected_rows(store, expression, selected=chosen) == wanted
+        assert selected_instances.selected_rows(store, expression, selected=selected) == expected
 
 
-def test_a_fault_is_told_in_one_line(tiny_store: Path) -> None:
+def test_an_unexpected_error_is_shown_in_one_line(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
-    told: list[BackgroundFailed] = []
-    app.post, app._running = told.append, True
+    messages: list[BackgroundFailed] = []
+    app.post, app._running = messages.append, True
 
-    def broken() -> None:
+    def failing_job() -> None:
         raise MemoryError("out of memory\nadvice")
 
-    app.jobs.start(broken, "a.csv is not written")
+    app.jobs.start(failing_job, "a.csv is not written")
     assert wait_until_idle(5.0)
-    assert [each.text for each in told] == [
+    assert [message.text for message in messages] == [
         "a.csv is not written (MemoryError: out of memory advice)"
     ]
 
 
 @pytest.mark.parametrize("name", ["mine.txt", "there.csv", "no/where.json", "no/where.parquet", ""])
-async def test_a_file_that_cannot_be_is_refused(
+async def test_an_unusable_file_name_is_rejected(
     tiny_store: Path, tmp_path: Path, name: str
 ) -> None:
     (tmp_path / "there.csv").write_text("kept")
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "F")
@@ -134,26 +140,26 @@ async def test_a_file_that_cannot_be_is_refused(
 
 
 @pytest.mark.parametrize("name", ["~nosuchuser/a.csv", "nul\0.csv", "half\ud800.csv"])
-async def test_what_is_no_path_is_refused(tiny_store: Path, tmp_path: Path, name: str) -> None:
-    app = app_on(tiny_store, tmp_path)
+async def test_an_invalid_path_is_rejected(tiny_store: Path, tmp_path: Path, name: str) -> None:
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with pytest.raises(RequestError, match="is not a path"):
             app.export.write_selection(name)
 
 
-async def test_two_writes_at_a_time_are_two_files(
+async def test_two_simultaneous_exports_write_two_files(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go_on = Event()
-    slow = formats.write_rows
+    release = Event()
+    write_rows = formats.write_rows
 
-    def slowly(*words: Any) -> None:
-        assert go_on.wait(30)
-        slow(*words)
+    def blocking_write(*arguments: Any) -> None:
+        assert release.wait(30)
+        write_rows(*arguments)
 
-    monkeypatch.setattr(formats, "write_rows", slowly)
-    app = app_on(tiny_store, tmp_path)
+    monkeypatch.setattr(formats, "write_rows", blocking_write)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("w", "F", "enter", "b", "F")
@@ -164,7 +170,7 @@ async def test_two_writes_at_a_time_are_two_files(
         assert "is being written" in app.session.state.message
         line.value = "s2r-selection-002.csv"
         await pilot.press("enter")
-        go_on.set()
+        release.set()
         await settle(app, pilot)
     first, second = (tmp_path / f"s2r-selection-00{n}.csv" for n in (1, 2))
     assert "worst15" in first.read_text()
@@ -172,17 +178,17 @@ async def test_two_writes_at_a_time_are_two_files(
     assert len(list(tmp_path.iterdir())) == 2 + (tmp_path / "share").exists()
 
 
-async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
+async def test_a_file_created_during_the_export_is_not_overwritten(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target, slow = tmp_path / "s2r-selection-001.csv", formats.write_rows
+    target, write_rows = tmp_path / "s2r-selection-001.csv", formats.write_rows
 
-    def meanwhile(*words: Any) -> None:
+    def write_after_other_process(*arguments: Any) -> None:
         target.write_text("another's")
-        slow(*words)
+        write_rows(*arguments)
 
-    monkeypatch.setattr(formats, "write_rows", meanwhile)
-    app = app_on(tiny_store, tmp_path)
+    monkeypatch.setattr(formats, "write_rows", write_after_other_process)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
@@ -191,24 +197,24 @@ async def test_a_name_that_was_taken_meanwhile_is_not_replaced(
     assert not list(tmp_path.glob(".*csv"))
 
 
-async def test_a_report_can_be_tried_again_after_a_fault(
+async def test_a_report_can_be_repeated_after_an_error(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fault(*_: object) -> None:
+    def failing_report(*_: object) -> None:
         raise ZeroDivisionError("oh")
 
-    app = app_on(tiny_store, tmp_path)
+    app = make_app(tiny_store, tmp_path)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr("s2rtui.export.report.build_report.session_report", fault)
+            patch.setattr("s2rtui.export.report.build_report.session_report", failing_report)
             await press(app, pilot, "E")
         assert "ZeroDivisionError: oh" in app.session.state.message
         await press(app, pilot, "E")
         assert app.session.state.message == f"wrote {tmp_path / 's2r-report-001.html'}"
 
 
-def test_a_numbered_file_takes_the_next_name(tmp_path: Path) -> None:
+def test_an_existing_numbered_file_is_skipped(tmp_path: Path) -> None:
     names = numbered_paths(tmp_path, "a", ".txt")
 
     def fill(path: Path) -> None:
@@ -221,23 +227,23 @@ def test_a_numbered_file_takes_the_next_name(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-async def test_a_restricted_session_writes_in_its_own_folder(
-    tiny_store: Path, tmp_path: Path, own_things: Path
+async def test_a_restricted_session_writes_only_to_the_user_data_folder(
+    tiny_store: Path, tmp_path: Path, user_data_folder: Path
 ) -> None:
-    app = app_on(tiny_store, tmp_path, restricted=True)
+    app = make_app(tiny_store, tmp_path, restricted=True)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w")
         for key in ("E", "s", "F"):
             await press(app, pilot, key)
             assert app.session.state.is_error
-            assert str(own_things) in app.session.state.message
+            assert str(user_data_folder) in app.session.state.message
         assert not app.prompt.is_open
-        app.output_folder = own_things
+        app.output_folder = user_data_folder
         await press(app, pilot, "F")
         assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
         assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 instances")
         await press(app, pilot, "s")
     assert not list(tmp_path.glob("*.*"))
-    assert (own_things / "a.csv").exists()
-    assert (own_things / "s2r-001.png").exists()
+    assert (user_data_folder / "a.csv").exists()
+    assert (user_data_folder / "s2r-001.png").exists()

@@ -1,4 +1,4 @@
-"""The history in the application: seen, told, refreshed when a night is added."""
+"""The gap history in the application: view, outputs and updates after new nights."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from tests.support import gaps, nights
 VIEW = BY_NAME["history"]
 
 
-def filled(folder: Path, store: Path, days: int = 7) -> nights.Week:
-    """A copy of the store with nights: the task's gap grows on day 5."""
+def store_with_nights(folder: Path, store: Path, days: int = 7) -> nights.Week:
+    """A copy of the store with nights; the task gap grows on day 5."""
     shutil.copytree(store, folder / "tiny.s2r")
-    config = nights.written(folder, folder / "tiny.s2r")
+    config = nights.write_config(folder, folder / "tiny.s2r")
     week = nights.Week(config, {"task": 20.0}, from_day=5)
     for number in range(1, days + 1):
         week.night(number)
@@ -35,8 +35,8 @@ def filled(folder: Path, store: Path, days: int = 7) -> nights.Week:
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> Path:
-    """A store with a week of nights that no test writes to."""
-    return filled(tmp_path_factory.mktemp("nights"), tiny_store).config.store
+    """A store with a week of nights that no test modifies."""
+    return store_with_nights(tmp_path_factory.mktemp("nights"), tiny_store).config.store
 
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
@@ -50,12 +50,12 @@ def test_ascii_screen(store: Path) -> None:
     check("history-week-ascii", text)
 
 
-def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None:
+def test_an_added_night_appears_in_the_view(tmp_path: Path, tiny_store: Path) -> None:
     import asyncio
 
-    week = filled(tmp_path, tiny_store, days=4)
+    week = store_with_nights(tmp_path, tiny_store, days=4)
 
-    async def looked() -> tuple[str, str]:
+    async def screens_before_and_after() -> tuple[str, str]:
         app = S2RApp(Session(week.config.store), RenderOptions())
         app.load_scheduler.debounce_seconds = 0.001
         async with app.run_test(size=(120, 40)) as pilot:
@@ -67,14 +67,16 @@ def test_a_night_that_is_added_is_seen(tmp_path: Path, tiny_store: Path) -> None
             await settle(app, pilot)
             return before, take_screenshot(app).text
 
-    before, after = asyncio.run(looked())
+    before, after = asyncio.run(screens_before_and_after())
     assert "4 nights of lab" in before
     assert "● pass" in before.splitlines()[2]
     assert "5 nights of lab" in after
     assert "▲ fail" in after.splitlines()[2]
 
 
-def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_store: Path) -> None:
+def test_a_damaged_history_is_reported_and_other_views_work(
+    tmp_path: Path, tiny_store: Path
+) -> None:
     shutil.copytree(tiny_store, tmp_path / "s.s2r")
     path = reader.history_path(tmp_path / "s.s2r")
     path.parent.mkdir()
@@ -88,49 +90,49 @@ def test_a_damaged_history_is_told_and_the_screen_goes_on(tmp_path: Path, tiny_s
     assert main(["show", str(tmp_path / "s.s2r"), "errors"]) == 0
 
 
-def test_numbers_are_the_historys(store: Path, capsys) -> None:
+def test_exported_numbers_equal_the_history(store: Path, capsys) -> None:
     assert main(["show", str(store), "history", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
-    found = reader.read(reader.history_path(store)).of_configuration("lab")
+    nights_read = reader.read(reader.history_path(store)).of_configuration("lab")
     assert [row["outcome"] for row in rows if row["axis"] == "headline"] == (
         ["PASS"] * 4 + ["FAIL"] * 3
     )
-    for night in found:
-        mine = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
-        assert mine["headline"]["G"] == night.gap.value
-        assert [mine[axis.axis]["low"] for axis in night.axes[:3]] == [
+    for night in nights_read:
+        row_of_axis = {row["axis"]: row for row in rows if row["night"] == str(night.night)}
+        assert row_of_axis["headline"]["G"] == night.gap.value
+        assert [row_of_axis[axis.axis]["low"] for axis in night.axes[:3]] == [
             axis.gap.low for axis in night.axes[:3]
         ]
-        assert mine["delay"]["result"] == "absent"
-        assert mine["delay"]["G"] is None
+        assert row_of_axis["delay"]["result"] == "absent"
+        assert row_of_axis["delay"]["G"] is None
     assert main(["show", str(store), "history", "--words"]) == 0
-    told = capsys.readouterr().out
-    assert "Night 2026-11-22: FAIL" in told
-    assert "worst axis task; 4 of 7 nights passed; evidence is 0 days old." in told
+    summary = capsys.readouterr().out
+    assert "Night 2026-11-22: FAIL" in summary
+    assert "worst axis task; 4 of 7 nights passed; evidence is 0 days old." in summary
 
 
-def test_the_figure_is_drawn_and_an_empty_history_is_refused(
+def test_a_history_is_exported_and_an_empty_one_is_rejected(
     store: Path, tiny_store: Path, tmp_path: Path, capsys
 ) -> None:
     out = tmp_path / "history.png"
-    words = ["--view", "history", "--out", str(out)]
-    assert main(["export", str(store), *words]) == 0
+    arguments = ["--view", "history", "--out", str(out)]
+    assert main(["export", str(store), *arguments]) == 0
     assert out.read_bytes().startswith(b"\x89PNG")
-    assert main(["export", str(tiny_store), *words]) == 2
+    assert main(["export", str(tiny_store), *arguments]) == 2
     assert "no nights yet; s2r nightly CONFIG.toml" in capsys.readouterr().err
 
 
-def test_another_history_is_named(store: Path, tiny_store: Path, capsys) -> None:
-    words = ["show", str(tiny_store), "history", "--words", "--history"]
-    assert main([*words, str(reader.history_path(store))]) == 0
+def test_the_history_option_reads_another_file(store: Path, tiny_store: Path, capsys) -> None:
+    arguments = ["show", str(tiny_store), "history", "--words", "--history"]
+    assert main([*arguments, str(reader.history_path(store))]) == 0
     assert "Night 2026-11-22" in capsys.readouterr().out
-    assert main([*words, "none.duckdb"]) == 2
+    assert main([*arguments, "none.duckdb"]) == 2
     assert "--history none.duckdb: no such file" in capsys.readouterr().err
 
 
-def test_a_restricted_session_knows_only_the_stores_own(store: Path, tiny_store: Path, capsys,
+def test_a_restricted_session_reads_only_its_own_history(store: Path, tiny_store: Path, capsys,
                                                         monkeypatch) -> None:  # fmt: skip
-    monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **told: None)
+    monkeypatch.setattr("s2rtui.terminal.capabilities.refuse_unusable", lambda **options: None)
     other = str(reader.history_path(store))
     assert main(["tui", str(tiny_store), "--restricted", "--history", other]) == 2
     assert "a restricted session shows only the history of the store" in capsys.readouterr().err
@@ -156,17 +158,17 @@ def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History |
     session.close()
 
 
-def test_of_several_gates_on_a_run_the_one_that_ran_last_is_shown() -> None:
+def test_the_gate_that_ran_last_is_shown() -> None:
     later = gaps.night(8, {"task": 3.0}, name="weekly")
-    found = gaps.history(*gaps.week(), later)
-    assert found.of_run("vanilla", "tiny") == (later,)
-    again = replace(gaps.week()[-1], id=9, outcome="PASS")
-    assert gaps.history(*gaps.week(), again).of_run("vanilla", "tiny")[-1].id == 9
+    loaded = gaps.history(*gaps.week(), later)
+    assert loaded.of_run("vanilla", "tiny") == (later,)
+    repeated = replace(gaps.week()[-1], id=9, outcome="PASS")
+    assert gaps.history(*gaps.week(), repeated).of_run("vanilla", "tiny")[-1].id == 9
 
 
-def test_nights_on_what_was_recorded_anew_every_day_are_shown_together() -> None:
+def test_nights_with_a_new_recording_each_day_form_one_history() -> None:
     days = [replace(night, dataset_hash=f"{night.id:064d}") for night in gaps.week()]
-    found = gaps.history(*days)
-    assert found.of_run("vanilla", "tiny") == tuple(days)
-    assert found.runs("tiny") == ("vanilla",)
-    assert found.of_run("vanilla", "other") == found.runs("other") == ()
+    loaded = gaps.history(*days)
+    assert loaded.of_run("vanilla", "tiny") == tuple(days)
+    assert loaded.runs("tiny") == ("vanilla",)
+    assert loaded.of_run("vanilla", "other") == loaded.runs("other") == ()

@@ -1,4 +1,4 @@
-"""Where the views stand: inside the screen, apart from each other, the active one seen."""
+"""The layout of the views: inside the screen, without overlap, with the active view visible."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ TABS = [view.name for view in VIEWS if view.pane == "tab"]
 CENTRES = [view.name for view in VIEWS if view.pane == "centre"]
 
 
-def cells(place: Region) -> set[tuple[int, int]]:
+def cells(rectangle: Region) -> set[tuple[int, int]]:
     return {
         (x, y)
-        for x in range(place.x, place.x + place.width)
-        for y in range(place.y, place.y + place.height)
+        for x in range(rectangle.x, rectangle.x + rectangle.width)
+        for y in range(rectangle.y, rectangle.y + rectangle.height)
     }
 
 
@@ -31,23 +31,23 @@ def cells(place: Region) -> set[tuple[int, int]]:
     active=st.integers(0, 2),
     rows=st.integers(3, 30),
 )
-def test_views_fill_their_places(
+def test_views_stay_inside_the_screen_and_do_not_overlap(
     width: int, height: int, tab: str, centre: str, active: int, rows: int
 ) -> None:
     view = (tab, centre, "overview")[active]
     size = size_class(width, height)
-    inner = height - 3
-    places = arrange(size, width, inner, LayoutRequest(view, centre, tab, rows))
-    assert view in places
-    for place in places.values():
-        assert place.width > 0
-        assert place.height > 0
-        assert place.x + place.width <= width
-        assert place.y + place.height <= inner
-    for one, two in itertools.combinations(places.values(), 2):
-        assert not cells(one) & cells(two)
+    content_height = height - 3
+    rectangles = arrange(size, width, content_height, LayoutRequest(view, centre, tab, rows))
+    assert view in rectangles
+    for rectangle in rectangles.values():
+        assert rectangle.width > 0
+        assert rectangle.height > 0
+        assert rectangle.x + rectangle.width <= width
+        assert rectangle.y + rectangle.height <= content_height
+    for first, second in itertools.combinations(rectangles.values(), 2):
+        assert not cells(first) & cells(second)
 
 
-def test_sizes_have_classes() -> None:
+def test_terminal_sizes_map_to_size_classes() -> None:
     expected = {(80, 24): "narrow", (120, 40): "medium", (200, 60): "wide", (30, 8): "tiny"}
     assert {size: size_class(*size) for size in expected} == expected

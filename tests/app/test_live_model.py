@@ -1,4 +1,4 @@
-"""The model of the panel that adjusts: at work while the panel is open, let go a while after."""
+"""The live model is released some time after its panel is hidden."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from s2rtui.loaders import live_prediction
 from s2rtui.session import Session, view_settings
 
 
-class Bench:
-    """Notes what it is asked for."""
+class RecordingPredictor:
+    """Records its calls."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.calls: list[str] = []
 
     def read(self, *_: object) -> dict[str, object]:
-        self.told.append("read")
+        self.calls.append("read")
         return {}
 
     def release(self) -> None:
-        self.told.append("leave")
+        self.calls.append("leave")
 
 
-async def test_without_its_panel_the_model_rests_and_goes(
+async def test_a_hidden_panel_releases_the_model(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench = Bench()
-    monkeypatch.setattr(live_prediction, "_PREDICTOR", bench)
+    predictor = RecordingPredictor()
+    monkeypatch.setattr(live_prediction, "_PREDICTOR", predictor)
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds, app.load_scheduler.release_seconds = 0.001, 0.05
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("a")
         await settle(app, pilot)
-        assert bench.told == ["read"]
+        assert predictor.calls == ["read"]
         await asyncio.sleep(0.2)
-        assert bench.told == ["read"]
+        assert predictor.calls == ["read"]
         app.session.dispatch(view_settings.show_view, "instance", "tab")
         app.renderer.refresh()
         await pilot.press("n")
         await settle(app, pilot)
         async with asyncio.timeout(10):
-            while bench.told == ["read"]:
+            while predictor.calls == ["read"]:
                 await pilot.pause()
-        assert bench.told == ["read", "leave"]
+        assert predictor.calls == ["read", "leave"]
         await pilot.press("a")
         await settle(app, pilot)
-        assert bench.told == ["read", "leave", "read"]
+        assert predictor.calls == ["read", "leave", "read"]

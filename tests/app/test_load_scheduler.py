@@ -1,4 +1,4 @@
-"""Runs of large stores are read by a worker: keys go on, the newest wins, the screen says which."""
+"""Large runs load in a background worker: keys stay responsive and the newest request wins."""
 
 from __future__ import annotations
 
@@ -46,32 +46,32 @@ def four_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
-    """Everything is large, and columns of other threads than this come once it is open."""
-    opened, here = threading.Event(), threading.current_thread()
-    whole = column_loader._predicted
+    """Treat every store as large and block reads in background threads until the event is set."""
+    released, ui_thread = threading.Event(), threading.current_thread()
+    predicted = column_loader._predicted
 
-    def slow(index, run, side, name, lacking):
+    def blocking_read(index, run, side, name, missing):
         if run != "vanilla":
-            assert threading.current_thread() is not here, f"{run} {side} {name} is read here"
-            assert opened.wait(20)
-        return whole(index, run, side, name, lacking)
+            assert threading.current_thread() is not ui_thread, f"{run} {side} {name} is read here"
+            assert released.wait(20)
+        return predicted(index, run, side, name, missing)
 
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    monkeypatch.setattr(column_loader, "_predicted", slow)
-    yield opened
-    opened.set()
+    monkeypatch.setattr(column_loader, "_predicted", blocking_read)
+    yield released
+    released.set()
 
 
 @dataclass
-class Lossy:
-    """An application, and what lets its worker read."""
+class DelayedLossColumns:
+    """An application and the event that lets its worker read."""
 
     app: S2RApp
     pilot: Pilot[None]
-    opened: threading.Event
+    release: threading.Event
 
 
-def app_on(path: Path) -> S2RApp:
+def make_app(path: Path) -> S2RApp:
     app = S2RApp(Session(path), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -83,8 +83,8 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
         await pilot.pause()
 
 
-async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+async def test_keys_are_handled_while_a_run_loads(store: Path, gate: threading.Event) -> None:
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
         assert app.session.state.run == "vanilla"
@@ -96,8 +96,8 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
         await settle(app, pilot)
         state = app.session.state
         assert (state.run, state.pending, state.expression) == ("b", None, "worst15")
-        with s2rstore.open(store) as own:
-            worst = own.execute(
+        with s2rstore.open(store) as opened:
+            worst = opened.execute(
                 "SELECT iid FROM prediction WHERE run = 'b' AND side = 'real' "
                 "ORDER BY error DESC LIMIT 6"
             )
@@ -105,15 +105,15 @@ async def test_keys_go_on_while_a_run_is_read(store: Path, gate: threading.Event
         assert "loading" not in take_screenshot(app).text.splitlines()[0]
 
 
-async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
+async def test_a_shared_selection_waits_until_its_run_is_loaded(
     store: Path, gate: threading.Event
 ) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        before, own = app.session.state, app.session.store.dataset.hash
-        facts = f"data set {own}, generation {before.generation}, run b, 3 instances"
-        text = f"worst(3, real.error)  # {facts}"
+        before, dataset_hash = app.session.state, app.session.store.dataset.hash
+        comment = f"data set {dataset_hash}, generation {before.generation}, run b, 3 instances"
+        text = f"worst(3, real.error)  # {comment}"
         app.session.dispatch(shared_selection.select_text, text)
         app.renderer.refresh()
         await pilot.pause()
@@ -128,62 +128,70 @@ async def test_a_selection_of_a_run_that_is_not_there_yet_waits_for_it(
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
 
-async def test_columns_of_an_expression_are_read_elsewhere(
+async def test_columns_of_an_expression_are_read_in_the_background(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    whole, here, read = column_loader._predicted, threading.current_thread(), []
+    predicted, ui_thread, reads = column_loader._predicted, threading.current_thread(), []
 
-    def watched(index, run, side, name, lacking):
-        read.append((name, threading.current_thread() is here))
-        return whole(index, run, side, name, lacking)
+    def recorded_read(index, run, side, name, missing):
+        reads.append((name, threading.current_thread() is ui_thread))
+        return predicted(index, run, side, name, missing)
 
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         for column in ("real.outlier", "sim.outlier"):
             side, _, name = column.partition(".")
             assert app.session.store.has_loaded("vanilla", side, [name])
         assert app.session.store.has_loaded(None, None, ["curvature"])
-        monkeypatch.setattr(column_loader, "_predicted", watched)
+        monkeypatch.setattr(column_loader, "_predicted", recorded_read)
         await press(app, pilot, "slash", "ctrl+u")
         await press(app, pilot, *["real.loss > 0"[i] for i in range(13)], "enter")
         await settle(app, pilot)
         assert app.session.state.expression == "real.loss > 0"
         assert app.session.state.selected.all()
-        assert read == [("loss", False)]
+        assert reads == [("loss", False)]
 
 
 @pytest.fixture
-async def lossy(store: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Lossy]:
-    """An application whose losses are read anew, once it may, with an expression of them undone."""
+async def delayed_losses(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> AsyncIterator[DelayedLossColumns]:
+    """An application with an undone expression on the loss column, whose reads are blocked."""
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    whole, here, opened = column_loader._predicted, threading.current_thread(), threading.Event()
+    predicted, ui_thread, released = (
+        column_loader._predicted,
+        threading.current_thread(),
+        threading.Event(),
+    )
 
-    def slow(index, run, side, name, lacking):
-        assert threading.current_thread() is not here, f"{name} is read here"
-        assert opened.wait(20)
-        return whole(index, run, side, name, lacking)
+    def blocking_read(index, run, side, name, missing):
+        assert threading.current_thread() is not ui_thread, f"{name} is read here"
+        assert released.wait(20)
+        return predicted(index, run, side, name, missing)
 
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.select("real.loss > 0")
         app.session.select("all")
         app.session.store._columns.drop(lambda key: "loss" in key)
         app.session.store.evaluated.clear()
-        monkeypatch.setattr(column_loader, "_predicted", slow)
-        yield Lossy(app, pilot, opened)
-        opened.set()
+        monkeypatch.setattr(column_loader, "_predicted", blocking_read)
+        yield DelayedLossColumns(app, pilot, released)
+        released.set()
 
 
-async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_an_undone_expression_waits_for_its_columns(
+    delayed_losses: DelayedLossColumns,
+) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     past = app.session.state.past
     await press(app, pilot, "u")
     assert app.session.state.expression == "all"
     assert "run vanilla (selecting)" in take_screenshot(app).text
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past, state.future) == ("real.loss > 0", past[:-1], ("all",))
@@ -192,93 +200,99 @@ async def test_an_undone_expression_waits_for_its_columns(lossy: Lossy) -> None:
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
 
 
-async def test_an_undo_that_waits_is_taken_back_by_redo(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_redo_cancels_a_pending_undo(delayed_losses: DelayedLossColumns) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     before = app.session.state
     await press(app, pilot, "u", "U")
     assert "(selecting)" not in take_screenshot(app).text
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     after = app.session.state
     assert (after.expression, after.past, after.future) == ("all", before.past, ())
 
 
-async def test_every_undo_counts_while_one_waits(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_repeated_undo_accumulates_while_one_is_pending(
+    delayed_losses: DelayedLossColumns,
+) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     past = app.session.state.past
     app.session.set_state(replace(app.session.state, past=(*past, "real.loss > 0.001")))
     await press(app, pilot, "u", "u")
     assert app.session.state.expression == "all"
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past) == ("real.loss > 0", past[:-1])
     assert state.future == ("all", "real.loss > 0.001")
 
 
-async def test_undo_takes_back_a_selection_that_waits(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_undo_cancels_a_pending_selection(delayed_losses: DelayedLossColumns) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     before = app.session.state
     app.session.select("real.loss > 0.001")
     app.renderer.refresh()
     await press(app, pilot, "u")
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     after = app.session.state
     assert (after.expression, after.past, after.pending) == ("all", before.past, None)
 
 
-async def test_a_selection_that_waits_uses_its_operator_up_and_leaves_a_later_brush(
-    lossy: Lossy,
+async def test_a_pending_selection_consumes_its_operator_and_keeps_a_later_brush(
+    delayed_losses: DelayedLossColumns,
 ) -> None:
-    app, pilot = lossy.app, lossy.pilot
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     app.session.select("straight")
-    begun(app.session)
+    with_brush_and_operator(app.session)
     app.session.select("real.loss > 0")
     app.renderer.refresh()
     assert (app.session.state.brush, app.session.state.operator) == (None, "replace")
-    brush, _ = begun(app.session)
-    lossy.opened.set()
+    brush, _ = with_brush_and_operator(app.session)
+    delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.pending) == ("straight | real.loss > 0", None)
     assert (state.brush, state.operator) == (brush, "union")
 
 
-async def test_other_trajectories_leave_a_selection_waiting(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_changing_trajectories_keeps_a_pending_selection(
+    delayed_losses: DelayedLossColumns,
+) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     app.session.select("real.loss > 0")
     app.renderer.refresh()
     await press(app, pilot, "t")
     assert app.session.state.trajectories is not None
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     assert app.session.state.expression == "real.loss > 0"
 
 
-async def test_what_is_selected_meanwhile_wins(lossy: Lossy) -> None:
-    app, pilot = lossy.app, lossy.pilot
+async def test_a_newer_selection_replaces_a_pending_undo(
+    delayed_losses: DelayedLossColumns,
+) -> None:
+    app, pilot = delayed_losses.app, delayed_losses.pilot
     await press(app, pilot, "u", "w")
     assert (app.session.state.expression, app.session.state.pending) == ("worst15", None)
-    lossy.opened.set()
+    delayed_losses.release.set()
     await settle(app, pilot)
     assert app.session.state.expression == "worst15"
 
 
-def test_what_is_selected_while_a_run_is_awaited_is_taken_along(
+def test_a_selection_made_during_a_run_change_is_kept(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     session.set_state(replace(session.state, pending=PendingTarget("b", 1, "gap > 0")))
     session.select("straight")
-    awaited = session.state.pending
-    assert awaited is not None
-    assert (awaited.run, awaited.text) == ("b", "")
+    pending = session.state.pending
+    assert pending is not None
+    assert (pending.run, pending.text) == ("b", "")
     assert (session.complete_pending().run, session.state.expression) == ("b", "straight")
 
 
-def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
+def test_a_pending_selection_keeps_the_pending_run(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
@@ -287,15 +301,15 @@ def test_a_selection_that_has_to_wait_leaves_the_run_awaited(
     session.set_state(replace(session.state, pending=PendingTarget("b", 1)))
     for select in (session.select, partial(session.dispatch, shared_selection.select_text)):
         select("real.loss > 0")
-        awaited = session.state.pending
-        assert awaited is not None
-        assert (awaited.run, awaited.text) == ("b", "real.loss > 0")
+        pending = session.state.pending
+        assert pending is not None
+        assert (pending.run, pending.text) == ("b", "real.loss > 0")
     assert (session.complete_pending().run, session.state.expression) == ("b", "real.loss > 0")
     session.close()
 
 
-async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+async def test_the_newest_requested_run_is_shown(store: Path, gate: threading.Event) -> None:
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "r")
         assert "(loading c)" in take_screenshot(app).text
@@ -304,8 +318,10 @@ async def test_the_newest_run_wins(store: Path, gate: threading.Event) -> None:
         assert app.session.state.run == "c"
 
 
-async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+async def test_returning_to_the_current_run_cancels_the_request(
+    store: Path, gate: threading.Event
+) -> None:
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "r", "R")
         assert app.session.state.pending is None
@@ -314,8 +330,10 @@ async def test_back_before_it_came(store: Path, gate: threading.Event) -> None:
         assert app.session.state.run == "vanilla"
 
 
-async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Event) -> None:
-    app = app_on(store)
+async def test_the_compared_run_is_read_in_the_background(
+    store: Path, gate: threading.Event
+) -> None:
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "9")
         assert "loading run b" in take_screenshot(app).text
@@ -325,18 +343,18 @@ async def test_the_other_run_is_read_elsewhere(store: Path, gate: threading.Even
         assert "b better" in take_screenshot(app).text or "▲" in take_screenshot(app).text
 
 
-async def test_a_run_that_cannot_be_read_is_told(
+async def test_an_unreadable_run_shows_an_error(
     store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate.set()
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
 
-        def broken(*_: object) -> None:
+        def failing_read(*_: object) -> None:
             raise s2rstore.errors.RequestError("the index cannot be read")
 
-        monkeypatch.setattr(pending_target, "load_columns", broken)
+        monkeypatch.setattr(pending_target, "load_columns", failing_read)
         app.session.store._columns.drop(lambda key: key[0] == "run" and key[1] == "c")
         await press(app, pilot, "R")
         await settle(app, pilot)
@@ -345,17 +363,17 @@ async def test_a_run_that_cannot_be_read_is_told(
         assert (state.message, state.is_error) == ("the index cannot be read", True)
 
 
-async def test_a_run_that_cannot_be_turned_to_is_told(
+async def test_a_failed_run_change_shows_an_error(
     store: Path, gate: threading.Event, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(store)
+    app = make_app(store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "r")
 
-        def broken(*_: object) -> None:
+        def failing_settle(*_: object) -> None:
             raise s2rstore.errors.RequestError("a page of the index is damaged")
 
-        monkeypatch.setattr(navigation, "_settle", broken)
+        monkeypatch.setattr(navigation, "_settle", failing_settle)
         gate.set()
         await settle(app, pilot)
         state = app.session.state
@@ -364,9 +382,9 @@ async def test_a_run_that_cannot_be_turned_to_is_told(
 
 
 @pytest.mark.parametrize("is_error", [False, True])
-def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: bool) -> None:
+def test_a_newer_message_is_kept_when_a_run_arrives(store: Path, is_error: bool) -> None:
     session = Session(store)
-    begun(session, pending=PendingTarget("b", session.state.generation))
+    with_brush_and_operator(session, pending=PendingTarget("b", session.state.generation))
     session.show_message("wrote rows.csv", is_error)
     state = session.complete_pending()
     assert (state.run, state.message, state.is_error) == ("b", "wrote rows.csv", is_error)
@@ -374,24 +392,26 @@ def test_what_was_told_meanwhile_stays_as_a_run_arrives(store: Path, is_error: b
     session.close()
 
 
-def test_words_about_a_selection_go_as_a_run_arrives(store: Path) -> None:
+def test_a_message_about_the_selection_is_cleared_when_a_run_arrives(store: Path) -> None:
     session = Session(store)
     session.select("none")
-    begun(session, pending=PendingTarget("b", session.state.generation, text="all"))
+    with_brush_and_operator(
+        session, pending=PendingTarget("b", session.state.generation, text="all")
+    )
     assert session.state.message == "nothing is selected"
     assert session.complete_pending().message == ""
     session.close()
 
 
-async def test_a_newer_generation_is_read_elsewhere(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+async def test_a_newer_generation_is_read_in_the_background(
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = app_on(own_store)
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.store
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         await press(app, pilot, "w", "g")
         await settle(app, pilot)
         state = app.session.state
@@ -401,14 +421,14 @@ async def test_a_newer_generation_is_read_elsewhere(
         assert state.message == f"generation {state.generation}"
 
 
-async def test_a_saved_run_is_told_once_its_generation_is_read(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+async def test_a_saved_run_is_announced_after_its_generation_is_loaded(
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    app = app_on(own_store)
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         progress = JobProgress(1.0, "published", "done")
         app.post_message(RunSaveProgressed("dataaug", progress))
         await settle(app, pilot)
@@ -418,65 +438,67 @@ async def test_a_saved_run_is_told_once_its_generation_is_read(
 
 @pytest.mark.parametrize("present", range(4))
 @pytest.mark.parametrize("saved", range(4))
-async def test_what_turns_to_a_saved_run_is_true(four_runs: Path, present: int, saved: int) -> None:
-    app = app_on(four_runs)
+async def test_the_announced_key_selects_the_saved_run(
+    four_runs: Path, present: int, saved: int
+) -> None:
+    app = make_app(four_runs)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         runs = app.session.state.runs
         app.session.set_run(runs[present])
         app.post_message(RunSaveProgressed(runs[saved], JobProgress(1.0, "published", "done")))
         await settle(app, pilot)
-        told = app.session.state.message
-        assert told.startswith(f"run {runs[saved]} is saved")
-        if ": " not in told:
+        message = app.session.state.message
+        assert message.startswith(f"run {runs[saved]} is saved")
+        if ": " not in message:
             assert present == saved
-        elif "click" in told:
+        elif "click" in message:
             assert (saved - present) % 4 == 2
         else:
-            await press(app, pilot, told.split(": ")[1][0])
+            await press(app, pilot, message.split(": ")[1][0])
             assert app.session.state.run == runs[saved]
 
 
-def test_brush_and_operator_stay_in_a_newer_generation(own_store: Path) -> None:
-    session = Session(own_store)
-    brush, _ = begun(session)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+def test_a_newer_generation_keeps_brush_and_operator(store_copy: Path) -> None:
+    session = Session(store_copy)
+    brush, _ = with_brush_and_operator(session)
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
     state = session.open_newest_generation()
     assert state.generation == session.store.generation > 1
     assert (state.brush, state.operator) == (brush, "union")
     session.close()
 
 
-def test_a_newer_generation_leaves_a_selection_waiting(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_newer_generation_keeps_a_pending_selection(
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
-    session = Session(own_store)
+    session = Session(store_copy)
     session.defers_loading = True
     session.select("real.loss > 0")
-    brush, _ = begun(session)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+    brush, _ = with_brush_and_operator(session)
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
     session.open_newest_generation()
     assert session.state.message.endswith(f"of generation {session.store.latest_generation()}")
-    state = session.complete_pending(s2rstore.open(own_store))
+    state = session.complete_pending(s2rstore.open(store_copy))
     assert (state.generation, state.expression) == (session.store.generation, "real.loss > 0")
     assert (state.generation, state.brush) == (state.newest, brush)
     session.close()
 
 
-async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> None:
-    app, entered, go_on = app_on(own_store), threading.Event(), threading.Event()
+async def test_an_old_store_is_closed_after_its_last_reader(store_copy: Path) -> None:
+    app, entered, release = make_app(store_copy), threading.Event(), threading.Event()
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         before = app.session.store
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-        app.load_scheduler._workers["lines"].put(lambda: (entered.set(), go_on.wait(20)))
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        app.load_scheduler._workers["lines"].put(lambda: (entered.set(), release.wait(20)))
         assert entered.wait(10)
         await press(app, pilot, "g")
         app.store_updates.check_store()
         assert app.session.store is not before
         assert before.execute("SELECT 1") == [(1,)]
-        go_on.set()
+        release.set()
         await settle(app, pilot)
         while not app.load_scheduler.idle:
             await pilot.pause()
@@ -486,16 +508,16 @@ async def test_a_left_store_is_closed_once_nobody_reads_it(own_store: Path) -> N
         assert not before._columns.nbytes
 
 
-async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
-    """Not the lanes, nor their timers, nor the views that are not seen."""
-    app = app_on(own_store)
+async def test_no_reference_to_an_old_store_remains(store_copy: Path) -> None:
+    """Neither workers nor their timers nor hidden views refer to it."""
+    app = make_app(store_copy)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         for key in "123456":
             await press(app, pilot, key)
             await settle(app, pilot)
         before = weakref.ref(app.session.store)
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
         await press(app, pilot, "g")
         await settle(app, pilot)
         while not app.load_scheduler.idle:
@@ -503,130 +525,136 @@ async def test_nothing_holds_a_store_that_was_left(own_store: Path) -> None:
         app.store_updates.check_store()
         await pilot.pause()
         gc.collect()
-        held = before()
-        assert held is None
+        remaining = before()
+        assert remaining is None
 
 
-def begun(session: Session, **fields: object) -> tuple[Brush, State]:
-    """With a brush and an operator."""
+def with_brush_and_operator(session: Session, **fields: object) -> tuple[Brush, State]:
+    """Add a brush and an operator to the session's state."""
     brush = Brush("map", Mark("map", ((1.0, 1.0), (3.0, 2.0))))
     state = replace(session.state, brush=brush, operator="union", **fields)
     return brush, session.set_state(state)
 
 
-def test_brush_and_operator_stay_as_an_awaited_run_arrives(store: Path) -> None:
+def test_an_arriving_run_keeps_brush_and_operator(store: Path) -> None:
     session = Session(store)
-    brush, before = begun(session, pending=PendingTarget("b", session.state.generation))
+    brush, before = with_brush_and_operator(
+        session, pending=PendingTarget("b", session.state.generation)
+    )
     state = session.complete_pending()
     assert (state.run, state.pending) == ("b", None)
     assert (state.brush, state.operator) == (brush, before.operator)
     session.close()
 
 
-def test_the_awaited_run_may_be_gone_from_the_newer_generation(own_store: Path) -> None:
-    session = Session(own_store, "vanilla")
-    begun(session, pending=PendingTarget("vanilla", session.state.generation + 1))
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    fresh = s2rstore.open(own_store)
-    del fresh.runs["vanilla"]
-    state = session.complete_pending(fresh)
-    assert session.store is fresh
+def test_a_pending_run_may_be_missing_from_the_newer_generation(store_copy: Path) -> None:
+    session = Session(store_copy, "vanilla")
+    with_brush_and_operator(session, pending=PendingTarget("vanilla", session.state.generation + 1))
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    newer = s2rstore.open(store_copy)
+    del newer.runs["vanilla"]
+    state = session.complete_pending(newer)
+    assert session.store is newer
     assert (state.run, state.pending, state.brush) == ("dataaug", None, None)
     session.close()
 
 
-def test_a_generation_that_cannot_be_entered_changes_nothing(
-    own_store: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_failed_change_of_generation_changes_nothing(
+    store_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = Session(own_store)
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    store, state, fresh = session.store, session.state, s2rstore.open(own_store)
-    monkeypatch.setattr(type(fresh), "arrays", lambda *_: 1 / 0)
+    session = Session(store_copy)
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    store, state, newer = session.store, session.state, s2rstore.open(store_copy)
+    monkeypatch.setattr(type(newer), "arrays", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        session.complete_pending(fresh)
+        session.complete_pending(newer)
     assert (session.store, session.state) == (store, state)
     assert store.execute("SELECT 1") == [(1,)]
     with pytest.raises(s2rstore.errors.RequestError, match="is closed"):
-        fresh.execute("SELECT 1")
+        newer.execute("SELECT 1")
     session.close()
 
 
-def test_a_session_alone_reads_at_once(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_session_without_application_reads_synchronously(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
     session = Session(store)
     assert session.dispatch(navigation.change_run, 1).run == "b"
     session.close()
 
 
-def test_what_two_threads_ask_for_is_made_once() -> None:
-    kept, made, entered = LruCache(1000), [], threading.Event()
-    go_on = threading.Event()
+def test_concurrent_requests_compute_a_value_once() -> None:
+    cache, computations, entered = LruCache(1000), [], threading.Event()
+    release = threading.Event()
 
-    def slow() -> np.ndarray:
-        made.append(1)
+    def compute() -> np.ndarray:
+        computations.append(1)
         entered.set()
-        assert go_on.wait(10)
+        assert release.wait(10)
         return np.zeros(4)
 
     with ThreadPoolExecutor(2) as pool:
-        first = pool.submit(kept.get, "key", slow)
+        first = pool.submit(cache.get, "key", compute)
         assert entered.wait(10)
-        second = pool.submit(kept.get, "key", slow)
-        go_on.set()
+        second = pool.submit(cache.get, "key", compute)
+        release.set()
         assert first.result(10) is second.result(10)
-    assert made == [1]
+    assert computations == [1]
 
 
-def test_what_failed_is_made_by_the_next() -> None:
-    kept = LruCache(1000)
+def test_a_failed_computation_is_repeated_by_the_next_request() -> None:
+    cache = LruCache(1000)
     with pytest.raises(ZeroDivisionError):
-        kept.get("key", lambda: 1 / 0)
-    assert kept.get("key", lambda: np.ones(3)).sum() == 3
+        cache.get("key", lambda: 1 / 0)
+    assert cache.get("key", lambda: np.ones(3)).sum() == 3
 
 
-def test_a_run_in_use_is_not_forgotten(store: Path) -> None:
-    with s2rstore.open(store) as own:
-        own.in_use = frozenset({"vanilla"})
-        kept = {run: own.run_columns(run).real.error for run in ("vanilla", "b")}
-        for run in kept:
-            own.drop_run_columns(run)
-        assert own.run_columns("vanilla").real.error is kept["vanilla"]
-        assert own.run_columns("b").real.error is not kept["b"]
+def test_columns_of_a_run_in_use_are_not_dropped(store: Path) -> None:
+    with s2rstore.open(store) as opened:
+        opened.in_use = frozenset({"vanilla"})
+        columns = {run: opened.run_columns(run).real.error for run in ("vanilla", "b")}
+        for run in columns:
+            opened.drop_run_columns(run)
+        assert opened.run_columns("vanilla").real.error is columns["vanilla"]
+        assert opened.run_columns("b").real.error is not columns["b"]
 
 
-def test_a_store_is_opened_at_an_earlier_generation(own_store: Path) -> None:
-    with s2rstore.open(own_store) as before:
-        add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-        with s2rstore.open(own_store, generation=before.generation) as again:
+def test_a_store_can_be_opened_at_an_earlier_generation(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as before:
+        add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+        with s2rstore.open(store_copy, generation=before.generation) as again:
             assert again.generation == before.generation
             assert "later" not in again.runs
-    with s2rstore.open(own_store) as newest:
+    with s2rstore.open(store_copy) as newest:
         assert "later" in newest.runs
     with pytest.raises(s2rstore.errors.RequestError, match="missing"):
-        s2rstore.open(own_store, generation=999)
+        s2rstore.open(store_copy, generation=999)
 
 
-def test_keys_look_at_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a floor plan depends on is asked at every key."""
+def test_the_floor_plan_key_reads_no_file(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The key of the floor plan is computed after every key press."""
     session = Session(store)
     monkeypatch.setattr(type(session.store), "floor_plan_path", lambda _: 1 / 0)
-    wanted = store_data.floor_plan_key(session.store, session.state)
-    assert (wanted is None) == (session.store.dataset.floor_plan is None)
+    key = store_data.floor_plan_key(session.store, session.state)
+    assert (key is None) == (session.store.dataset.floor_plan is None)
     session.close()
 
 
-def test_the_screen_of_a_state_shows_its_nights(
+def test_the_screen_of_a_state_uses_its_history(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nights = tmp_path / "nights.duckdb"
     nights.touch()
     session = Session(store, gap_history=nights)
     opened: list[Session] = []
-    monkeypatch.setattr(headless, "S2RApp", lambda made, look: opened.append(made) or 1 / 0)
+    monkeypatch.setattr(
+        headless, "S2RApp", lambda opened_session, options: opened.append(opened_session) or 1 / 0
+    )
     with pytest.raises(ZeroDivisionError):
         headless.screen_of(store, session.state, (800, 480), RenderOptions())
     assert opened[0].state is session.state
     assert opened[0].store.in_use == {session.state.run}
     assert not opened[0].check_for_updates()
-    for each in (session, *opened):
-        each.close()
+    for one in (session, *opened):
+        one.close()

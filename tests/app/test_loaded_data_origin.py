@@ -1,4 +1,4 @@
-"""What the screen shows is told as what it is, also while something else is being read."""
+"""Data on the screen is labelled with its origin while newer data is loading."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from s2rtui.session import Session
 from s2rtui.session.loaded_data_origin import instance_provenance
 from s2rtui.session.state import Adjust, Slider
 
-LATE = 60.0
+LONG_DELAY_SECONDS = 60.0
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
@@ -39,15 +39,15 @@ async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
         await settle(app, pilot)
 
 
-async def press_and_go_on(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
-    """What is read after these keys comes much later."""
-    app.load_scheduler.debounce_seconds = LATE
+async def press_without_loading(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    """Press keys; their data arrives much later."""
+    app.load_scheduler.debounce_seconds = LONG_DELAY_SECONDS
     for key in keys:
         await pilot.press(key)
         await pilot.pause()
 
 
-def told(app: S2RApp, view: str) -> str:
+def subtitle(app: S2RApp, view: str) -> str:
     return BY_NAME[view].subtitle(app.renderer.scene)
 
 
@@ -55,165 +55,172 @@ def told(app: S2RApp, view: str) -> str:
     ("key", "other"),
     [("right", lambda s: f"{s.cursor}, "), ("h", lambda s: s.heat.label), ("r", lambda s: "")],
 )
-async def test_pictures_keep_their_name_until_others_are_there(
+async def test_images_keep_their_label_until_new_ones_arrive(
     tiny_store: Path, key: str, other: Callable[..., str]
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        before, state = told(app, "instance"), app.session.state
+        before, state = subtitle(app, "instance"), app.session.state
         assert before == f"{state.cursor}, {state.heat.label}"
-        await press_and_go_on(app, pilot, key)
+        await press_without_loading(app, pilot, key)
         after = app.session.state
-        shown, _, coming = told(app, "instance").partition(" (loading ")
+        shown, _, pending = subtitle(app, "instance").partition(" (loading ")
         assert shown == before + (", run vanilla" if key == "r" else "")
-        assert other(after) in coming
+        assert other(after) in pending
         assert f"3 instance  {before}"[:30] in take_screenshot(app).text
         app.load_scheduler.debounce_seconds = 0.001
         await press(app, pilot, key)
-        assert "loading" not in told(app, "instance")
+        assert "loading" not in subtitle(app, "instance")
 
 
-async def test_pictures_that_cannot_be_read_are_not_awaited(
+async def test_unreadable_images_are_not_shown_as_loading(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         monkeypatch.setattr(store_data, "instance_input", lambda *_: 1 / 0)
         await press(app, pilot, "right")
-        assert "loading" not in told(app, "instance")
-        assert "division by zero" in told(app, "instance")
+        assert "loading" not in subtitle(app, "instance")
+        assert "division by zero" in subtitle(app, "instance")
         monkeypatch.undo()
         await press(app, pilot, "right")
-        assert told(app, "instance").startswith(f"{app.session.state.cursor}, ")
-        assert "division" not in told(app, "instance")
+        assert subtitle(app, "instance").startswith(f"{app.session.state.cursor}, ")
+        assert "division" not in subtitle(app, "instance")
 
 
-async def test_heat_of_another_instance_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_heatmap_of_another_instance_is_labelled(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o")
         before = app.session.state.cursor
         label = BY_NAME["map"].input(app.renderer.scene).heat_label
-        await press_and_go_on(app, pilot, "n")
+        await press_without_loading(app, pilot, "n")
         shown = BY_NAME["map"].input(app.renderer.scene)
         assert shown.heat is not None
         assert shown.heat_label == f"{label}, of {before}"
 
 
-async def test_heat_of_an_earlier_selection_says_so(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_the_heatmap_of_an_earlier_selection_is_labelled(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "o")
-        await press_and_go_on(app, pilot, "w")
+        await press_without_loading(app, pilot, "w")
         assert "of an earlier selection" in BY_NAME["map"].input(app.renderer.scene).heat_label
 
 
 @pytest.mark.parametrize("key", ["w", "d", "r"])
-async def test_what_something_else_saw_dims_nothing(tiny_store: Path, key: str) -> None:
-    app = app_on(tiny_store)
+async def test_the_seen_floor_of_an_earlier_selection_is_not_used(
+    tiny_store: Path, key: str
+) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "C")
         assert BY_NAME["map"].input(app.renderer.scene).clip is not None
-        await press_and_go_on(app, pilot, key)
+        await press_without_loading(app, pilot, key)
         assert BY_NAME["map"].input(app.renderer.scene).clip is None
-        assert "loading what the selection saw" in told(app, "map")
+        assert "loading what the selection saw" in subtitle(app, "map")
 
 
-async def test_lines_are_named_by_their_own_side(
+async def test_lines_are_labelled_by_their_side(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        assert told(app, "overview") == "accuracy; one line per instance, real"
+        assert subtitle(app, "overview") == "accuracy; one line per instance, real"
         lines = app.resources.lines
         await pilot.press("d")
         app.resources = replace(app.resources, lines=lines)
-        assert told(app, "overview") == "accuracy; one line per instance, real"
+        assert subtitle(app, "overview") == "accuracy; one line per instance, real"
 
 
-async def test_a_live_answer_is_its_own_runs(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
         session, state = app.session, app.session.state
         adjust = Adjust(state.run, ((SLIDER.key, 1.0),), 0, (SLIDER,))
         shown = instance_input(session.store, state.run, state.cursor, None)
         grid = np.ones((4, 4), dtype=np.float32)
-        found = replace(
+        resources = replace(
             app.resources, live=shown, live_source=instance_provenance(state), live_floor_heat=grid
         )
-        here = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
+        panel_state = replace(state, adjust=adjust, view="adjust", tab="adjust", overlay="instance")
 
         def scene(**changes: object):
-            return replace(app.renderer.scene, resources=found, state=replace(here, **changes))
+            return replace(
+                app.renderer.scene, resources=resources, state=replace(panel_state, **changes)
+            )
 
         assert BY_NAME["adjust"].subtitle(scene()).endswith(f"instance {state.cursor}")
         assert BY_NAME["map"].input(scene()).live
         assert BY_NAME["map"].input(scene()).heat is not None
-        turned = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
-        assert BY_NAME["adjust"].subtitle(turned) == "run dataaug: loading the model"
-        assert not BY_NAME["map"].input(turned).live
-        assert BY_NAME["map"].input(turned).heat is None
+        other_run = scene(run="dataaug", adjust=replace(adjust, run="dataaug"))
+        assert BY_NAME["adjust"].subtitle(other_run) == "run dataaug: loading the model"
+        assert not BY_NAME["map"].input(other_run).live
+        assert BY_NAME["map"].input(other_run).heat is None
         moved = scene(cursor=7)
         assert f"instance {state.cursor} (loading 7)" in BY_NAME["adjust"].subtitle(moved)
         assert not BY_NAME["map"].input(moved).live
         assert BY_NAME["map"].input(moved).heat is None
 
 
-async def test_every_feed_tells_its_own_progress(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_every_loader_reports_its_own_progress(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "o", "C")
-        for feed, share in (("heat on the map", 0.25), ("seen floor", 0.5)):
-            app.on_load_progressed(LoadProgressed(feed, app.load_scheduler._ticket[feed], share))
+        for loader, share in (("heat on the map", 0.25), ("seen floor", 0.5)):
+            app.on_load_progressed(
+                LoadProgressed(loader, app.load_scheduler._ticket[loader], share)
+            )
         app.on_load_progressed(LoadProgressed("live", -1, 0.9))
         await pilot.pause()
         text = take_screenshot(app).text
         assert "heat on the map 25%, seen floor 50%" in text
-        app.on_load_completed(_answer(app, "seen floor"))
+        app.on_load_completed(_completed(app, "seen floor"))
         assert app.resources.progress == {"heat on the map": 0.25}
         await press(app, pilot, "A")
         assert app.resources.progress == {}
 
 
-def _answer(app: S2RApp, feed: str):
+def _completed(app: S2RApp, loader: str):
     from s2rtui.app.messages import LoadCompleted
 
-    return LoadCompleted(feed, app.load_scheduler._ticket[feed], {})
+    return LoadCompleted(loader, app.load_scheduler._ticket[loader], {})
 
 
-async def test_a_slow_feed_starves_no_other(
+async def test_a_slow_loader_does_not_block_the_others(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import threading
 
-    go_on = threading.Event()
-    begun: list[int] = []
+    release = threading.Event()
+    started: list[int] = []
 
-    def slow(*_: object) -> dict[str, object]:
-        begun.append(1)
-        go_on.wait(20)
+    def blocking_read(*_: object) -> dict[str, object]:
+        started.append(1)
+        release.wait(20)
         return {}
 
     changed = tuple(
-        replace(feed, read=slow, request_key=lambda _, state: (state.cursor,), is_debounced=False)
-        if feed.name == "live" else feed for feed in LOADERS
+        replace(loader, read=blocking_read, request_key=lambda _, state: (state.cursor,),
+                is_debounced=False)
+        if loader.name == "live" else loader for loader in LOADERS
     )  # fmt: skip
     monkeypatch.setattr(load_scheduler, "LOADERS", changed)
-    app = app_on(tiny_store)
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         for _ in range(60):
             await pilot.press("n")
         for _ in range(500):
-            of = app.resources.pictures_source
-            if of is not None and of.iid == app.session.state.cursor:
+            source = app.resources.pictures_source
+            if source is not None and source.iid == app.session.state.cursor:
                 break
             await asyncio.sleep(0.01)
         assert app.resources.pictures_source.iid == app.session.state.cursor
-        assert sum(begun) == 1
-        go_on.set()
+        assert sum(started) == 1
+        release.set()
         await settle(app, pilot)
-        assert sum(begun) == 2
+        assert sum(started) == 2

@@ -1,4 +1,4 @@
-"""Two applications and a script read while a precompute publishes: no error, no torn state."""
+"""Two applications and a script read a store consistently while a precompute publishes to it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import s2rstore
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 _APPLICATION = """
 import asyncio, faulthandler, sys
@@ -44,8 +44,8 @@ end_process(0)
 """
 
 
-def test_readers_while_a_precompute_publishes(trained: Path, tmp_path: Path) -> None:
-    path, stop = copied(trained, tmp_path / "s.s2r"), tmp_path / "stop"
+def test_readers_while_a_precompute_publishes(trained_store: Path, tmp_path: Path) -> None:
+    path, stop = copy_store(trained_store, tmp_path / "s.s2r"), tmp_path / "stop"
     precompute = ["precompute", str(path), "--kinds", "feature_distance"]
     add = ["run", "add", "--store", str(path), "--model", "vanilla"]
     environment = {**os.environ, "PYTHONPATH": os.getcwd()}
@@ -74,15 +74,15 @@ def test_readers_while_a_precompute_publishes(trained: Path, tmp_path: Path) -> 
     assert writer.returncode == 0
     stop.touch()
     for reader in readers:
-        out, err = _ended(reader)
+        out, err = _output(reader)
         assert reader.returncode == 0, err
         assert len(out.split(",")) >= 2, out
     assert len(counts) >= 2
     assert verify(path) == []
 
 
-def _ended(reader: subprocess.Popen[str]) -> tuple[str, str]:
-    """What it wrote; of one that does not end also where it stands."""
+def _output(reader: subprocess.Popen[str]) -> tuple[str, str]:
+    """The output of a process; a process that does not exit is aborted with a stack dump."""
     try:
         return reader.communicate(timeout=120)
     except subprocess.TimeoutExpired:

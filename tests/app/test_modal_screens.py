@@ -1,4 +1,4 @@
-"""Screens above the views, when keys come faster than screens change."""
+"""Modal screens receive several keys before the screen changes."""
 
 from __future__ import annotations
 
@@ -14,63 +14,63 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
-LEFT_BY = {
+CLOSING_KEYS = {
     "space": ("a", "n"),
     "f": ("enter", "enter"),
     "D": ("escape", "escape"),
     "question_mark": ("enter", "enter"),
     "T": ("n", "n"),
 }
-"""Keys that leave what a key opens, and that mean nothing bad to the views below."""
+"""Per key that opens a screen, keys that close it and are harmless in the views below."""
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
-@pytest.mark.parametrize("opening", LEFT_BY)
-async def test_a_screen_is_left_once_by_keys_of_one_packet(tiny_store: Path, opening: str) -> None:
-    app = app_on(tiny_store)
+@pytest.mark.parametrize("opening", CLOSING_KEYS)
+async def test_several_closing_keys_close_a_screen_once(tiny_store: Path, opening: str) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press(opening)
         await settle(app, pilot)
         assert app.screen is not app.default_screen
-        for key in LEFT_BY[opening]:
+        for key in CLOSING_KEYS[opening]:
             app.post_message(events.Key(key, key if len(key) == 1 else None))
         await settle(app, pilot)
         assert app.screen_stack == [app.default_screen]
     assert app.fault is None
 
 
-def saved(*names: str) -> Notebook:
-    book = Notebook("0" * 64)
+def save_selections(*names: str) -> Notebook:
+    notebook = Notebook("0" * 64)
     for name in names:
-        book.save(name, SavedSelection("worst15", 1, "dataaug", 6))
-    return book
+        notebook.save(name, SavedSelection("worst15", 1, "dataaug", 6))
+    return notebook
 
 
-async def test_forgetting_keeps_the_row(tiny_store: Path) -> None:
-    book = saved("a", "b", "c", "d")
-    app = app_on(tiny_store)
+async def test_deleting_a_selection_keeps_the_highlighted_row(tiny_store: Path) -> None:
+    notebook = save_selections("a", "b", "c", "d")
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("f", "down", "down", "d")
         await settle(app, pilot)
         assert app.screen.query_one(OptionList).highlighted == 2
         await pilot.press("d")
         await settle(app, pilot)
-        book.refresh()
-        assert list(book.notes.selections) == ["a", "b"]
+        notebook.refresh()
+        assert list(notebook.notes.selections) == ["a", "b"]
 
 
-async def test_an_old_refusal_goes_with_the_next_selection_that_is_forgotten(
+async def test_an_error_is_cleared_by_the_next_deletion(
     tiny_store: Path,
 ) -> None:
-    book = saved("a", "c")
-    book.save("b", SavedSelection("@a", 1, "dataaug", 6))
-    app = app_on(tiny_store)
+    notebook = save_selections("a", "c")
+    notebook.save("b", SavedSelection("@a", 1, "dataaug", 6))
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await pilot.press("f", "d")
         await settle(app, pilot)
@@ -81,9 +81,9 @@ async def test_an_old_refusal_goes_with_the_next_selection_that_is_forgotten(
         assert str(title.render()) == "saved selections and history"
 
 
-async def test_what_is_made_of_a_forgotten_selection_is_told(tiny_store: Path) -> None:
-    saved("a")
-    app = app_on(tiny_store)
+async def test_deleting_a_selection_in_use_shows_an_error(tiny_store: Path) -> None:
+    save_selections("a")
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         app.session.select("@a & all")

@@ -1,4 +1,4 @@
-"""A flood of mouse moves is told as few strokes, which lack nothing of the way."""
+"""Mouse events are coalesced without losing positions or wheel steps."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from s2rtui.session import Session, view_settings
 MOVES = 300
 
 
-async def test_moves_never_queue_up(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_mouse_moves_are_coalesced(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     strokes: list[Stroke] = []
     taken = Drag.taken
 
-    def slowly(drag: Drag) -> Stroke:
+    def slow_taken(drag: Drag) -> Stroke:
         strokes.append(taken(drag))
         time.sleep(0.02)
         return strokes[-1]
 
-    monkeypatch.setattr(Drag, "taken", slowly)
+    monkeypatch.setattr(Drag, "taken", slow_taken)
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -61,7 +61,7 @@ def test_one_message_is_queued_per_drag() -> None:
     assert drag.taken().done
 
 
-async def test_a_mark_that_a_key_applied_is_not_applied_again(tiny_store: Path) -> None:
+async def test_a_mark_applied_by_a_key_is_not_applied_again(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -70,16 +70,16 @@ async def test_a_mark_that_a_key_applied_is_not_applied_again(tiny_store: Path) 
         await pilot.hover("#map", offset=(40, 30))
         await pilot.press("ampersand")
         await settle(app, pilot)
-        joined = app.session.state.expression
-        assert joined.startswith("worst15 & box(")
+        combined = app.session.state.expression
+        assert combined.startswith("worst15 & box(")
         await pilot.hover("#map", offset=(50, 30))
         await pilot.mouse_up("#map", offset=(50, 30))
         await settle(app, pilot)
-        assert app.session.state.expression == joined
+        assert app.session.state.expression == combined
         assert app.session.state.brush is None
 
 
-async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Path) -> None:
+async def test_a_drag_moves_one_slider_while_the_sliders_scroll(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await settle(app, pilot)
@@ -104,7 +104,7 @@ async def test_a_drag_moves_one_slider_though_the_sliders_scroll(tiny_store: Pat
         assert moved == [app.session.state.adjust.sliders[int(panel.name)].key]
 
 
-async def test_sliders_are_not_brushed(tiny_store: Path) -> None:
+async def test_sliders_cannot_be_brushed(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -114,18 +114,18 @@ async def test_sliders_are_not_brushed(tiny_store: Path) -> None:
         assert app.session.state.brush is None
 
 
-async def test_turns_of_the_wheel_never_queue_up(
+async def test_wheel_events_are_coalesced(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     turns: list[int] = []
     take_steps = Wheel.take_steps
 
-    def slowly(wheel: Wheel) -> int:
+    def slow_steps(wheel: Wheel) -> int:
         turns.append(take_steps(wheel))
         time.sleep(0.02)
         return turns[-1]
 
-    monkeypatch.setattr(Wheel, "take_steps", slowly)
+    monkeypatch.setattr(Wheel, "take_steps", slow_steps)
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
@@ -143,7 +143,7 @@ async def test_turns_of_the_wheel_never_queue_up(
         )
 
 
-def test_turns_are_summed_until_they_are_taken() -> None:
+def test_wheel_steps_are_summed_until_taken() -> None:
     wheel = Wheel("map")
     assert wheel.turn((1, 1), 1)
     assert not wheel.turn((1, 2), 1)

@@ -1,4 +1,4 @@
-"""The line at the foot: completion where the cursor stands, names that can be typed again."""
+"""The query input: completion at the cursor and quoted names."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 
 
-def app_on(store: Path) -> S2RApp:
+def make_app(store: Path) -> S2RApp:
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     return app
 
 
 @pytest.mark.parametrize(
-    ("typed", "made"),
+    ("typed", "completed"),
     [
         ("wor^", "worst15^"),
         ("room:le^ & curved", 'room:"left hall"^ & curved'),
@@ -32,40 +32,40 @@ def app_on(store: Path) -> S2RApp:
         ('curved & room:"left h^', 'curved & room:"left hall"^'),
     ],
 )
-async def test_completion_where_the_cursor_stands(tiny_store: Path, typed: str, made: str) -> None:
-    app = app_on(tiny_store)
-    at, wanted = typed.index("^"), made.index("^")
+async def test_completion_at_the_cursor(tiny_store: Path, typed: str, completed: str) -> None:
+    app = make_app(tiny_store)
+    position, expected_position = typed.index("^"), completed.index("^")
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
         line = app.query_one(QueryInput)
-        line.value = typed[:at] + typed[at + 1 :]
-        line.cursor_position = at
+        line.value = typed[:position] + typed[position + 1 :]
+        line.cursor_position = position
         await pilot.press("tab")
         await pilot.pause()
-        assert line.value == made[:wanted] + made[wanted + 1 :]
-        assert line.cursor_position == wanted
+        assert line.value == completed[:expected_position] + completed[expected_position + 1 :]
+        assert line.cursor_position == expected_position
 
 
-async def test_completing_again_goes_on_through_the_offers(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_repeated_tab_cycles_through_the_candidates(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
         line = app.query_one(QueryInput)
         line.value, line.cursor_position = "room: & all", 5
-        seen = []
+        values = []
         for _ in range(3):
             await pilot.press("tab")
             await pilot.pause()
-            seen.append(line.value)
-        assert seen == ['room:"left hall" & all', "room:right & all", 'room:"left hall" & all']
+            values.append(line.value)
+        assert values == ['room:"left hall" & all', "room:right & all", 'room:"left hall" & all']
         assert 'room:"left hall" (room)  room:right (room)' in app.session.state.message
 
 
 @pytest.mark.parametrize("change", ["paste", "click"])
-async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, change: str) -> None:
-    app = app_on(tiny_store)
+async def test_edits_between_two_completions_are_kept(tiny_store: Path, change: str) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
@@ -75,28 +75,28 @@ async def test_what_comes_between_two_completions_is_kept(tiny_store: Path, chan
         if change == "paste":
             line.post_message(events.Paste(" & wor"))
             await pilot.pause()
-            wanted = 'room:"left hall" & worst15'
+            expected = 'room:"left hall" & worst15'
         else:
             line.value, line.cursor_position = 'wor & room:"left hall"', 3
-            wanted = 'worst15 & room:"left hall"'
+            expected = 'worst15 & room:"left hall"'
         await pilot.press("tab")
         await pilot.pause()
-        assert line.value == wanted
+        assert line.value == expected
 
 
-async def test_a_saved_name_is_told_as_it_can_be_typed(tiny_store: Path) -> None:
-    app = app_on(tiny_store)
+async def test_a_saved_name_is_shown_quoted(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("at", *"two", "space", *"words", "enter")
         await settle(app, pilot)
-        told = app.session.state.message
-        assert told == 'saved as @"two words"'
-        app.session.select(told.removeprefix("saved as "))
+        message = app.session.state.message
+        assert message == 'saved as @"two words"'
+        app.session.select(message.removeprefix("saved as "))
         assert not app.session.state.is_error
 
 
-async def test_what_is_told_of_a_line_goes_with_it(tiny_store: Path) -> None:
+async def test_the_hint_of_an_input_is_cleared_when_it_closes(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("F")

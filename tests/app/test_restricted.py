@@ -1,4 +1,4 @@
-"""A restricted session on a store with an adjusted run loads no tools and says what it shows."""
+"""A restricted session on a store with an adjusted run imports no tools and labels its images."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from s2rstore.index.transaction import edit
 from s2rtools.adjustments import parse_adjustment
 
 
-def test_an_adjusted_run_is_shown_before_its_adjustments(own_store: Path, tmp_path: Path) -> None:
-    with edit(own_store) as draft:
+def test_an_adjusted_run_shows_its_unadjusted_images(store_copy: Path, tmp_path: Path) -> None:
+    with edit(store_copy) as draft:
         adjusted = {"real_adjustments": json.dumps(parse_adjustment("real:brightness=1.5")["real"])}
         draft.update("run", {"run": "dataaug"}, adjusted)
     environment = {
@@ -20,7 +20,7 @@ def test_an_adjusted_run_is_shown_before_its_adjustments(own_store: Path, tmp_pa
         "PYTHONPATH": ":".join(path for path in sys.path if path),
     }
     command = [sys.executable, "-m", "s2rtui", "tui", "--restricted", "--run", "dataaug"]
-    screen = Screen([*command, str(own_store)], (120, 40), environment)
+    screen = Screen([*command, str(store_copy)], (120, 40), environment)
     try:
         screen.wait_for("any key begins")
         screen.press("\x1b")

@@ -1,6 +1,6 @@
-"""Every view at every size, as text, against the screens that were looked at.
+"""Every view at every size compared with stored text screens.
 
-`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` writes them again; check the diff.
+`S2R_UPDATE_SCREENS=1 pytest tests/app/test_screen_snapshots.py` rewrites them; check the diff.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ KEYS |= {
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("name", KEYS)
 def test_screen(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    shot = snapshot(tiny_store, size, ["w", *KEYS[name]], RenderOptions())
-    check(f"{name}-{size[0]}x{size[1]}", shot.text)
+    screenshot = snapshot(tiny_store, size, ["w", *KEYS[name]], RenderOptions())
+    check(f"{name}-{size[0]}x{size[1]}", screenshot.text)
 
 
 @pytest.mark.parametrize("name", KEYS)
 def test_ascii_screen(tiny_store: Path, name: str) -> None:
-    shot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], RenderOptions(ascii=True))
-    assert shot.text.isascii()
-    check(f"{name}-ascii", shot.text)
+    screenshot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], RenderOptions(ascii=True))
+    assert screenshot.text.isascii()
+    check(f"{name}-ascii", screenshot.text)
 
 
 @dataclass
-class Still:
-    """In place of a live model: what is stored, whatever the sliders say."""
+class StoredPredictor:
+    """Replaces the live model: returns the stored prediction for all slider values."""
 
     store: Store
     run: str
@@ -77,14 +77,14 @@ class Still:
         yield SimpleNamespace(iid=iid, side=sides.__getitem__)
 
 
-OUTSIDE = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
-"""Keys to what shows more than the store: a model, the terminal, what is installed."""
+ENVIRONMENT_KEYS = {"adjust": ("a", "right", "right", "down"), "doctor": ("D",)}
+"""Keys that open views of more than the store: the model, the terminal, installed packages."""
 
 
 @pytest.fixture
-def still(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A model that never moves, on a plain terminal, everything installed."""
-    monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: Still(store, run))
+def fixed_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stored prediction, a plain terminal and all packages installed."""
+    monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: StoredPredictor(store, run))
     monkeypatch.setattr(diagnostics, "packages", lambda: [(part, "installed") for part in PARTS])
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("LC_ALL", "C.UTF-8")
@@ -92,20 +92,22 @@ def still(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("fixed_environment")
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-@pytest.mark.parametrize("name", OUTSIDE)
-def test_screen_of_more_than_the_store(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
-    shot = snapshot(tiny_store, size, ["w", *OUTSIDE[name]], RenderOptions())
-    check(f"{name}-{size[0]}x{size[1]}", shot.text)
+@pytest.mark.parametrize("name", ENVIRONMENT_KEYS)
+def test_screen_of_the_environment(tiny_store: Path, name: str, size: tuple[int, int]) -> None:
+    screenshot = snapshot(tiny_store, size, ["w", *ENVIRONMENT_KEYS[name]], RenderOptions())
+    check(f"{name}-{size[0]}x{size[1]}", screenshot.text)
 
 
-@pytest.mark.usefixtures("still")
-@pytest.mark.parametrize("name", OUTSIDE)
-def test_ascii_screen_of_more_than_the_store(tiny_store: Path, name: str) -> None:
-    shot = snapshot(tiny_store, (80, 24), ["w", *OUTSIDE[name]], RenderOptions(ascii=True))
-    assert shot.text.isascii()
-    check(f"{name}-ascii", shot.text)
+@pytest.mark.usefixtures("fixed_environment")
+@pytest.mark.parametrize("name", ENVIRONMENT_KEYS)
+def test_ascii_screen_of_the_environment(tiny_store: Path, name: str) -> None:
+    screenshot = snapshot(
+        tiny_store, (80, 24), ["w", *ENVIRONMENT_KEYS[name]], RenderOptions(ascii=True)
+    )
+    assert screenshot.text.isascii()
+    check(f"{name}-ascii", screenshot.text)
 
 
 def check(name: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Where room lacks: the most important things first, long words whole, the rest by scrolling."""
+"""Small terminals: the most important parts come first, and the rest can be scrolled."""
 
 from __future__ import annotations
 
@@ -46,31 +46,31 @@ def test_the_status_line_fits_and_keeps_count_and_expression(
             assert part in head
 
 
-def test_the_status_line_leaves_out_what_says_least(session: Session) -> None:
+def test_the_status_line_drops_the_least_important_parts_first(session: Session) -> None:
     state = replace(session.state, expression="x" * 20, newest=session.state.generation + 1)
     lines = [
         "".join(status_line(session.store, state, width, RenderOptions()))
         for width in range(30, 120)
     ]
-    words = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
-    first = [next(i for i, line in enumerate(lines) if word in line) for word in words]
+    parts = ("traj all", "tiny.s2r", "available, press g", "run vanilla")
+    first = [next(i for i, line in enumerate(lines) if part in line) for part in parts]
     assert first == sorted(first, reverse=True)
     assert len(set(first)) == len(first)
 
 
 @pytest.mark.parametrize("size", [(40, 12), (80, 24)])
-async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int]) -> None:
+async def test_long_errors_are_shown_completely(tiny_store: Path, size: tuple[int, int]) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
-        told = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
-        app.session.show_message(told, is_error=True)
+        message = "a long story " * (6 if size[0] == 40 else 12) + "with an end"
+        app.session.show_message(message, is_error=True)
         app.renderer.refresh()
         await settle(app, pilot)
-        words = " ".join(take_screenshot(app).text.split())
-        assert told in words
-        assert "quit" in words
+        text = " ".join(take_screenshot(app).text.split())
+        assert message in text
+        assert "quit" in text
         await pilot.press("escape")
         await settle(app, pilot)
         assert "story" not in take_screenshot(app).text
@@ -78,7 +78,9 @@ async def test_long_errors_are_read_whole(tiny_store: Path, size: tuple[int, int
 
 
 @pytest.mark.parametrize("size", [(40, 12), (60, 20), (80, 24), (200, 60)])
-async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, int]) -> None:
+async def test_the_diagnostics_can_be_scrolled_to_the_end(
+    tiny_store: Path, size: tuple[int, int]
+) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions(mode=ColourMode.NONE))
     app.terminal = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
     async with app.run_test(size=size) as pilot:
@@ -89,11 +91,11 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
             await pilot.press("pagedown")
             await settle(app, pilot)
             pages.append(take_screenshot(app).text)
-        told = " ".join("".join(pages).split())
-        assert "no colours" in told
-        assert "no colour by TERM=vt100" in told
-        assert "NO_COLOR" not in told
-        assert "wrong colours:" in told
+        text = " ".join("".join(pages).split())
+        assert "no colours" in text
+        assert "no colour by TERM=vt100" in text
+        assert "NO_COLOR" not in text
+        assert "wrong colours:" in text
         await pilot.resize_terminal(100, 30)
         await settle(app, pilot)
         assert "100x30" in take_screenshot(app).text
@@ -102,7 +104,7 @@ async def test_the_doctor_is_seen_to_its_end(tiny_store: Path, size: tuple[int, 
 
 
 @given(st.integers(20, 120), st.lists(st.tuples(st.text("ab", max_size=9), st.text("ab c"))))
-def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -> None:
+def test_a_card_has_the_computed_height(width: int, rows: list[tuple[str, str]]) -> None:
     height = card_height(rows, width)
     drawn = draw_card(rows, (width, height + 5), RenderOptions())
     lines = ["".join(line).rstrip() for line in drawn.char]
@@ -110,12 +112,12 @@ def test_a_card_is_as_high_as_it_says(width: int, rows: list[tuple[str, str]]) -
     assert lines[height - 1] or width > 60
 
 
-def test_the_terminals_reason_is_the_one_that_was_found() -> None:
-    found = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
-    assert ("colours", "none: no colour by TERM=vt100") in diagnostics.terminal(found)
+def test_the_diagnostics_show_the_detected_reason() -> None:
+    detected = detect("auto", False, {"TERM": "vt100", "LANG": "C.UTF-8"})
+    assert ("colours", "none: no colour by TERM=vt100") in diagnostics.terminal(detected)
 
 
-def test_titles_show_that_they_are_cut(tiny_store: Path) -> None:
+def test_truncated_titles_end_with_an_ellipsis(tiny_store: Path) -> None:
     lines = snapshot(tiny_store, (120, 40), []).text.splitlines()
     title = next(line for line in lines if "1 overview" in line)
     assert title.endswith(("…", "line"))

@@ -1,4 +1,4 @@
-"""What is drawn follows from the environment, and unusable terminals are refused with a reason."""
+"""Terminal detection from the environment, and rejection of unusable terminals with a reason."""
 
 from __future__ import annotations
 
@@ -27,17 +27,19 @@ from s2rtui.terminal.capabilities import detect, refuse_unusable
         ({"TERM": "xterm", "LC_ALL": "POSIX", "LANG": "en_US.UTF-8"}, ColourMode.ANSI, True),
     ],
 )
-def test_environment(environment: dict[str, str], mode: ColourMode, ascii: bool) -> None:
-    found = detect(environment=environment)
-    assert (found.mode, found.ascii) == (mode, ascii)
-    assert found.reason
+def test_the_environment_determines_the_colour_mode(
+    environment: dict[str, str], mode: ColourMode, ascii: bool
+) -> None:
+    detected = detect(environment=environment)
+    assert (detected.mode, detected.ascii) == (mode, ascii)
+    assert detected.reason
 
 
-def test_options_win() -> None:
-    found = detect("256", True, {"COLORTERM": "truecolor"})
-    assert (found.mode, found.ascii) == (ColourMode.PALETTE, True)
+def test_options_override_the_environment() -> None:
+    detected = detect("256", True, {"COLORTERM": "truecolor"})
+    assert (detected.mode, detected.ascii) == (ColourMode.PALETTE, True)
 
 
-def test_no_terminal_is_refused_with_what_to_do() -> None:
+def test_a_missing_terminal_is_rejected_with_advice() -> None:
     with pytest.raises(RequestError, match="s2r snapshot"):
         refuse_unusable({"TERM": "xterm"})

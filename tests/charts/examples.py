@@ -1,4 +1,4 @@
-"""Small made-up inputs of every view."""
+"""Small synthetic inputs of every view."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROWS = (
 
 
 def overview_lines(**changes: Any) -> OverviewLines:
-    """Lines of the three runs of `ROWS`; the last one knows no accuracy."""
+    """Lines of the three runs in `ROWS`; the last run has no accuracies."""
     random = np.random.default_rng(11)
     first = np.clip(random.normal(0.8, 0.1, N), 0, 1)
     second = np.clip(first + random.normal(0.05, 0.05, N), 0, 1)
@@ -143,7 +143,7 @@ def umap_input(**changes: Any) -> UmapInput:
 
 
 def orientation_input(**changes: Any) -> OrientationInput:
-    """All round, sim a little and real a lot beside the truth; instance 4 has no real heading."""
+    """All headings; sim is close to the truth, real far from it; instance 4 has no real heading."""
     random = np.random.default_rng(12)
     truth = np.linspace(-np.pi, np.pi, N, endpoint=False)
     real = truth + random.normal(0, 0.8, N)
@@ -163,7 +163,7 @@ ROOM_NAMES = ("hall", "größer", "a very long name of a room", "kitchen", "5")
 
 
 def rooms_input(**changes: Any) -> RoomsInput:
-    """Five rooms, some real predictions in none."""
+    """Five rooms; some real predictions are in no room."""
     random = np.random.default_rng(13)
     truth = (np.arange(N) // 12).astype(np.int32)
     real = np.where(random.random(N) < 0.2, -1, random.integers(0, 5, N)).astype(np.int32)

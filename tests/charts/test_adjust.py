@@ -1,4 +1,4 @@
-"""Sliders: labels, values and units are read whole wherever a panel has room for them."""
+"""The slider view: labels, values and units are complete where the panel is wide enough."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LINES = tuple(
 
 
 @pytest.mark.parametrize("width", [46, 50, 80])
-def test_labels_and_units_are_whole(width: int) -> None:
+def test_labels_and_units_are_complete(width: int) -> None:
     rows = draw_sliders(LINES, (width, len(LINES))).lines()
     for line, row in zip(LINES, rows, strict=True):
         assert f" {line.label} " in row
@@ -25,7 +25,7 @@ def test_labels_and_units_are_whole(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", [1, 8, 20, 30, 46])
-def test_the_track_stays(width: int) -> None:
+def test_narrow_sliders_keep_their_track(width: int) -> None:
     panels = slider_panels(LINES, (width, 4))
     assert len(panels) == 4
     assert all(panel.width >= 8 for panel in panels)

@@ -1,4 +1,4 @@
-"""What else a map carries: clip, rooms, the mark, and the panel that turns cells into metres."""
+"""Map layers: clipping, rooms, marks, and the conversion of cells to metres."""
 
 from __future__ import annotations
 
@@ -19,23 +19,25 @@ from s2rtui.charts.shared.base_map_background import DIMMED
 from tests.charts.examples import compare_input, map_input
 
 SIZE = (80, 26)
-LEFT = np.array([[1, 1, 0, 0]] * 2)
-"""Only the left half of the map was seen."""
+LEFT_HALF = np.array([[1, 1, 0, 0]] * 2)
+"""Mask in which only the left half of the map is visible."""
 
 
 def cell_at(x: float, y: float, options: RenderOptions = DEFAULT_OPTIONS) -> tuple[int, int]:
-    """Row and column of a point on the example's map."""
+    """Row and column of a point on the example map."""
     layout = map_layout(map_input(), SIZE, None, options)
     column, row = layout.frame.to_cells([[x, y]])[0].astype(int)
     return int(row), int(column) + layout.x
 
 
-@pytest.mark.parametrize("clip", [LEFT, LEFT.astype(bool), np.where(LEFT, 3.5, np.nan)])
-def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray) -> None:
+@pytest.mark.parametrize(
+    "clip", [LEFT_HALF, LEFT_HALF.astype(bool), np.where(LEFT_HALF, 3.5, np.nan)]
+)
+def test_clipping_dims_only_the_hidden_area(clip: np.ndarray) -> None:
     view = map_input(cursor=None, rooms=())
     before, after = draw_map(view, SIZE), draw_map(replace(view, clip=clip), SIZE)
-    seen, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
-    assert (after.bg[seen] == before.bg[seen]).all()
+    visible, hidden = cell_at(5.0, 3.0), cell_at(15.0, 5.0)
+    assert (after.bg[visible] == before.bg[visible]).all()
     expected = mix(before.bg[hidden], np.array(DARK.background), DIMMED)
     assert (np.abs(after.bg[hidden].astype(int) - expected) <= 1).all()
 
@@ -43,44 +45,44 @@ def test_what_was_not_seen_is_dimmed_and_the_rest_is_as_before(clip: np.ndarray)
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.ANSI)]
 )
-def test_glyphs_of_the_ground_are_dropped_where_nothing_was_seen(options: RenderOptions) -> None:
-    view = map_input(cursor=None, rooms=(), clip=1 - LEFT)
-    whole = draw_map(replace(view, clip=None), SIZE, options)
+def test_clipping_removes_background_glyphs_of_the_hidden_area(options: RenderOptions) -> None:
+    view = map_input(cursor=None, rooms=(), clip=1 - LEFT_HALF)
+    unclipped = draw_map(replace(view, clip=None), SIZE, options)
     clipped = draw_map(view, SIZE, options)
-    hot, bright = cell_at(5.0, 3.0, options), cell_at(18.5, 5.0, options)
-    assert whole.char[hot] != " "
-    assert clipped.char[hot] == " "
-    assert clipped.char[bright] == whole.char[bright] != " "
+    heat_cell, bright_cell = cell_at(5.0, 3.0, options), cell_at(18.5, 5.0, options)
+    assert unclipped.char[heat_cell] != " "
+    assert clipped.char[heat_cell] == " "
+    assert clipped.char[bright_cell] == unclipped.char[bright_cell] != " "
     assert "not seen" in "\n".join(draw_map(view, (110, 26), options).lines())
 
 
-def test_points_stay_where_the_ground_is_clipped() -> None:
+def test_clipping_keeps_the_points() -> None:
     view = map_input(cursor=None, rooms=(), clip=np.zeros((3, 3)))
     assert sum(line.count("●") for line in draw_map(view, SIZE).lines()) > 5
 
 
-def test_rooms_have_names_and_outlines_only_when_asked() -> None:
+def test_room_names_and_outlines_are_optional() -> None:
     view = map_input(cursor=None, floor_plan=None, heat=None)
-    named = draw_map(view, SIZE)
-    text = "\n".join(named.lines())
+    with_names = draw_map(view, SIZE)
+    text = "\n".join(with_names.lines())
     assert "hall" in text
     assert "größer" in text
     wall = cell_at(10.0, 3.6)
-    column = named.char[:, wall[1]]
+    column = with_names.char[:, wall[1]]
     assert sum(0x2800 < ord(glyph) <= 0x28FF for glyph in column.tolist()) > 8
-    plain = "\n".join(draw_map(replace(view, room_names=False), SIZE).lines())
-    assert "hall" not in plain
+    without_names = "\n".join(draw_map(replace(view, room_names=False), SIZE).lines())
+    assert "hall" not in without_names
 
 
-def test_names_lie_over_the_unselected_and_under_the_selected() -> None:
+def test_room_names_are_drawn_between_unselected_and_selected_points() -> None:
     along = np.linspace(1.0, 9.0, 60)
     truth = np.stack([along, np.full(60, 5.0)], axis=1)
     room = (Room("corridor", 0, 0, 0, 10, 10),)
     view = map_input(truth=truth, rooms=room, cursor=None, heat=None, floor_plan=None)
-    nothing = replace(view, selected=np.zeros(60, dtype=np.bool_))
-    assert "corridor" in "\n".join(draw_map(nothing, SIZE).lines())
-    everything = replace(view, selected=np.ones(60, dtype=np.bool_))
-    assert "corridor" not in "\n".join(draw_map(everything, SIZE).lines())
+    none_selected = replace(view, selected=np.zeros(60, dtype=np.bool_))
+    assert "corridor" in "\n".join(draw_map(none_selected, SIZE).lines())
+    all_selected = replace(view, selected=np.ones(60, dtype=np.bool_))
+    assert "corridor" not in "\n".join(draw_map(all_selected, SIZE).lines())
 
 
 @given(
@@ -89,7 +91,7 @@ def test_names_lie_over_the_unselected_and_under_the_selected() -> None:
     near=st.booleans(),
     part=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)),
 )
-def test_cells_become_metres_and_back(
+def test_cells_convert_to_metres_and_back(
     size: tuple[int, int], y_down: bool, near: bool, part: tuple[float, float]
 ) -> None:
     viewport = Bounds(3.0, 2.0, 6.0, 4.0) if near else None
@@ -100,11 +102,11 @@ def test_cells_become_metres_and_back(
         assert (panel.name, panel.shape) == ("map", "plane")
         column, row = panel.x + int(part[0] * panel.width), panel.y + int(part[1] * panel.height)
         assert panel_at((panel,), column, row) is panel
-        back = panel.to_cells(*panel.to_data(column + 0.5, row + 0.5))
-        assert back == pytest.approx((column + 0.5, row + 0.5))
+        cell = panel.to_cells(*panel.to_data(column + 0.5, row + 0.5))
+        assert cell == pytest.approx((column + 0.5, row + 0.5))
 
 
-def test_the_panel_is_where_points_are_drawn() -> None:
+def test_the_panel_matches_the_drawn_points() -> None:
     view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     (panel,) = map_panels(view, SIZE)
     column, row = panel.to_cells(*view.truth[59])
@@ -115,7 +117,7 @@ def test_the_panel_is_where_points_are_drawn() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
-def test_a_mark_is_drawn_at_its_metres(mode: str, options: RenderOptions) -> None:
+def test_a_mark_is_drawn_at_its_coordinates(mode: str, options: RenderOptions) -> None:
     view = map_input(mode=mode, cursor=None, mark=Mark("map", ((2.0, 1.0), (12.0, 9.0))))
     canvas = draw_map(view, SIZE, options)
     (panel,) = map_panels(view, SIZE, options)

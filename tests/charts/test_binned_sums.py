@@ -1,4 +1,4 @@
-"""Sums per bin agree with adding by hand, whichever list is the shorter."""
+"""Sums per bin compared with direct summation, for any relative size of the selection."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from s2rtui.charts.map.paper import _overlap
 
 SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
-places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 8) | st.just(np.nan))
+positions = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 8) | st.just(np.nan))
 weights = arrays.arrays(np.float64, SIZE, elements=st.floats(-100, 100))
 
 
 @given(weights, masks, masks)
-def test_a_total_leaves_out_the_unknown(
+def test_a_total_ignores_missing_values(
     numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
 ) -> None:
     numbers = np.where(numbers > 50, np.nan, numbers)
@@ -35,26 +35,26 @@ def test_a_total_leaves_out_the_unknown(
     )
 
 
-@given(places, weights, masks, masks)
-def test_sums_are_those_of_the_masks(
+@given(positions, weights, masks, masks)
+def test_sums_per_bin_equal_masked_sums(
     column: np.ndarray, numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
 ) -> None:
-    found = sum_selected(bin_values(column, 6), numbers, selection_indices(selected, base))
+    sums = sum_selected(bin_values(column, 6), numbers, selection_indices(selected, base))
     with np.errstate(invalid="ignore"):
         for index in range(6):
             inside = (column >= index) & (column < index + 1) & selected & base
-            assert found[index] == pytest.approx(numbers[inside].sum(), abs=1e-9)
+            assert sums[index] == pytest.approx(numbers[inside].sum(), abs=1e-9)
 
 
-@given(places, masks, masks)
+@given(positions, masks, masks)
 def test_occupied_bins_keep_their_counts(
     column: np.ndarray, selected: np.ndarray, base: np.ndarray
 ) -> None:
-    made = bin_values(column, 6)
-    fewer, kept = occupied_bins(made)
+    bins = bin_values(column, 6)
+    fewer, occupied = occupied_bins(bins)
     selection = selection_indices(selected, base)
-    before, after = count_selected(made, selection)[0], count_selected(fewer, selection)[0]
-    assert (before[kept] == after).all()
+    before, after = count_selected(bins, selection)[0], count_selected(fewer, selection)[0]
+    assert (before[occupied] == after).all()
     assert before.sum() == after.sum()
 
 
@@ -68,5 +68,5 @@ def test_occupied_bins_keep_their_counts(
         ((0, 40), None, None),
     ],
 )
-def test_wedges_overlap_across_the_turn(first, second, shared) -> None:
+def test_angular_intervals_overlap_across_360_degrees(first, second, shared) -> None:
     assert _overlap(first, second) == shared

@@ -1,4 +1,4 @@
-"""The canvas clips, keeps cells, and holds wide characters in two of them."""
+"""The canvas: clipping, cells and wide characters."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ def test_text_is_clipped_at_every_edge() -> None:
     assert canvas.lines() == ["cdef", "  xy"]
 
 
-def test_wide_characters_take_two_cells_and_never_half_of_one() -> None:
+def test_wide_characters_occupy_two_whole_cells() -> None:
     canvas = Canvas(4, 1)
     canvas.text(0, 0, "a界界")
     assert canvas.char[0].tolist() == ["a", "界", "", " "]
     assert canvas.lines() == ["a界 "]
 
 
-def test_control_characters_do_not_reach_the_screen() -> None:
+def test_control_characters_are_not_drawn() -> None:
     canvas = Canvas(6, 1)
     canvas.text(0, 0, "a\x1b[31m")
     assert "\x1b" not in canvas.lines()[0]
 
 
-def test_alignment() -> None:
+def test_text_can_be_aligned() -> None:
     canvas = Canvas(9, 2)
     canvas.text(9, 0, "right", align="right")
     canvas.text(4, 1, "mid", align="center")
     assert canvas.lines() == ["    right", "   mid   "]
 
 
-def test_box_and_paste() -> None:
+def test_boxes_and_pasted_canvases_are_drawn() -> None:
     canvas, small = Canvas(6, 4), Canvas(3, 2)
     small.text(0, 0, "xyz", DARK.real)
     canvas.box(0, 0, 6, 4, ascii=True)
@@ -45,7 +45,7 @@ def test_box_and_paste() -> None:
     assert tuple(canvas.fg[1, 4]) == DARK.real
 
 
-def test_palette_holds_its_own_colours() -> None:
+def test_palette_colours_map_to_themselves() -> None:
     cube = np.array([[0, 95, 135], [255, 0, 215], [8, 8, 8], [238, 238, 238]], dtype=np.uint8)
     assert to_256(cube).tolist() == [16 + 6 + 2, 16 + 180 + 4, 232, 255]
 
@@ -55,7 +55,7 @@ def test_sixteen_colours_keep_the_hue() -> None:
     assert to_16(ANSI_16.astype(np.uint8)).tolist() == list(range(16))
 
 
-def test_turbo_runs_from_blue_over_green_to_red() -> None:
+def test_turbo_goes_from_blue_through_green_to_red() -> None:
     low, middle, high = turbo([0.1, 0.5, 0.95]).astype(int)
     assert low.argmax() == 2
     assert middle.argmax() == 1
@@ -70,7 +70,7 @@ def test_diverging_is_neutral_at_zero() -> None:
     assert colours[2, 0] > colours[2, 2]
 
 
-def test_glyph_colours_stand_off_both_grounds() -> None:
+def test_glyph_colours_contrast_with_both_themes() -> None:
     colours = turbo(np.linspace(0, 1, 50))
     assert luma(legible(colours, DARK)).min() > 0.2
     assert luma(legible(colours, LIGHT)).max() < 0.8

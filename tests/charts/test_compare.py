@@ -1,4 +1,4 @@
-"""The difference map agrees with subtracting by hand."""
+"""The compare view: differences of two runs compared with direct subtraction."""
 
 from __future__ import annotations
 
@@ -22,47 +22,48 @@ masks = arrays.arrays(np.bool_, N)
 
 
 @given(errors, errors, masks, masks)
-def test_summary_counts_the_selected_by_who_is_better(
+def test_the_summary_counts_improved_and_worse_instances(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     summary = compare_model(view).summary
-    apart = (first - second)[selected & valid]
-    known = apart[np.isfinite(apart)]
+    differences = (first - second)[selected & valid]
+    known = differences[np.isfinite(differences)]
     assert summary.improved == (known > 0.05).sum()
     assert summary.worse == (known < -0.05).sum()
     assert summary.equal == (np.abs(known) <= 0.05).sum()
-    assert summary.unknown == np.isnan(apart).sum()
+    assert summary.unknown == np.isnan(differences).sum()
     assert summary.mean == pytest.approx(known.mean() if known.size else np.nan, nan_ok=True)
 
 
 @given(errors, errors, masks, masks)
-def test_cells_hold_the_mean_of_their_selected(
+def test_a_cell_shows_the_mean_of_its_selected_instances(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     frame = compare_layout(view, (30, 8)).frame
-    selection = selection_indices(selected, valid)
-    columns, rows, means = cell_means(view.truth, first, second, selection, frame)
-    apart = first - second
+    columns, rows, means = cell_means(
+        view.truth, first, second, selection_indices(selected, valid), frame
+    )
+    differences = first - second
     cells = np.floor(frame.to_cells(view.truth))
-    known = selected & valid & np.isfinite(apart)
+    known = selected & valid & np.isfinite(differences)
     inside = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1)
     assert len(means) == len(np.unique(cells[known & inside], axis=0))
     for column, row, mean in zip(columns, rows, means, strict=True):
-        here = known & (cells == (column, row)).all(axis=1)
-        assert mean == pytest.approx(apart[here].mean(), abs=1e-9)
+        in_cell = known & (cells == (column, row)).all(axis=1)
+        assert mean == pytest.approx(differences[in_cell].mean(), abs=1e-9)
 
 
 def three_points() -> CompareInput:
-    """The second run is better at the left, the first in the middle, equal at the right."""
-    yes = np.ones(3, dtype=np.bool_)
+    """The second run is better at the left, the first in the middle, neither at the right."""
+    all_true = np.ones(3, dtype=np.bool_)
     return CompareInput(
         np.array([[4.0, 5.0], [10.0, 5.0], [16.0, 5.0]]),
         np.array([3.0, 0.5, 1.0]),
         np.array([1.0, 1.5, 1.04]),
-        yes,
-        yes,
+        all_true,
+        all_true,
         BOUNDS,
         ("vanilla", "dataaug"),
     )
@@ -77,25 +78,25 @@ def three_points() -> CompareInput:
         (RenderOptions(ascii=True), "+-="),
     ],
 )
-def test_signs_say_who_is_better_without_colours(options: RenderOptions, glyphs: str) -> None:
+def test_glyphs_show_the_better_run(options: RenderOptions, glyphs: str) -> None:
     view = three_points()
     canvas, layout = draw_compare(view, SIZE, options), compare_layout(view, SIZE, None, options)
-    places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    drawn = [canvas.char[row, column + layout.x] for column, row in places]
-    assert "".join(drawn) == glyphs
+    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
+    glyphs_drawn = [canvas.char[row, column + layout.x] for column, row in cells]
+    assert "".join(glyphs_drawn) == glyphs
 
 
-def test_colours_part_at_zero() -> None:
+def test_colours_diverge_at_zero() -> None:
     view = three_points()
     canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
-    places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    better, worse, equal = (canvas.fg[row, column + layout.x] for column, row in places)
+    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
+    better, worse, equal = (canvas.fg[row, column + layout.x] for column, row in cells)
     assert int(better[0]) > int(better[2]) + 80
     assert int(worse[2]) > int(worse[0]) + 80
     assert np.ptp(equal.astype(int)) < 60
 
 
-def test_legend_names_the_better_run_with_counts_and_mean() -> None:
+def test_the_legend_shows_counts_and_the_mean() -> None:
     text = "\n".join(draw_compare(three_points(), (120, 26)).lines())
     for part in ("1 better in dataaug", "1 better in vanilla", "1 within 0.05 m", "mean +0.32 m"):
         assert part in text
@@ -104,21 +105,21 @@ def test_legend_names_the_better_run_with_counts_and_mean() -> None:
     assert "▲ 1  ▼ 1  ● 1" in narrow
 
 
-def test_the_rest_is_grey_and_the_cursor_marked() -> None:
+def test_unselected_points_are_grey_and_the_cursor_is_marked() -> None:
     view = replace(three_points(), selected=np.array([True, False, False]), cursor=2)
     canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
-    places = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    column, row = places[1]
+    cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
+    column, row = cells[1]
     assert 0x2800 < ord(canvas.char[row, column + layout.x]) <= 0x28FF
     assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
-    column, row = places[2]
+    column, row = cells[2]
     assert canvas.char[row, column + layout.x] == "◉"
 
 
-def test_nothing_selected_and_nothing_known_still_draw() -> None:
-    nothing = np.zeros(N, dtype=np.bool_)
-    gone = np.full(N, np.nan)
-    draw_compare(compare_input(selected=nothing), SIZE)
-    summary = compare_model(compare_input(first=gone)).summary
+def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+    none_selected = np.zeros(N, dtype=np.bool_)
+    missing = np.full(N, np.nan)
+    draw_compare(compare_input(selected=none_selected), SIZE)
+    summary = compare_model(compare_input(first=missing)).summary
     assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "mean" not in "\n".join(draw_compare(compare_input(first=gone), SIZE).lines())
+    assert "mean" not in "\n".join(draw_compare(compare_input(first=missing), SIZE).lines())

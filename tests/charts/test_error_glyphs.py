@@ -1,4 +1,4 @@
-"""Error glyphs: means, directions, sizes, and how they are told apart."""
+"""Error glyphs of the map: means, directions, sizes and distinguishability."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ SIZE = (80, 26)
 
 
 def one_point(sim: tuple[float, float], real: tuple[float, float], y_down: bool = True) -> MapInput:
-    """A single instance in the middle of the map with errors of these vectors."""
+    """One instance in the middle of the map with these error vectors."""
     truth = np.array([[10.0, 5.0]])
-    yes = np.ones(1, dtype=np.bool_)
+    all_true = np.ones(1, dtype=np.bool_)
     return MapInput(
         truth,
         truth + sim,
         truth + real,
         np.zeros(1),
-        yes,
-        yes,
+        all_true,
+        all_true,
         BOUNDS,
         mode="glyph",
         y_down=y_down,
     )
 
 
-def many(count: int) -> MapInput:
+def many_points(count: int) -> MapInput:
     random = np.random.default_rng(3)
     truth = random.uniform((0, 0), (20, 10), (count, 2))
     errors = random.normal(0, 1, (2, count, 2))
@@ -52,38 +52,38 @@ def many(count: int) -> MapInput:
     )
 
 
-def test_blocks_show_the_mean_errors_of_their_selected() -> None:
-    view = many(2000)
+def test_blocks_show_the_mean_errors_of_selected_instances() -> None:
+    view = many_points(2000)
     frame = map_layout(view, SIZE).frame
-    found = error_glyphs(view, map_model(view), frame, (7, 3))
+    blocks = error_glyphs(view, map_model(view), frame, (7, 3))
     cells = np.floor(frame.to_cells(view.truth))
     known = np.isfinite(view.real).all(axis=1) & view.selected & view.valid
-    assert found.counts.sum() == known.sum() > SINGLES
-    assert found.crowded
-    for index, (column, row) in enumerate(found.centres):
+    assert blocks.counts.sum() == known.sum() > SINGLES
+    assert blocks.crowded
+    for index, (column, row) in enumerate(blocks.centres):
         block = known & (cells[:, 0] // 7 == column // 7) & (cells[:, 1] // 3 == row // 3)
-        assert found.counts[index] == block.sum()
-        for vectors, side in ((found.sim, view.sim), (found.real, view.real)):
+        assert blocks.counts[index] == block.sum()
+        for vectors, side in ((blocks.sim, view.sim), (blocks.real, view.real)):
             mean = (side - view.truth)[block].mean(axis=0)
             assert vectors[index] == pytest.approx(mean)
 
 
-def test_few_stand_at_their_truth_and_neighbours_together() -> None:
+def test_few_instances_are_drawn_at_their_truth_and_merged_when_close() -> None:
     truth = np.array([[5.0, 5.0], [5.2, 5.0], [15.0, 2.0]])
     sim = truth + np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 1.0]])
-    yes = np.ones(3, dtype=np.bool_)
-    view = MapInput(truth, sim, sim, np.zeros(3), yes, yes, BOUNDS, mode="glyph")
+    all_true = np.ones(3, dtype=np.bool_)
+    view = MapInput(truth, sim, sim, np.zeros(3), all_true, all_true, BOUNDS, mode="glyph")
     frame = map_layout(view, SIZE).frame
-    found = error_glyphs(view, map_model(view), frame, (7, 3))
-    assert found.counts.tolist() == [2, 1]
-    assert found.sim[0] == pytest.approx([2.0, 0.0])
-    assert found.centres[1] == pytest.approx(frame.to_cells(truth[2:])[0])
+    blocks = error_glyphs(view, map_model(view), frame, (7, 3))
+    assert blocks.counts.tolist() == [2, 1]
+    assert blocks.sim[0] == pytest.approx([2.0, 0.0])
+    assert blocks.centres[1] == pytest.approx(frame.to_cells(truth[2:])[0])
     canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
-    column, row = np.floor(found.centres[0]).astype(int)
+    column, row = np.floor(blocks.centres[0]).astype(int)
     assert canvas.char[row, column + layout.x] == "2"
 
 
-def test_arcs_grow_with_the_error_between_their_limits() -> None:
+def test_arcs_grow_with_the_error_within_limits() -> None:
     vectors = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [40.0, 0.0], [np.nan, 0.0]])
     degrees = arc_degrees(vectors, 10.0)
     assert degrees[:4].tolist() == [20.0, 90.0, 180.0, 180.0]
@@ -91,12 +91,12 @@ def test_arcs_grow_with_the_error_between_their_limits() -> None:
 
 
 @pytest.mark.parametrize(("y_down", "turn"), [(True, np.pi / 2), (False, -np.pi / 2)])
-def test_arcs_turn_with_the_map(y_down: bool, turn: float) -> None:
+def test_arc_directions_follow_the_map(y_down: bool, turn: float) -> None:
     assert arc_turns(np.array([[0.0, 2.0]]), y_down)[0] == pytest.approx(turn)
 
 
-def test_full_scale_is_the_99th_percentile_of_the_valid() -> None:
-    view = many(500)
+def test_full_scale_is_the_99th_percentile_of_valid_errors() -> None:
+    view = many_points(500)
     errors = [np.hypot(*(side - view.truth)[view.valid].T) for side in (view.sim, view.real)]
     both = np.concatenate(errors)
     assert full_scale(view) == pytest.approx(np.percentile(both[np.isfinite(both)], 99))
@@ -109,7 +109,7 @@ def centre_of(view: MapInput, options: RenderOptions) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
+def test_marks_of_both_sides_are_drawn_in_the_error_direction(y_down: bool) -> None:
     view = one_point((3.0, 0.0), (0.0, 3.0), y_down)
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -121,7 +121,7 @@ def test_marks_of_both_sides_lie_where_the_errors_point(y_down: bool) -> None:
     assert tuple(canvas.fg[below, column]) == DARK.real
 
 
-def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
+def test_equal_errors_have_a_separate_colour_and_glyph() -> None:
     view = one_point((-3.0, 0.0), (-3.0, 0.0))
     canvas = draw_map(view, SIZE)
     column, row = centre_of(view, RenderOptions())
@@ -135,7 +135,7 @@ def test_equal_errors_overlap_in_a_colour_and_a_glyph_of_their_own() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_arrows_with_letters_and_sizes_stand_in_without_colours(options: RenderOptions) -> None:
+def test_arrows_with_letters_and_sizes_replace_colours(options: RenderOptions) -> None:
     view = one_point((3.0, 0.0), (-1.0, -1.0))
     canvas = draw_map(view, SIZE, options)
     column, row = centre_of(view, options)
@@ -145,7 +145,7 @@ def test_arrows_with_letters_and_sizes_stand_in_without_colours(options: RenderO
     assert left == f"{glyphs.real}4{glyphs.arrows[5]}"
 
 
-def test_equal_arrows_become_one_with_both_sizes() -> None:
+def test_equal_arrows_are_merged_with_both_sizes() -> None:
     options = RenderOptions(ascii=True)
     view = one_point((0.0, 1.0), (0.0, 3.0))
     canvas = draw_map(view, SIZE, options)
@@ -153,9 +153,9 @@ def test_equal_arrows_become_one_with_both_sizes() -> None:
     assert "".join(canvas.char[row + 1, column : column + 4]) == "vB39"
 
 
-def test_legend_tells_scale_and_means() -> None:
+def test_the_legend_explains_scale_and_means() -> None:
     text = "\n".join(draw_map(map_input(mode="glyph"), (120, 30)).lines())
     assert "180° = " in text
     assert "mean of n instances" in text
-    few = replace(map_input(mode="glyph"), selected=np.arange(60) == 5)
-    assert "mean of n instances" not in "\n".join(draw_map(few, (120, 30)).lines())
+    one_selected = replace(map_input(mode="glyph"), selected=np.arange(60) == 5)
+    assert "mean of n instances" not in "\n".join(draw_map(one_selected, (120, 30)).lines())

@@ -1,4 +1,4 @@
-"""The histogram counts what is valid, lights what is selected and knows its median."""
+"""The error histogram: counts, highlighted bars and medians."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ masks = arrays.arrays(np.bool_, SIZE)
 PALETTE = RenderOptions(mode=ColourMode.PALETTE)
 
 
-def test_counts_are_all_valid_and_the_selected_of_them() -> None:
+def test_valid_and_selected_instances_are_counted() -> None:
     view = errors_input(valid=np.arange(N) != 0)
     model = errors_model(view, 12)
     assert model.sim.total.sum() == N - 1
@@ -36,7 +36,7 @@ def test_counts_are_all_valid_and_the_selected_of_them() -> None:
         np.testing.assert_array_equal(errors.total, expected)
 
 
-def test_beyond_the_edge_counts_into_the_last_bin_and_nan_nowhere() -> None:
+def test_large_errors_count_in_the_last_bin_and_nan_in_none() -> None:
     errors = np.array([0.5, 99.0, np.nan])
     ones = np.ones(3, dtype=np.bool_)
     view = errors_input(sim=errors, real=errors, selected=ones, valid=ones, upper=1.0)
@@ -46,34 +46,34 @@ def test_beyond_the_edge_counts_into_the_last_bin_and_nan_nowhere() -> None:
 
 
 @given(columns, columns, masks, masks, st.integers(1, 40))
-def test_medians_are_those_of_the_selected(sim, real, selected, valid, count) -> None:
+def test_medians_are_those_of_selected_instances(sim, real, selected, valid, count) -> None:
     view = errors_input(sim=sim, real=real, selected=selected, valid=valid, upper=5.0)
     model = errors_model(view, count)
     for column, errors in ((sim, model.sim), (real, model.real)):
-        own = column[selected & valid & np.isfinite(column)]
-        if own.size:
-            assert errors.median == pytest.approx(float(np.median(own)))
+        selected_errors = column[selected & valid & np.isfinite(column)]
+        if selected_errors.size:
+            assert errors.median == pytest.approx(float(np.median(selected_errors)))
         else:
             assert math.isnan(errors.median)
 
 
-def test_median_is_written_and_stands_at_its_place_in_both_sides() -> None:
+def test_the_median_is_written_and_marked_on_both_sides() -> None:
     view = errors_input(upper=4.0)
     canvas = draw_errors(view, (72, 11))
     lines = canvas.lines()
     for panel, column in zip(errors_panels(view, (72, 11)), (view.sim, view.real), strict=True):
-        middle = float(np.median(column[:10]))
-        at = int(panel.to_cells(middle, 0)[0])
-        assert canvas.char[panel.y, at] == "┊"
-        assert f"median {middle:.2g}" in lines[panel.y + 1]
+        median = float(np.median(column[:10]))
+        column_at = int(panel.to_cells(median, 0)[0])
+        assert canvas.char[panel.y, column_at] == "┊"
+        assert f"median {median:.2g}" in lines[panel.y + 1]
 
 
-def test_cursor_stands_in_its_bin_on_each_side() -> None:
+def test_the_cursor_is_marked_in_its_bin_on_each_side() -> None:
     view = errors_input(cursor=7, upper=6.0)
     canvas = draw_errors(view, (72, 11))
     for panel, column in zip(errors_panels(view, (72, 11)), (view.sim, view.real), strict=True):
-        at = int(panel.to_cells(float(column[7]), 0)[0])
-        assert canvas.char[panel.y + panel.height - 1, at] == "◉"
+        column_at = int(panel.to_cells(float(column[7]), 0)[0])
+        assert canvas.char[panel.y + panel.height - 1, column_at] == "◉"
 
 
 def test_an_invalid_cursor_is_not_drawn() -> None:
@@ -81,7 +81,7 @@ def test_an_invalid_cursor_is_not_drawn() -> None:
     assert "◉" not in "".join(draw_errors(view, (72, 11)).lines())
 
 
-def test_bars_are_as_high_as_their_counts() -> None:
+def test_bar_heights_are_proportional_to_counts() -> None:
     errors = np.repeat([0.5, 1.5, 2.5], [8, 4, 1])
     ones = np.ones(errors.size, dtype=np.bool_)
     view = errors_input(sim=errors, real=errors, selected=ones, valid=ones, upper=3.0)
@@ -89,7 +89,7 @@ def test_bars_are_as_high_as_their_counts() -> None:
     assert canvas.char[:2, 1:].tolist() == [[" ", " "], ["█", "▂"]]
 
 
-def test_selected_bars_have_their_sides_colour_and_the_rest_is_grey() -> None:
+def test_selected_bars_are_coloured_and_others_grey() -> None:
     canvas = draw_errors(errors_input(), (60, 12))
     inked = canvas.char[:, 12:] != " "
     colours = {tuple(colour.tolist()) for colour in canvas.fg[:, 12:][inked]}
@@ -108,7 +108,7 @@ def test_selected_bars_differ_by_glyph_without_colours() -> None:
         )
 
 
-def test_pending_range_is_framed_on_its_side_alone() -> None:
+def test_a_pending_range_is_marked_only_on_its_side() -> None:
     view = errors_input(mark=Mark("real", ((1.0, 0.0), (2.0, 0.0))), upper=6.0)
     canvas = draw_errors(view, (72, 11), PALETTE)
     sim, real = errors_panels(view, (72, 11))

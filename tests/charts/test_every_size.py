@@ -1,4 +1,4 @@
-"""Any size draws something, in any mode, and ASCII means ASCII."""
+"""Every view draws at any size in any mode, and ASCII mode uses only ASCII characters."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ VIEWS: dict[str, Draw] = {
         rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, options
     ),
 }
-LOOKS = [
+OPTIONS = [
     RenderOptions(),
     RenderOptions(theme=LIGHT, mode=ColourMode.PALETTE),
     RenderOptions(mode=ColourMode.ANSI),
@@ -91,8 +91,8 @@ LOOKS = [
 
 @pytest.mark.parametrize("name", VIEWS)
 @settings(max_examples=40, deadline=None)
-@given(width=st.integers(1, 30), height=st.integers(1, 10), options=st.sampled_from(LOOKS))
-def test_small_sizes_are_filled_exactly(
+@given(width=st.integers(1, 30), height=st.integers(1, 10), options=st.sampled_from(OPTIONS))
+def test_small_sizes_are_filled_completely(
     name: str, width: int, height: int, options: RenderOptions
 ) -> None:
     canvas = VIEWS[name]((width, height), options)
@@ -103,7 +103,7 @@ def test_small_sizes_are_filled_exactly(
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
 @pytest.mark.parametrize("name", VIEWS)
-def test_ascii_holds_at_every_size(name: str, size: tuple[int, int]) -> None:
+def test_ascii_mode_uses_only_ascii_at_every_size(name: str, size: tuple[int, int]) -> None:
     for mode in (ColourMode.PALETTE, ColourMode.NONE):
         canvas = VIEWS[name](size, RenderOptions(mode=mode, ascii=True))
         assert "".join(canvas.lines()).isascii()

@@ -1,4 +1,4 @@
-"""Figures: exactly the size asked for, the same bytes, and something on them."""
+"""Figures have exactly the requested size, deterministic bytes and visible content."""
 
 from __future__ import annotations
 
@@ -54,70 +54,70 @@ FIGURES: dict[str, Draw] = {
 }
 
 
-def opened(data: bytes) -> Image.Image:
+def decode(data: bytes) -> Image.Image:
     return Image.open(BytesIO(data))
 
 
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize("size", [(801, 603), (64, 48)])
-def test_size_is_exact(name: str, size: tuple[int, int]) -> None:
-    assert opened(FIGURES[name](size, LIGHT)).size == size
+def test_figures_have_the_exact_size(name: str, size: tuple[int, int]) -> None:
+    assert decode(FIGURES[name](size, LIGHT)).size == size
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_bytes_repeat_and_carry_no_metadata(name: str) -> None:
+def test_figures_are_deterministic_without_metadata(name: str) -> None:
     first, second = (FIGURES[name]((480, 360), DARK) for _ in range(2))
     assert first == second
-    assert set(opened(first).info) <= {"dpi"}
+    assert set(decode(first).info) <= {"dpi"}
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
-def test_ground_is_the_themes_and_all_colours_appear(theme: Theme) -> None:
-    pixels = np.asarray(opened(FIGURES["overview"]((800, 500), theme)).convert("RGB"))
+def test_the_background_and_all_colours_of_the_theme_appear(theme: Theme) -> None:
+    pixels = np.asarray(decode(FIGURES["overview"]((800, 500), theme)).convert("RGB"))
     assert tuple(pixels[0, 0]) == theme.background
     for colour in (theme.sim, theme.real, theme.truth):
         assert (np.abs(pixels.astype(int) - colour).max(axis=-1) <= 3).any()
 
 
-def test_nothing_selected_and_nothing_known() -> None:
-    nothing = np.zeros(60, dtype=np.bool_)
-    view = map_input(selected=nothing, cursor=None, heat=None, floor_plan=None, rooms=())
-    assert opened(map_figure(view, (300, 200))).size == (300, 200)
+def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+    none_selected = np.zeros(60, dtype=np.bool_)
+    view = map_input(selected=none_selected, cursor=None, heat=None, floor_plan=None, rooms=())
+    assert decode(map_figure(view, (300, 200))).size == (300, 200)
     bare = instance_input(sim=side(1, False, False), real=side(2, False, False), truth=None)
-    assert opened(instance_figure(bare, (300, 200))).size == (300, 200)
-    assert opened(overview_figure([], None, (300, 200))).size == (300, 200)
-    assert opened(umap_figure(umap_input(selected=nothing), (300, 200))).size == (300, 200)
-    none = np.full((60, 2), np.nan)
-    unplaced = umap_input(sim=none, real=none, cursor=1)
-    assert opened(umap_figure(unplaced, (300, 200))).size == (300, 200)
-    turned = orientation_input(selected=nothing, valid=nothing)
-    assert opened(orientation_figure(turned, (300, 200))).size == (300, 200)
-    assert opened(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
-    errors = errors_input(selected=nothing, valid=nothing)
-    assert opened(errors_figure(errors, (300, 200))).size == (300, 200)
+    assert decode(instance_figure(bare, (300, 200))).size == (300, 200)
+    assert decode(overview_figure([], None, (300, 200))).size == (300, 200)
+    assert decode(umap_figure(umap_input(selected=none_selected), (300, 200))).size == (300, 200)
+    no_points = np.full((60, 2), np.nan)
+    without_points = umap_input(sim=no_points, real=no_points, cursor=1)
+    assert decode(umap_figure(without_points, (300, 200))).size == (300, 200)
+    empty = orientation_input(selected=none_selected, valid=none_selected)
+    assert decode(orientation_figure(empty, (300, 200))).size == (300, 200)
+    assert decode(rooms_figure(rooms_input(room_names=()), (300, 200))).size == (300, 200)
+    errors = errors_input(selected=none_selected, valid=none_selected)
+    assert decode(errors_figure(errors, (300, 200))).size == (300, 200)
 
 
-def test_dollar_signs_are_text() -> None:
+def test_dollar_signs_are_literal_text() -> None:
     map_figure(map_input(), (300, 200), title="a$b$c", subtitle="id$")
 
 
-def test_impossible_size_is_refused_by_name() -> None:
+def test_an_invalid_size_is_rejected() -> None:
     with pytest.raises(RequestError, match="--size"):
         overview_figure(ROWS, None, (0, 100))
 
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK])
 @pytest.mark.parametrize("name", ["orientation", "rooms", "errors"])
-def test_sides_keep_their_colours(name: str, theme: Theme) -> None:
-    pixels = np.asarray(opened(FIGURES[name]((900, 500), theme)).convert("RGB")).astype(int)
+def test_sides_have_their_colours(name: str, theme: Theme) -> None:
+    pixels = np.asarray(decode(FIGURES[name]((900, 500), theme)).convert("RGB")).astype(int)
     truth = [] if name == "errors" else [theme.truth]
     for colour in (theme.sim, theme.real, *truth):
         assert (np.abs(pixels - colour).max(axis=-1) <= 3).any()
 
 
-def test_many_points_become_cells_of_the_same_colours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     few = umap_figure(umap_input(cursor=None), (600, 300))
     monkeypatch.setattr("s2rtui.charts.umap.paper.POINTS_UP_TO", 10)
     many = umap_figure(umap_input(cursor=None), (600, 300))
     assert few != many
-    assert opened(many).size == (600, 300)
+    assert decode(many).size == (600, 300)

@@ -1,4 +1,4 @@
-"""The gap over time: every night at its day, its interval at its height, its word as a glyph."""
+"""The history view: every night at its day, with interval, outcome glyph and threshold."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SIZE = (100, 50)
 WEEK = gaps.week()
 
 
-def test_a_track_per_axis_holds_what_the_nights_hold() -> None:
+def test_each_axis_has_a_track_with_the_values_of_the_nights() -> None:
     model = history_model(WEEK, 90)
     assert [track.name for track in model.tracks] == ["headline", "visual", "task", "dynamics"]
     headline, visual, task, dynamics = model.tracks
@@ -42,33 +42,37 @@ def test_a_track_per_axis_holds_what_the_nights_hold() -> None:
     assert (model.span, model.older) == (7, 0)
 
 
-def test_all_tracks_share_a_scale_that_holds_everything() -> None:
+def test_all_tracks_share_one_scale() -> None:
     low, high = history_model(WEEK, 90).scale
     assert low == 0
     assert high == 29
-    wild = (gaps.night(1, {"task": 900.0, "visual": -300.0}),)
-    assert history_model(wild, 90).scale == (-20.0, 120.0)
+    with_outliers = (gaps.night(1, {"task": 900.0, "visual": -300.0}),)
+    assert history_model(with_outliers, 90).scale == (-20.0, 120.0)
 
 
 @pytest.mark.parametrize("size", [(100, 50), (60, 40), (200, 60)])
-def test_each_night_stands_at_its_day_and_height(size: tuple[int, int]) -> None:
+def test_each_night_is_drawn_at_its_day_and_value(size: tuple[int, int]) -> None:
     canvas = draw_history(WEEK, size)
     model = history_model(WEEK, size[0] - LABELS)
     layout = history_layout(model, size)
     assert len(layout.charts) == 4
     for index, _, top, rows in layout.charts:
         track = model.tracks[index]
-        for at, day in enumerate(model.days.tolist()):
+        for night_index, day in enumerate(model.days.tolist()):
             column = layout.column(day, model)
-            chart, limit = ChartRows(model.scale, top, rows), float(model.thresholds[at])
-            row = chart.of(float(track.value[at]), limit)
-            assert canvas.char[row, column] == status_glyph(track.statuses[at], RenderOptions())
-            drawn = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
-            ends = [chart.of(float(end[at]), limit) for end in (track.high, track.low)]
-            assert (drawn[0], drawn[-1]) == tuple(ends)
+            chart, limit = ChartRows(model.scale, top, rows), float(model.thresholds[night_index])
+            row = chart.of(float(track.value[night_index]), limit)
+            assert canvas.char[row, column] == status_glyph(
+                track.statuses[night_index], RenderOptions()
+            )
+            drawn_rows = [y for y in range(top, top + rows) if canvas.char[y, column] not in " ─"]
+            interval_rows = [
+                chart.of(float(end[night_index]), limit) for end in (track.high, track.low)
+            ]
+            assert (drawn_rows[0], drawn_rows[-1]) == tuple(interval_rows)
 
 
-def test_a_night_that_was_missed_leaves_a_gap() -> None:
+def test_a_missing_night_leaves_a_gap() -> None:
     nights = tuple(night for night in WEEK if night.night.day != 18)
     model = history_model(nights, 90)
     layout = history_layout(model, SIZE)
@@ -76,7 +80,7 @@ def test_a_night_that_was_missed_leaves_a_gap() -> None:
     assert np.diff(columns).tolist() == [8, 16, 8, 8, 8]
 
 
-def test_the_threshold_steps_where_it_was_changed() -> None:
+def test_the_threshold_line_follows_its_changes() -> None:
     nights = [replace(night, threshold=15.0 if n < 4 else 25.0) for n, night in
               enumerate(gaps.week())]  # fmt: skip
     view = tuple(nights)
@@ -84,14 +88,14 @@ def test_the_threshold_steps_where_it_was_changed() -> None:
     model = history_model(view, SIZE[0] - LABELS)
     layout = history_layout(model, SIZE)
     _, _, top, rows = next(c for c in layout.charts if model.tracks[c[0]].name == "visual")
-    for at, day in enumerate(model.days.tolist()):
-        row = ChartRows(model.scale, top, rows).line(float(model.thresholds[at]))
+    for index, day in enumerate(model.days.tolist()):
+        row = ChartRows(model.scale, top, rows).line(float(model.thresholds[index]))
         assert canvas.char[row, layout.column(day, model) - 1] == "─"
         others = [y for y in range(top, top + rows) if y != row]
         assert "─" not in canvas.char[others, layout.column(day, model) - 1]
 
 
-def test_what_was_not_judged_is_not_drawn() -> None:
+def test_axes_that_were_not_judged_are_not_drawn() -> None:
     nights = (*gaps.week()[:6], gaps.night(7, {"task": math.nan, "visual": 4.0}))
     model = history_model(nights, 90)
     tracks = {track.name: track for track in model.tracks}
@@ -116,12 +120,12 @@ def test_a_small_screen_shows_the_headline_and_the_worst_axes() -> None:
     assert "no room for visual, dynamics" in draw_history(WEEK, (80, 14)).lines()[-1]
 
 
-def test_words_need_no_colour() -> None:
+def test_outcomes_are_distinguishable_without_colour() -> None:
     for options in (RenderOptions(), RenderOptions(ascii=True)):
-        signs = {
-            status_glyph(word, options) for word in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")
+        glyphs = {
+            status_glyph(status, options) for status in ("PASS", "FAIL", "INCONCLUSIVE", "SKIPPED")
         }
-        assert len(signs) == 4
+        assert len(glyphs) == 4
 
 
 @given(
@@ -130,10 +134,10 @@ def test_words_need_no_colour() -> None:
     st.integers(1, 30),
     st.sampled_from([30.0, 120.0]),
 )
-def test_every_height_is_in_the_chart_and_on_its_side_of_the_threshold(
-    value: float, threshold: float, rows: int, most: float
+def test_every_value_is_drawn_on_its_side_of_the_threshold(
+    value: float, threshold: float, rows: int, maximum: float
 ) -> None:
-    chart = ChartRows((0.0, max(most, 1.6 * threshold)), 5, rows)
+    chart = ChartRows((0.0, max(maximum, 1.6 * threshold)), 5, rows)
     row, line = chart.of(value, threshold), chart.line(threshold)
     assert 5 <= row < 5 + rows
     assert chart.of(value + 1, threshold) <= row
@@ -142,7 +146,9 @@ def test_every_height_is_in_the_chart_and_on_its_side_of_the_threshold(
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
-def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple[int, int]) -> None:
+def test_an_outlier_keeps_other_values_on_their_side_of_the_threshold(
+    size: tuple[int, int],
+) -> None:
     figures = [{"task": 160.0}, {"task": 9.0}, {"task": 11.0}, {"task": 3.0}, {"task": 10.5}]
     nights = tuple(
         replace(gaps.night(number, gap), threshold=10.0) for number, gap in enumerate(figures, 1)
@@ -154,23 +160,25 @@ def test_a_wild_gap_leaves_the_others_on_their_side_of_the_threshold(size: tuple
         track = model.tracks[index]
         column = layout.column(int(model.days[0]), model) - 1
         (line,) = (y for y in range(top, top + rows) if canvas.char[y, column] == "─")
-        for at, day in enumerate(model.days.tolist()):
+        for night_index, day in enumerate(model.days.tolist()):
             glyphs = canvas.char[top : top + rows, layout.column(day, model)]
             (row,) = (
                 top + y
-                for y in np.flatnonzero(glyphs == status_glyph(track.statuses[at], RenderOptions()))
+                for y in np.flatnonzero(
+                    glyphs == status_glyph(track.statuses[night_index], RenderOptions())
+                )
             )
-            value = float(track.value[at])
+            value = float(track.value[night_index])
             assert (row < line, row > line) == (value > 10, value < 10), (value, row, line)
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT], ids=["dark", "light"])
-def test_the_figure_marks_the_nights_that_failed(theme: Theme) -> None:
-    found = history_figure(WEEK, (1600, 1100), theme)
-    assert found == history_figure(WEEK, (1600, 1100), theme)
-    picture = Image.open(BytesIO(found)).convert("RGB")
-    assert picture.size == (1600, 1100)
-    pixels = np.asarray(picture).astype(int)
+def test_the_figure_marks_failed_nights(theme: Theme) -> None:
+    figure = history_figure(WEEK, (1600, 1100), theme)
+    assert figure == history_figure(WEEK, (1600, 1100), theme)
+    image = Image.open(BytesIO(figure)).convert("RGB")
+    assert image.size == (1600, 1100)
+    pixels = np.asarray(image).astype(int)
     red = (np.abs(pixels - theme.real).sum(axis=2) < 20).any(axis=0)
     groups = np.count_nonzero(np.diff(red.astype(int)) == 1)
     assert groups == 3

@@ -1,4 +1,4 @@
-"""What is worked out of an array is kept as long as the array, and no longer."""
+"""The identity cache keeps results as long as their arrays exist."""
 
 from __future__ import annotations
 
@@ -14,46 +14,46 @@ from s2rtui.analysis import identity_cache as same
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 
 
-def test_the_same_array_is_worked_out_once() -> None:
-    asked = []
+def test_a_result_is_computed_once_per_array() -> None:
+    calls = []
 
     @cached_by_identity(4)
     def doubled(values: ArrayKey, factor: int) -> np.ndarray:
-        asked.append(factor)
+        calls.append(factor)
         return np.asarray(values.array) * factor
 
     first, equal = np.arange(3), np.arange(3)
     assert doubled(ArrayKey(first), 2) is doubled(ArrayKey(first), 2)
     assert doubled(ArrayKey(equal), 2) is not doubled(ArrayKey(first), 2)
     doubled(ArrayKey(first), 3)
-    assert asked == [2, 2, 3]
+    assert calls == [2, 2, 3]
 
 
-def test_a_result_goes_with_any_of_its_arrays() -> None:
+def test_a_result_is_dropped_with_any_of_its_arrays() -> None:
     @cached_by_identity(4)
     def total(pair: tuple[ArrayKey, ArrayKey], more: ArrayKey) -> np.ndarray:
         return sum(np.asarray(same.array) for same in (*pair, more))
 
     arrays = [np.ones(3) for _ in range(3)]
-    for gone in range(3):
+    for index in range(3):
         result = weakref.ref(total((ArrayKey(arrays[0]), ArrayKey(arrays[1])), ArrayKey(arrays[2])))
         assert result() is not None
-        arrays[gone] = np.ones(3)
+        arrays[index] = np.ones(3)
         gc.collect()
         assert result() is None
 
 
-def test_only_the_last_are_kept() -> None:
+def test_the_cache_size_is_limited() -> None:
     @cached_by_identity(2)
-    def copied(values: ArrayKey) -> np.ndarray:
+    def copy_array(values: ArrayKey) -> np.ndarray:
         return np.array(values.array)
 
     arrays = [np.arange(n) for n in range(4)]
-    results = [weakref.ref(copied(ArrayKey(array))) for array in arrays]
+    results = [weakref.ref(copy_array(ArrayKey(array))) for array in arrays]
     assert [result() is None for result in results] == [True, True, False, False]
 
 
-def test_a_new_array_in_an_old_place_is_another() -> None:
+def test_a_new_array_at_a_reused_address_has_another_key() -> None:
     array = np.arange(5)
     key = ArrayKey(array)
     del array
@@ -66,7 +66,7 @@ def test_a_new_array_in_an_old_place_is_another() -> None:
     assert ArrayKey(None) != ArrayKey(others[0])
 
 
-def test_many_threads_ask_while_arrays_go() -> None:
+def test_threads_can_use_the_cache_while_arrays_are_deleted() -> None:
     @cached_by_identity(3)
     def negative(values: ArrayKey) -> np.ndarray:
         return -np.asarray(values.array)
@@ -78,8 +78,8 @@ def test_many_threads_ask_while_arrays_go() -> None:
         assert all(pool.map(work, range(8)))
 
 
-class Last:
-    """A result that does something when it goes."""
+class CallbackOnDelete:
+    """A result that calls a function when it is deleted."""
 
     def __init__(self, last: Callable[[], object]) -> None:
         self._last = last
@@ -88,36 +88,36 @@ class Last:
         self._last()
 
 
-def test_a_result_goes_after_its_lock() -> None:
-    """As it goes, another thread can ask the same function."""
-    asked: list[bool] = []
+def test_a_result_is_deleted_outside_the_lock() -> None:
+    """While it is deleted, another thread can call the cached function."""
+    completed: list[bool] = []
 
     @cached_by_identity(1)
-    def made(values: ArrayKey, number: int) -> Last:
-        return Last(elsewhere)
+    def compute(values: ArrayKey, number: int) -> CallbackOnDelete:
+        return CallbackOnDelete(call_in_other_thread)
 
-    def elsewhere() -> None:
-        thread = threading.Thread(target=made, args=(ArrayKey(other), 1), daemon=True)
+    def call_in_other_thread() -> None:
+        thread = threading.Thread(target=compute, args=(ArrayKey(other), 1), daemon=True)
         thread.start()
         thread.join(5)
-        asked.append(not thread.is_alive())
+        completed.append(not thread.is_alive())
 
     array, other = np.ones(3), np.zeros(3)
-    made(ArrayKey(other), 1)
-    made(ArrayKey(array), 2)
+    compute(ArrayKey(other), 1)
+    compute(ArrayKey(array), 2)
     del array
-    assert asked
-    assert all(asked)
+    assert completed
+    assert all(completed)
 
 
-def test_an_array_that_dies_waits_for_no_lock() -> None:
-    """It may die in a thread that must not wait: the lock's owner may wait for that one."""
+def test_deleting_an_array_does_not_wait_for_the_lock() -> None:
+    """The array may be deleted in a thread for which the owner of the lock waits."""
     arrays = [np.ones(3)]
     ArrayKey(arrays[0])
     with same._KEY_LOCK:
-        dying = threading.Thread(target=arrays.clear, daemon=True)
-        dying.start()
-        dying.join(5)
-        assert not dying.is_alive()
+        deleter = threading.Thread(target=arrays.clear, daemon=True)
+        deleter.start()
+        deleter.join(5)
+        assert not deleter.is_alive()
     ArrayKey(np.ones(3))
     assert not same._DELETED

@@ -1,4 +1,4 @@
-"""Plots are light: they load neither matplotlib nor Pillow, and never torch."""
+"""Importing the charts loads neither matplotlib nor Pillow nor torch."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ import pytest
 
 
 @pytest.mark.parametrize("module", ["s2rtui.canvas", "s2rtui.charts.registry"])
-def test_cold_import_stays_light(module: str) -> None:
+def test_importing_charts_loads_no_heavy_package(module: str) -> None:
     code = (
         f"import sys, {module}; "
         "print([name for name in ('matplotlib', 'PIL', 'torch', 'cv2') if name in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert process.stdout.strip() == "[]"
 
 
-def test_figures_load_matplotlib_only_when_drawn() -> None:
+def test_matplotlib_is_imported_only_when_drawing() -> None:
     code = "import sys, s2rtui.charts.map.paper; print('matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert process.stdout.strip() == "False"

@@ -1,4 +1,4 @@
-"""One instance: panels side by side, heat over them, scales, numbers."""
+"""The instance view: image panels, heatmap overlay, scales and numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from s2rtui.charts.shared.image_pair_terminal import draw_instance, instance_lay
 from tests.charts.examples import instance_input, side
 
 
-def test_sim_stands_left_of_real_at_the_same_size() -> None:
+def test_sim_and_real_panels_have_the_same_size_side_by_side() -> None:
     panels = instance_layout(instance_input(), (60, 50)).panels
     for what in ("rgb", "depth"):
         sim, real = (panel for panel in panels if panel.what == what)
@@ -22,7 +22,7 @@ def test_sim_stands_left_of_real_at_the_same_size() -> None:
 
 
 @pytest.mark.parametrize("size", [(36, 38), (60, 50), (80, 22), (150, 30)])
-def test_panels_fit_and_keep_the_aspect(size: tuple[int, int]) -> None:
+def test_panels_fit_and_keep_the_aspect_ratio(size: tuple[int, int]) -> None:
     layout = instance_layout(instance_input(), size)
     assert layout.panels
     for panel in layout.panels:
@@ -46,7 +46,7 @@ def test_unsigned_scale_starts_at_zero() -> None:
     assert model.heat_range[0] <= 0
 
 
-def test_zero_heat_leaves_the_picture_alone() -> None:
+def test_zero_heat_is_transparent() -> None:
     colours, opacity = heat_colours(np.array([[0.0, 1.0, np.nan]]), (-1.0, 1.0), signed=True)
     assert colours.shape == (1, 3, 3)
     assert opacity[0, 0] == 0
@@ -54,7 +54,7 @@ def test_zero_heat_leaves_the_picture_alone() -> None:
     assert opacity[0, 2] == 0
 
 
-def test_invalid_depth_has_a_colour_of_its_own() -> None:
+def test_invalid_depth_has_a_separate_colour() -> None:
     view = instance_input()
     pixels = panel_pixels(view.sim, "depth", instance_model(view), view, (32, 32))
     assert (pixels[:4] == NO_DEPTH).all()
@@ -70,7 +70,7 @@ def test_numbers_are_metres_and_degrees() -> None:
     assert "größer" in text
 
 
-def test_no_minus_zero_and_no_nan() -> None:
+def test_negative_zero_and_nan_are_formatted() -> None:
     model = instance_model(instance_input(truth=(-0.001, float("nan"), 0.0)))
     assert model.poses[0].cells[:3] == ("0.00", "n/a", "0.0")
 
@@ -78,7 +78,7 @@ def test_no_minus_zero_and_no_nan() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(options: RenderOptions) -> None:
+def test_heat_is_drawn_as_digits_and_letters_without_colours(options: RenderOptions) -> None:
     view = instance_input()
     layout = instance_layout(view, (60, 60), options)
     heat = [panel for panel in layout.panels if panel.what == "heat"]
@@ -89,6 +89,6 @@ def test_heat_becomes_digits_and_letters_where_it_cannot_be_colour(options: Rend
     assert set(part.ravel()) <= set("ihgfedcba.123456789")
 
 
-def test_a_side_without_depth_says_so() -> None:
+def test_a_side_without_depth_shows_a_note() -> None:
     text = "\n".join(draw_instance(instance_input(real=side(2, depth=False)), (60, 50)).lines())
     assert "no depth" in text

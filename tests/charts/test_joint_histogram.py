@@ -1,4 +1,4 @@
-"""Columns counted together are counted as each alone."""
+"""Joint histograms have the same margins as separate histograms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import bin_values, count_selected, selection_indices
 
 SIZE = 40
-places = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.nan))
+positions = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 7) | st.just(np.nan))
 masks = arrays.arrays(np.bool_, SIZE)
 
 
@@ -25,12 +25,12 @@ masks = arrays.arrays(np.bool_, SIZE)
         (0, 1, joint_histogram.PIECE),
     ],
 )
-def test_margins_are_the_counts_of_each_column(few, largest, piece, monkeypatch) -> None:
+def test_margins_equal_the_counts_of_each_column(few, largest, piece, monkeypatch) -> None:
     monkeypatch.setattr(joint_histogram, "FEW", few)
     monkeypatch.setattr(joint_histogram, "LARGEST", largest)
     monkeypatch.setattr(joint_histogram, "PIECE", piece)
 
-    @given(places, places, places, masks, masks)
+    @given(positions, positions, positions, masks, masks)
     def check(first, second, third, selected, base):
         columns = [bin_values(first, 3), bin_values(second, 5), bin_values(third, 1)]
         selection = selection_indices(selected, base)

@@ -1,4 +1,4 @@
-"""The list: the rows that its order says, the cursor in view, cells that give back their rows."""
+"""The list view: row order, cursor position and conversion of cells to rows."""
 
 from __future__ import annotations
 
@@ -21,19 +21,24 @@ COLUMNS = (
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(16, 60), st.integers(2, 80), st.none() | st.sampled_from(ROWS.tolist()))
-def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int | None) -> None:
+def test_each_line_shows_the_row_of_its_position(
+    width: int, height: int, cursor: int | None
+) -> None:
     view = ListInput(ROWS, COLUMNS, cursor)
     canvas, layout = draw_list(view, (width, height)), list_layout(view, (width, height))
     lines = canvas.lines()
     for y in range(height):
-        at = layout.row_at(y)
-        words = lines[y].split()
-        if at is None:
-            assert y == 0 or not words
+        row_index = layout.row_at(y)
+        cells_of_line = lines[y].split()
+        if row_index is None:
+            assert y == 0 or not cells_of_line
         else:
-            iid = int(ROWS[at])
-            wanted = [str(iid), f"{iid / 7:.2f}", "room", str(iid)]
-            assert words[int(iid == cursor) :] == wanted[: len(words) - int(iid == cursor)]
+            iid = int(ROWS[row_index])
+            expected = [str(iid), f"{iid / 7:.2f}", "room", str(iid)]
+            assert (
+                cells_of_line[int(iid == cursor) :]
+                == expected[: len(cells_of_line) - int(iid == cursor)]
+            )
     if cursor is not None:
         marked = (canvas.bg == RenderOptions().theme.highlight).all(axis=-1).all(axis=1)
         assert [int(ROWS[layout.row_at(int(y)) or 0]) for y in np.flatnonzero(marked)] == [cursor]
@@ -41,7 +46,7 @@ def test_every_line_is_the_row_of_its_place(width: int, height: int, cursor: int
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(16, 60), st.integers(2, 80), st.sampled_from(ROWS.tolist()))
-def test_cells_and_rows_lead_to_each_other(width: int, height: int, cursor: int) -> None:
+def test_cells_convert_to_rows_and_back(width: int, height: int, cursor: int) -> None:
     view = ListInput(ROWS, COLUMNS, cursor)
     (panel,) = list_panels(view, (width, height))
     layout = list_layout(view, (width, height))
@@ -52,17 +57,17 @@ def test_cells_and_rows_lead_to_each_other(width: int, height: int, cursor: int)
 
 
 @pytest.mark.parametrize(("descending", "arrow"), [(True, "▼"), (False, "▲")])
-def test_the_sorting_column_shows_which_way(descending: bool, arrow: str) -> None:
+def test_the_sorted_column_shows_the_direction(descending: bool, arrow: str) -> None:
     view = ListInput(ROWS, COLUMNS, None, descending)
-    head = draw_list(view, (40, 5)).lines()[0]
-    assert head.split() == ["iid", f"error{arrow}", "room"]
+    header = draw_list(view, (40, 5)).lines()[0]
+    assert header.split() == ["iid", f"error{arrow}", "room"]
     assert (
         "error" + ("v" if descending else "^")
         in draw_list(view, (40, 5), RenderOptions(ascii=True)).lines()[0]
     )
 
 
-def test_an_empty_list_says_so() -> None:
+def test_an_empty_list_shows_a_message() -> None:
     view = ListInput(ROWS[:0], COLUMNS)
     assert draw_list(view, (40, 5)).lines()[0].strip() == "nothing is selected"
     assert list_panels(view, (40, 5)) == ()

@@ -1,4 +1,4 @@
-"""The geo-map: places, scales, greys, heat and its glyphs."""
+"""The map view: frame, points, heatmap, floor plan and legend."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.charts.examples import BOUNDS, map_input
 SIZE = (80, 26)
 
 
-def test_frame_keeps_the_aspect_and_centres_the_area() -> None:
+def test_the_frame_keeps_the_aspect_ratio_and_centres_the_area() -> None:
     frame = fit_frame(BOUNDS, 100, 100, True)
     assert frame.pitch == pytest.approx(0.2)
     assert frame.extent.y0 == pytest.approx(-5)
@@ -26,7 +26,7 @@ def test_frame_keeps_the_aspect_and_centres_the_area() -> None:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_frame_turns_y_and_goes_back(y_down: bool) -> None:
+def test_the_frame_converts_coordinates_in_both_directions(y_down: bool) -> None:
     frame = fit_frame(BOUNDS, 40, 20, y_down)
     upper, lower = frame.to_cells([[5, 2], [5, 8]])[:, 1]
     assert (upper < lower) == y_down
@@ -34,14 +34,14 @@ def test_frame_turns_y_and_goes_back(y_down: bool) -> None:
     assert frame.to_cells([[x, y]])[0] == pytest.approx([7.5, 3.5])
 
 
-def test_zoom_and_pan() -> None:
+def test_bounds_can_be_zoomed_and_panned() -> None:
     near = zoomed(BOUNDS, 2.0, (0.0, 0.0))
     assert (near.x0, near.y0, near.x1, near.y1) == (0, 0, 10, 5)
     moved = panned(near, 0.5, 1.0, y_down=False)
     assert (moved.x0, moved.y0) == (5, -5)
 
 
-def test_sample_puts_image_rows_where_they_are_drawn() -> None:
+def test_sampled_image_rows_follow_the_y_direction() -> None:
     image = np.array([[1.0, 2.0], [3.0, np.nan]])
     square = Bounds(0, 0, 2, 2)
     frame = fit_frame(square, 4, 4, True)
@@ -50,7 +50,7 @@ def test_sample_puts_image_rows_where_they_are_drawn() -> None:
     assert sample(image, square, frame, False)[0, 0] == 3
 
 
-def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
+def test_the_model_sorts_by_value_and_excludes_invalid_instances() -> None:
     view = map_input(cursor=3)
     model = map_model(view)
     assert sorted_by_value(view, model)[0].tolist() == list(range(45, 60))
@@ -58,7 +58,7 @@ def test_model_sorts_by_value_and_leaves_out_the_invalid() -> None:
     assert model.cursor is None
 
 
-def test_selected_points_are_turbo_and_the_others_grey() -> None:
+def test_selected_points_are_coloured_and_others_grey() -> None:
     view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     canvas = draw_map(view, SIZE)
     layout = map_layout(view, SIZE)
@@ -71,7 +71,7 @@ def test_selected_points_are_turbo_and_the_others_grey() -> None:
     assert tuple(canvas.fg[row, column + layout.x]) == DARK.unselected
 
 
-def test_digits_stand_for_values_without_colours() -> None:
+def test_digits_replace_colours() -> None:
     view = map_input(floor_plan=None, heat=None, rooms=(), cursor=None)
     options = RenderOptions(mode=ColourMode.NONE)
     canvas, layout = draw_map(view, SIZE, options), map_layout(view, SIZE, None, options)
@@ -79,7 +79,7 @@ def test_digits_stand_for_values_without_colours() -> None:
     assert canvas.char[row, column + layout.x] == "9"
 
 
-def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
+def test_full_mode_shows_predictions_truth_cursor_and_error_lines() -> None:
     selected = np.zeros(60, dtype=np.bool_)
     selected[[10, 30]] = True
     view = map_input(mode="full", selected=selected, cursor=30, heat=None, rooms=())
@@ -90,23 +90,23 @@ def test_full_mode_shows_three_marks_and_the_cursor_with_lines() -> None:
     assert any(arrow in text for arrow in UNICODE.arrows)
 
 
-def test_many_selected_draw_no_lines_but_the_cursors() -> None:
+def test_large_selections_draw_only_the_cursor_s_error_lines() -> None:
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=8)
     model = map_model(view)
     assert iids_with_error_lines(view, model).tolist() == [8]
     assert f"error lines for up to {LINES_UP_TO}" in "\n".join(draw_map(view, (100, 30)).lines())
 
 
-def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
+def test_zooming_in_draws_the_error_lines_of_visible_instances() -> None:
     view = map_input(mode="full", selected=np.ones(60, dtype=np.bool_), cursor=None)
     near = Bounds(16.0, 3.5, 18.0, 6.5)
     frame = map_layout(view, SIZE, near).frame
     cells = frame.to_cells(view.truth)
-    seen = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
-    assert 0 < seen.sum() <= LINES_UP_TO
+    visible = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1) & view.valid
+    assert 0 < visible.sum() <= LINES_UP_TO
     assert (
         iids_with_error_lines(view, map_model(view), frame).tolist()
-        == np.flatnonzero(seen).tolist()
+        == np.flatnonzero(visible).tolist()
     )
 
 
@@ -119,27 +119,30 @@ def test_zooming_in_on_a_few_of_many_draws_their_lines() -> None:
         (-135, True, "↖", (-1, -1)),
     ],
 )
-def test_heading_arrows_point_as_drawn(
+def test_heading_arrows_follow_the_y_direction(
     degrees: float, y_down: bool, arrow: str, step: tuple[int, int]
 ) -> None:
     assert heading_arrow(np.radians(degrees), y_down, UNICODE) == (arrow, *step)
 
 
-def test_arrows_are_eight_in_both_sets() -> None:
+def test_both_glyph_sets_have_eight_arrows() -> None:
     assert len(ASCII.arrows) == len(UNICODE.arrows) == 8
 
 
-def test_heat_is_turbo_where_it_is_and_absent_elsewhere() -> None:
-    plain = draw_map(map_input(heat=None, cursor=None), SIZE)
-    hot = draw_map(map_input(cursor=None), SIZE)
+def test_heat_colours_only_cells_with_values() -> None:
+    without_heat = draw_map(map_input(heat=None, cursor=None), SIZE)
+    with_heat = draw_map(map_input(cursor=None), SIZE)
     layout = map_layout(map_input(), SIZE)
     column, row = layout.frame.to_cells([[5.0, 3.0]])[0].astype(int)
-    assert int(hot.bg[row, column + layout.x, 1]) > int(plain.bg[row, column + layout.x, 1]) + 60
+    assert (
+        int(with_heat.bg[row, column + layout.x, 1])
+        > int(without_heat.bg[row, column + layout.x, 1]) + 60
+    )
     column, row = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
-    assert (hot.bg[row, column + layout.x] == plain.bg[row, column + layout.x]).all()
+    assert (with_heat.bg[row, column + layout.x] == without_heat.bg[row, column + layout.x]).all()
 
 
-def test_floor_plan_lies_dim_under_the_map() -> None:
+def test_the_floor_plan_is_drawn_dimmed() -> None:
     view = map_input(heat=None, cursor=None, rooms=())
     canvas, layout = draw_map(view, SIZE), map_layout(view, SIZE)
     right = layout.frame.to_cells([[15.0, 5.0]])[0].astype(int)
@@ -149,7 +152,7 @@ def test_floor_plan_lies_dim_under_the_map() -> None:
     assert dark < bright < 3 * 170
 
 
-def test_legend_names_values_heat_and_scale() -> None:
+def test_the_legend_names_values_heat_and_scale() -> None:
     text = "\n".join(draw_map(map_input(), (100, 30)).lines())
     assert "shift" in text
     assert "heat" in text
@@ -158,15 +161,17 @@ def test_legend_names_values_heat_and_scale() -> None:
     assert "x m" in text
 
 
-def test_viewport_changes_what_is_seen() -> None:
+def test_a_viewport_enlarges_the_map() -> None:
     near = map_layout(map_input(), SIZE, Bounds(8, 4, 12, 6)).frame
     assert near.pitch < map_layout(map_input(), SIZE).frame.pitch / 2
 
 
-def test_nothing_valid_and_nothing_known_still_draws() -> None:
-    nothing = np.zeros(60, dtype=np.bool_)
-    gone = np.full(60, np.nan)
+def test_empty_selections_and_missing_values_can_be_drawn() -> None:
+    none_selected = np.zeros(60, dtype=np.bool_)
+    missing = np.full(60, np.nan)
     for mode in ("colour", "glyph", "full"):
-        view = map_input(valid=nothing, values=gone, mode=mode, heat=np.full((3, 3), np.nan))
+        view = map_input(
+            valid=none_selected, values=missing, mode=mode, heat=np.full((3, 3), np.nan)
+        )
         draw_map(view, SIZE)
-        draw_map(map_input(values=gone, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)
+        draw_map(map_input(values=missing, mode=mode, truth=np.full((60, 2), np.nan)), SIZE)

@@ -1,4 +1,4 @@
-"""Points binned once give what drawing each of them would give."""
+"""Binned map points compared with point-wise evaluation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from s2rtui.charts.shared.points import (
 
 N = 30
 masks = arrays.arrays(np.bool_, N)
-places = arrays.arrays(
+positions = arrays.arrays(
     np.float64,
     (N, 2),
     elements=st.floats(-4, 14) | st.sampled_from([np.nan, np.inf, -np.inf, 1e300]),
@@ -39,24 +39,24 @@ frames = st.builds(
 )
 
 
-def by_hand(frame: MapFrame, points: np.ndarray) -> list[tuple[int, int] | None]:
-    """(row, column) of each point's cell, None outside."""
-    found: list[tuple[int, int] | None] = []
+def cells_of_points(frame: MapFrame, points: np.ndarray) -> list[tuple[int, int] | None]:
+    """Cell (row, column) of each point, None outside the frame."""
+    cells: list[tuple[int, int] | None] = []
     for column, row in frame.to_cells(points).tolist():
         inside = 0 <= column < frame.width and 0 <= row < frame.height // 2
-        found.append((int(row), int(column)) if inside else None)
-    return found
+        cells.append((int(row), int(column)) if inside else None)
+    return cells
 
 
-@given(places, frames)
-def test_cells_are_those_of_the_frame(points: np.ndarray, frame: MapFrame) -> None:
+@given(positions, frames)
+def test_cell_codes_match_the_frame(points: np.ndarray, frame: MapFrame) -> None:
     column = point_cells(points, frame)
-    for code, cell in zip(column.codes.tolist(), by_hand(frame, points), strict=True):
+    for code, cell in zip(column.codes.tolist(), cells_of_points(frame, points), strict=True):
         assert code == (column.count if cell is None else cell[0] * frame.width + cell[1])
 
 
-@given(places, frames)
-def test_a_dot_lies_in_its_cell(points: np.ndarray, frame: MapFrame) -> None:
+@given(positions, frames)
+def test_dots_lie_in_the_cell_of_their_point(points: np.ndarray, frame: MapFrame) -> None:
     fine, coarse = point_dots(points, frame), point_cells(points, frame)
     inside = fine.codes < fine.count
     assert (inside == (coarse.codes < coarse.count)).all()
@@ -64,22 +64,22 @@ def test_a_dot_lies_in_its_cell(points: np.ndarray, frame: MapFrame) -> None:
     assert (row // 4 * frame.width + column // 2 == coarse.codes[inside]).all()
 
 
-@given(places, values, masks, masks, frames)
-def test_the_largest_value_of_a_cell_wins(
+@given(positions, values, masks, masks, frames)
+def test_a_cell_shows_its_largest_value(
     points: np.ndarray, column: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
-    top = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
+    levels = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
     expected = np.full((frame.height // 2, frame.width), -1)
-    for index, cell in enumerate(by_hand(frame, points)):
+    for index, cell in enumerate(cells_of_points(frame, points)):
         if cell is not None and selected[index] and valid[index]:
             share = np.clip(column[index] / 2, 0, 1)
             level = 0 if np.isnan(share) else min(LEVELS - 1, int(share * LEVELS)) + 1
             expected[cell] = max(expected[cell], level)
-    assert (top == expected).all()
+    assert (levels == expected).all()
 
 
-@given(places, masks, masks, frames)
-def test_lit_cells_and_other_dots_hold_what_they_say(
+@given(positions, masks, masks, frames)
+def test_selected_cells_and_unselected_dots_match_the_points(
     points: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
     selection = selection_indices(selected, valid)
@@ -87,38 +87,38 @@ def test_lit_cells_and_other_dots_hold_what_they_say(
         selected_cells(points, selection, frame),
         unselected_dots(points, selection, frame),
     )
-    found = by_hand(frame, points)
+    cells = cells_of_points(frame, points)
     member = selected & valid
     assert set(zip(*np.nonzero(highlighted), strict=True)) == {
-        cell for index, cell in enumerate(found) if cell is not None and member[index]
+        cell for index, cell in enumerate(cells) if cell is not None and member[index]
     }
-    coarse = others.reshape(frame.height // 2, 4, frame.width, 2).any(axis=(1, 3))
-    assert set(zip(*np.nonzero(coarse), strict=True)) == {
-        cell for index, cell in enumerate(found) if cell is not None and (valid & ~member)[index]
+    cells_with_dots = others.reshape(frame.height // 2, 4, frame.width, 2).any(axis=(1, 3))
+    assert set(zip(*np.nonzero(cells_with_dots), strict=True)) == {
+        cell for index, cell in enumerate(cells) if cell is not None and (valid & ~member)[index]
     }
 
 
-def test_levels_span_the_scale() -> None:
+def test_level_shares_span_the_scale() -> None:
     shares = level_shares(np.array([0, 1, LEVELS]))
     assert np.isnan(shares[0])
     assert shares[1:].tolist() == [0.0, 1.0]
 
 
-def test_another_selection_costs_no_new_codes() -> None:
+def test_cell_codes_are_cached_across_selections() -> None:
     points = np.random.default_rng(1).uniform(0, 5, (N, 2))
     frame = MapFrame(0.0, 0.0, 0.5, 10, 10, True)
     assert point_dots(points, frame) is point_dots(points, frame)
     assert point_cells(points, frame) is point_cells(points, frame)
-    everything = np.ones(N, dtype=np.bool_)
+    all_valid = np.ones(N, dtype=np.bool_)
     half = np.arange(N) % 2 == 0
     highlighted, total = count_selected(
-        point_cells(points, frame), selection_indices(half, everything)
+        point_cells(points, frame), selection_indices(half, all_valid)
     )
     assert (highlighted.sum(), total.sum()) == (N // 2, N)
 
 
 @pytest.mark.parametrize("size", [(300, 600), (10, 4)])
-def test_wide_frames_keep_their_codes_apart(size: tuple[int, int]) -> None:
+def test_cell_codes_of_large_frames_are_distinct(size: tuple[int, int]) -> None:
     width, height = size
     frame = MapFrame(0.0, 0.0, 1.0, width, height, True)
     column = point_cells(np.array([[0.5, 0.5], [width - 0.5, height - 0.5]]), frame)

@@ -1,4 +1,4 @@
-"""Headings: counts, directions, means, and bars that can be read in every dress."""
+"""The orientation view: counts, directions, means and readability in every mode."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ headings = arrays.arrays(np.float64, COUNT, elements=st.floats(-9, 9) | st.just(
 masks = arrays.arrays(np.bool_, COUNT)
 
 
-def one_way(degrees: float, **changes):
-    """Everybody looks the same way, all selected."""
+def one_direction(degrees: float, **changes):
+    """All instances face the same direction and are selected."""
     column = np.full(N, math.radians(degrees))
     ones = np.ones(N, dtype=np.bool_)
     view = {"sim": column, "truth": column, "real": column, "selected": ones, "valid": ones}
@@ -33,33 +33,34 @@ def one_way(degrees: float, **changes):
 
 
 @given(headings, masks, masks)
-def test_counts_and_means_are_those_of_the_selected(column, selected, valid) -> None:
+def test_counts_and_means_are_those_of_selected_instances(column, selected, valid) -> None:
     view = orientation_input(
         sim=column, truth=column, real=column, selected=selected, valid=valid, cursor=None
     )
     edges = np.arange(BINS + 1) * 5.0 - 180
     panel = orientation_model(view).panels[0]
     for mask, counts in ((selected & valid, panel.highlighted), (valid, panel.total)):
-        own = column[mask & np.isfinite(column)]
-        turned = np.array([wrap_degrees(degrees) for degrees in np.degrees(own)])
-        expected, _ = np.histogram(turned, edges)
-        assert counts.sum() == own.size
+        selected_headings = column[mask & np.isfinite(column)]
+        wrapped = np.array([wrap_degrees(degrees) for degrees in np.degrees(selected_headings)])
+        expected, _ = np.histogram(wrapped, edges)
+        assert counts.sum() == selected_headings.size
         assert (
             np.abs(np.cumsum(counts) - np.cumsum(expected)).max(initial=0)
-            <= (np.abs(turned[:, None] - edges).min(initial=np.inf) < 1e-9) * own.size
+            <= (np.abs(wrapped[:, None] - edges).min(initial=np.inf) < 1e-9)
+            * selected_headings.size
         )
-    own = column[selected & valid & np.isfinite(column)]
-    if own.size:
-        vector = np.exp(1j * own).mean()
+    selected_headings = column[selected & valid & np.isfinite(column)]
+    if selected_headings.size:
+        vector = np.exp(1j * selected_headings).mean()
         assert panel.resultant == pytest.approx(abs(vector), abs=1e-12)
         if abs(vector) > 1e-6:
-            apart = wrap_degrees(panel.mean - math.degrees(np.angle(vector)))
-            assert apart == pytest.approx(0, abs=1e-6)
+            difference = wrap_degrees(panel.mean - math.degrees(np.angle(vector)))
+            assert difference == pytest.approx(0, abs=1e-6)
     else:
         assert math.isnan(panel.mean)
 
 
-def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
+def test_means_of_many_instances_are_accurate() -> None:
     random = np.random.default_rng(3)
     number = 4 * EXACTLY_UP_TO
     ones = np.ones(number, dtype=np.bool_)
@@ -78,16 +79,16 @@ def test_means_of_many_are_close_and_exact_on_few_directions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("degrees", "y_down", "way"),
+    ("degrees", "y_down", "direction"),
     [(2, True, "right"), (92, True, "down"), (92, False, "up"), (-88, True, "up"),
      (178, True, "left")],
 )  # fmt: skip
 @pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
-def test_bars_point_as_on_the_map(
-    degrees: float, y_down: bool, way: str, options: RenderOptions
+def test_bars_have_the_direction_of_the_map(
+    degrees: float, y_down: bool, direction: str, options: RenderOptions
 ) -> None:
     size = (120, 24)
-    view = one_way(degrees, y_down=y_down)
+    view = one_direction(degrees, y_down=y_down)
     canvas = draw_orientation(view, size, options)
     for panel, colour in zip(
         surface(view, size, options), (DARK.sim, DARK.truth, DARK.real), strict=True
@@ -99,25 +100,25 @@ def test_bars_point_as_on_the_map(
         row, column = (part.mean() for part in np.nonzero(inked))
         across, down = column + 0.5 - panel.width / 2, 2 * (row + 0.5 - panel.height / 2)
         offsets = {"right": across, "left": -across, "down": down, "up": -down}
-        assert max(offsets, key=lambda name: offsets[name]) == way
-        assert offsets[way] > 3
+        assert max(offsets, key=lambda name: offsets[name]) == direction
+        assert offsets[direction] > 3
 
 
 @given(arrays.arrays(np.float64, BINS, elements=st.sampled_from([0.0, 0.01, 0.3, 1.0])))
-def test_every_bar_is_drawn_and_as_long_as_its_count(lengths) -> None:
+def test_bar_lengths_are_proportional_to_counts(lengths) -> None:
     dial = dial_of(0, 0, 40, 20, True, (0, 0))
     dots = bar_dots(dial, 40, 20, lengths)
     rows, columns = np.nonzero(dots)
-    places = [
+    data_points = [
         dial.to_data((column + 0.5) / 2, (row + 0.5) / 4)
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
     ]
-    turns = np.array([place[0] for place in places])
-    radii = np.array([place[1] for place in places])
+    turns = np.array([data_point[0] for data_point in data_points])
+    radii = np.array([data_point[1] for data_point in data_points])
     dot = 0.75 / (dial.rim - dial.ring)
     for index in np.flatnonzero(lengths > 0):
-        middle = (index + 0.5) * 5 - 180
-        near = np.abs((turns - middle + 180) % 360 - 180) < 5
+        bin_centre = (index + 0.5) * 5 - 180
+        near = np.abs((turns - bin_centre + 180) % 360 - 180) < 5
         assert radii[near].max() > lengths[index] - dot
     assert (radii > -dot).all()
     if not (lengths > 0).any():
@@ -126,7 +127,7 @@ def test_every_bar_is_drawn_and_as_long_as_its_count(lengths) -> None:
         assert radii.max() < lengths.max() + dot + 0.5 / (dial.rim - dial.ring)
 
 
-def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
+def test_grey_bars_are_scaled_by_the_selected_share() -> None:
     view = orientation_input()
     model = orientation_model(view)
     highlighted, total = (sum(part.sum() for part in counts) for counts in zip(
@@ -135,62 +136,66 @@ def test_grey_bars_are_all_shrunk_by_the_selected_share() -> None:
     for panel in model.panels:
         for bars in model.lengths(panel):
             assert bars.max() <= 1 + 1e-9
-    everything = orientation_model(one_way(10))
-    assert everything.peak == everything.whole == N
+    all_selected = orientation_model(one_direction(10))
+    assert all_selected.peak == all_selected.whole == N
 
 
-def test_the_scale_and_the_means_are_written() -> None:
-    lines = draw_orientation(one_way(-93), SIZE).lines()
+def test_scale_and_means_are_written() -> None:
+    lines = draw_orientation(one_direction(-93), SIZE).lines()
     assert lines[0].count(f"max {N}") == 3
     assert lines[-1].count("-93° R 1.00") == 3
     assert (
         "none"
-        in draw_orientation(one_way(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[-1]
+        in draw_orientation(one_direction(5, selected=np.zeros(N, dtype=np.bool_)), SIZE).lines()[
+            -1
+        ]
     )
 
 
 @pytest.mark.parametrize("size", [(50, 4), (40, 3), (80, 5)])
-def test_strips_take_over_where_dials_are_too_small(size: tuple[int, int]) -> None:
-    view = one_way(92)
+def test_small_sizes_use_strips_instead_of_dials(size: tuple[int, int]) -> None:
+    view = one_direction(92)
     layout = orientation_layout(view, size)
     assert layout.dial is None
     assert layout.count in (36, 72)
     canvas = draw_orientation(view, size)
     for panel in surface(view, size):
         row = canvas.char[panel.y + panel.height - 1, panel.x : panel.x + panel.width]
-        at = np.flatnonzero(row == "█")
-        assert at.size == panel.width // layout.count
-        degrees = [panel.to_data(panel.x + place + 0.5, panel.y + 0.5)[0] for place in at]
+        filled = np.flatnonzero(row == "█")
+        assert filled.size == panel.width // layout.count
+        degrees = [panel.to_data(panel.x + offset + 0.5, panel.y + 0.5)[0] for offset in filled]
         assert all(abs(turn - 92) < 10 for turn in degrees)
 
 
 def test_selected_and_others_differ_without_colours() -> None:
-    none = np.zeros(N, dtype=np.bool_)
+    none_selected = np.zeros(N, dtype=np.bool_)
     for options, highlighted in (
         (RenderOptions(mode=ColourMode.NONE), "▀▄█▌▐▘▝▖▗▛▜▙▟"),
         (RenderOptions(ascii=True), "#"),
     ):
         size = (120, 24)
-        drawn = "".join(draw_orientation(one_way(10), size, options).lines()[3:])
-        grey = "".join(draw_orientation(one_way(10, selected=none), size, options).lines()[3:])
+        drawn = "".join(draw_orientation(one_direction(10), size, options).lines()[3:])
+        grey = "".join(
+            draw_orientation(one_direction(10, selected=none_selected), size, options).lines()[3:]
+        )
         assert any(glyph in drawn for glyph in highlighted)
         assert not any(glyph in grey for glyph in highlighted)
         assert "".join(grey.split()) != ""
 
 
-def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
+def test_the_cursor_direction_is_marked_in_each_panel() -> None:
     view = orientation_input(cursor=30)
     canvas = draw_orientation(view, (100, 20))
     for panel, column in zip(
         surface(view, (100, 20)), (view.sim, view.truth, view.real), strict=True
     ):
         x, y = panel.to_cells(math.degrees(column[30]), 1.0)
-        found = np.argwhere(
+        cursor_cells = np.argwhere(
             canvas.char[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] == "◉"
         )
-        assert len(found) == 1
-        row, place = found[0]
-        assert abs(place + panel.x - x) <= 1
+        assert len(cursor_cells) == 1
+        row, column_at = cursor_cells[0]
+        assert abs(column_at + panel.x - x) <= 1
         assert abs(row + panel.y - y) <= 1
 
 
@@ -205,14 +210,14 @@ def test_the_cursor_points_from_centre_to_rim_in_each_panel() -> None:
         ((-200.0, 200.0), (-20.0, 180.0)),
     ],
 )
-def test_a_brush_turns_from_its_first_end_to_its_last(ends, arc) -> None:
-    middle, half = mark_arc(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
-    assert wrap_degrees(middle - arc[0]) == pytest.approx(0)
+def test_a_brush_covers_the_arc_from_its_first_to_its_last_end(ends, arc) -> None:
+    centre, half = mark_arc(Mark("sim", ((ends[0], 1.0), (ends[1], 1.0))))
+    assert wrap_degrees(centre - arc[0]) == pytest.approx(0)
     assert half == pytest.approx(arc[1])
 
 
 @pytest.mark.parametrize("size", [(100, 20), (60, 4)])
-def test_a_pending_arc_is_lit_and_its_ends_marked(size: tuple[int, int]) -> None:
+def test_a_pending_arc_is_highlighted_with_marked_ends(size: tuple[int, int]) -> None:
     mark = Mark("truth", ((170.0, 1.0), (-120.0, 1.0)))
     view = orientation_input(mark=mark, cursor=None)
     canvas = draw_orientation(view, size, RenderOptions(mode=ColourMode.NONE))

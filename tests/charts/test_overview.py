@@ -1,4 +1,4 @@
-"""The overview puts marks where the numbers are."""
+"""The overview: marks, numbers, baseline and scrolling."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from tests.charts.examples import ROWS
 SIZE = (70, 10)
 
 
-def test_axis_holds_every_value_with_round_ends() -> None:
+def test_the_axis_covers_all_values_with_round_limits() -> None:
     low, high = overview_model(ROWS, 0.72).axis
     assert low <= 0.72
     assert high >= 0.96
     assert (100 * low) % 5 == pytest.approx(0, abs=1e-9)
 
 
-def test_sim_lies_right_of_real_with_the_gap_between() -> None:
+def test_the_gap_is_drawn_between_real_and_sim() -> None:
     line = draw_overview(ROWS, 0.72, 0, SIZE).lines()[1]
     assert line.index("◇") < line.index("◆")
     assert "━" in line[line.index("◇") : line.index("◆")]
 
 
-def test_numbers_stand_at_the_right_and_n_a_where_nothing_is_left() -> None:
+def test_accuracies_are_written_or_n_a() -> None:
     lines = draw_overview(ROWS, 0.72, 0, SIZE).lines()
     assert lines[1].split()[-2:] == ["95.0", "78.0"]
     assert lines[3].split()[-2:] == ["n/a", "n/a"]
     assert "no unseen instance" in lines[3]
 
 
-def test_baseline_crosses_every_line_at_one_column() -> None:
+def test_the_baseline_has_the_same_column_in_every_line() -> None:
     lines = draw_overview(ROWS, 0.72, None, SIZE).lines()
     columns = {line.index("┊") for line in lines[1:3]}
     assert len(columns) == 1
 
 
-def test_marks_of_equal_accuracy_become_one() -> None:
+def test_marks_of_equal_accuracy_are_merged() -> None:
     line = draw_overview([OverviewRow("same", 0.9, 0.9)], None, 0, SIZE).lines()[1]
     assert "◈" in line
 
@@ -52,7 +52,7 @@ def test_selected_line_is_marked_by_glyph_and_ground() -> None:
     assert not (canvas.bg[1] == DARK.highlight).any()
 
 
-def test_colours_are_doubled_by_letters_in_ascii() -> None:
+def test_ascii_letters_replace_colours() -> None:
     text = "\n".join(
         draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(mode=ColourMode.NONE, ascii=True)).lines()
     )
@@ -61,7 +61,7 @@ def test_colours_are_doubled_by_letters_in_ascii() -> None:
     assert "R" in text
 
 
-def test_window_follows_the_selection() -> None:
+def test_the_visible_rows_follow_the_selected_run() -> None:
     rows = [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(40)]
     for selected in (0, 17, 39):
         layout = overview_layout(rows, selected, (60, 8))
@@ -70,5 +70,5 @@ def test_window_follows_the_selection() -> None:
         assert layout.run_at(layout.top + layout.shown) is None
 
 
-def test_no_run_says_so() -> None:
+def test_an_overview_without_runs_shows_a_message() -> None:
     assert "no run" in draw_overview([], None, None, SIZE).lines()[0]

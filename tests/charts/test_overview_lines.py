@@ -1,4 +1,4 @@
-"""Every instance as a line across the runs: where it runs, what lights it, how it is brushed."""
+"""The overview's instance lines: density, highlighting and brushing."""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ from s2rtui.charts.scene import OverviewRow
 from tests.charts.examples import ROWS, N, overview_lines
 
 SIZE = (60, 16)
-FEW = 12
+FEW_INSTANCES = 12
 AXIS = (0.5, 1.0)
-columns = arrays.arrays(np.float64, FEW, elements=st.floats(0.3, 1.0) | st.just(np.nan))
-masks = arrays.arrays(np.bool_, FEW)
+columns = arrays.arrays(np.float64, FEW_INSTANCES, elements=st.floats(0.3, 1.0) | st.just(np.nan))
+masks = arrays.arrays(np.bool_, FEW_INSTANCES)
 
 
 def rows(count: int) -> list[OverviewRow]:
     return [OverviewRow(f"run{index}", 0.9, 0.8) for index in range(count)]
 
 
-def by_hand(lines: OverviewLines, width: int, step: int, members: np.ndarray) -> np.ndarray:
-    """Lines per dot, drawn one after the other."""
-    size, count = bin_count(width, FEW), len(lines.values)
+def density_by_drawing(
+    lines: OverviewLines, width: int, step: int, members: np.ndarray
+) -> np.ndarray:
+    """Lines per dot, computed by drawing one line after the other."""
+    size, count = bin_count(width, FEW_INSTANCES), len(lines.values)
     grid = np.zeros((4 * ((count - 1) * step + 1), 2 * width))
     for iid in np.flatnonzero(members):
         for run in range(count - 1):
@@ -44,17 +46,21 @@ def by_hand(lines: OverviewLines, width: int, step: int, members: np.ndarray) ->
             share = [min(size - 1, max(0, int((end - AXIS[0]) / 0.5 * size))) for end in ends]
             start, stop = (2 * (0.5 + (part + 0.5) / size * (width - 1)) for part in share)
             for row in range(4 * step):
-                here, there = (
-                    int(start + (stop - start) * (at / (4 * step))) for at in (row, row + 1)
+                start_dot, end_dot = (
+                    int(start + (stop - start) * (offset / (4 * step))) for offset in (row, row + 1)
                 )
-                passed = range(here, there) if there > here else range(there + 1, here + 1)
-                for dot in passed if there != here else (here,):
+                dots = (
+                    range(start_dot, end_dot)
+                    if end_dot > start_dot
+                    else range(end_dot + 1, start_dot + 1)
+                )
+                for dot in dots if end_dot != start_dot else (start_dot,):
                     grid[4 * run * step + 2 + row, dot] += 1
     return grid
 
 
 @given(columns, columns, columns, masks, masks)
-def test_density_is_that_of_single_lines(
+def test_density_equals_individually_drawn_lines(
     first: np.ndarray,
     second: np.ndarray,
     third: np.ndarray,
@@ -63,15 +69,15 @@ def test_density_is_that_of_single_lines(
 ) -> None:
     lines = OverviewLines((first, second, third), selected, valid)
     layout = overview_layout(rows(3), 0, SIZE, lines)
-    found = line_density(lines, AXIS, layout)
-    highlighted = by_hand(lines, layout.chart_width, layout.step, selected & valid)
-    others = by_hand(lines, layout.chart_width, layout.step, ~selected & valid)
-    assert (found.highlighted == highlighted).all()
-    assert (found.others == others).all()
+    density = line_density(lines, AXIS, layout)
+    highlighted = density_by_drawing(lines, layout.chart_width, layout.step, selected & valid)
+    others = density_by_drawing(lines, layout.chart_width, layout.step, ~selected & valid)
+    assert (density.highlighted == highlighted).all()
+    assert (density.others == others).all()
 
 
 @given(columns, columns, masks, masks)
-def test_pairs_count_who_goes_where(
+def test_pair_counts_equal_direct_counts(
     first: np.ndarray, second: np.ndarray, selected: np.ndarray, valid: np.ndarray
 ) -> None:
     ((highlighted, others),) = pair_counts(
@@ -80,35 +86,35 @@ def test_pairs_count_who_goes_where(
     known = valid & np.isfinite(first) & np.isfinite(second)
     assert highlighted.sum() == (known & selected).sum()
     assert others.sum() == (known & ~selected).sum()
-    top = known & selected & (first >= 0.95)
-    assert highlighted[9].sum() == top.sum()
+    in_last_bin = known & selected & (first >= 0.95)
+    assert highlighted[9].sum() == in_last_bin.sum()
 
 
-def test_bars_stand_for_runs_that_adjoin_even_where_a_neighbour_is_unknown() -> None:
+def test_adjacent_runs_are_drawn_as_bars() -> None:
     lines = overview_lines()
     layout = overview_layout(ROWS, 0, (60, 6), lines)
     assert layout.step == 1
-    found = line_density(lines, AXIS, layout)
-    assert found.highlighted.shape == (4 * 3, 2 * layout.chart_width)
-    assert found.highlighted[3].sum() == 15
-    assert found.others[7].sum() == 44
-    assert not found.highlighted[8:].any()
-    tall = (found.highlighted[:4] > 0).sum(axis=0)
-    assert tall.max() <= 4
-    assert (found.highlighted[3] > 0).sum() == (tall > 0).sum()
+    density = line_density(lines, AXIS, layout)
+    assert density.highlighted.shape == (4 * 3, 2 * layout.chart_width)
+    assert density.highlighted[3].sum() == 15
+    assert density.others[7].sum() == 44
+    assert not density.highlighted[8:].any()
+    column_heights = (density.highlighted[:4] > 0).sum(axis=0)
+    assert column_heights.max() <= 4
+    assert (density.highlighted[3] > 0).sum() == (column_heights > 0).sum()
 
 
-def test_many_lines_are_bands_without_gaps() -> None:
+def test_many_lines_form_bands_without_gaps() -> None:
     count = module.BANDS + 500
     values = np.linspace(0.5, 1.0, count)
-    yes = np.ones(count, dtype=np.bool_)
-    lines = OverviewLines((values, values), yes, yes)
+    all_true = np.ones(count, dtype=np.bool_)
+    lines = OverviewLines((values, values), all_true, all_true)
     layout = overview_layout(rows(2), 0, (200, 16), lines)
     inside = line_density(lines, AXIS, layout).highlighted[2:-2, 2:-2]
     assert (inside > 0).all()
 
 
-def test_levels_rise_from_above_zero_to_one() -> None:
+def test_levels_increase_to_one() -> None:
     for peak in (2.0, 30.0, 1e5):
         shares = levels(np.array([0.0, 1.0, peak / 2, peak]), peak)
         assert shares[0] == 0
@@ -117,14 +123,14 @@ def test_levels_rise_from_above_zero_to_one() -> None:
         assert (np.diff(shares[1:]) >= 0).all()
 
 
-def test_another_selection_bins_nothing_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bins_are_cached_across_selections(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = overview_lines()
     draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     monkeypatch.setattr(module, "_binned", lambda *_: pytest.fail("binned again"))
     draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), replace(lines, selected=np.arange(N) < 9))
 
 
-def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
+def test_the_axis_covers_drawn_lines() -> None:
     lines = overview_lines()
     tight, wide = overview_model(ROWS, 0.72).axis, overview_model(ROWS, 0.72, lines).axis
     lowest = np.percentile(lines.values[0][lines.valid], 1)
@@ -132,17 +138,17 @@ def test_axis_holds_the_lines_only_where_they_are_drawn() -> None:
     assert wide[1] == 1.0
 
 
-def test_runs_take_the_rows_there_are() -> None:
+def test_rows_per_run_depend_on_the_height() -> None:
     lines = overview_lines()
     assert overview_layout(ROWS, 0, (60, 16)).step == 1
     assert overview_layout(ROWS, 0, (60, 16), lines).step == 6
     assert overview_layout(ROWS, 0, (60, 6), lines).step == 1
-    tall = overview_layout(ROWS, 0, (60, 80), lines)
-    assert tall.row_of(2) == tall.top + 2 * tall.step
-    assert [tall.run_at(tall.row_of(index)) for index in range(3)] == [0, 1, 2]
+    tall_layout = overview_layout(ROWS, 0, (60, 80), lines)
+    assert tall_layout.row_of(2) == tall_layout.top + 2 * tall_layout.step
+    assert [tall_layout.run_at(tall_layout.row_of(index)) for index in range(3)] == [0, 1, 2]
 
 
-def test_marks_numbers_and_axis_stay_on_top() -> None:
+def test_marks_and_numbers_are_drawn_over_lines() -> None:
     lines = overview_lines(cursor=None)
     canvas = draw_overview(ROWS, 0.72, 0, SIZE, RenderOptions(), lines)
     model, layout = overview_model(ROWS, 0.72, lines), overview_layout(ROWS, 0, SIZE, lines)
@@ -157,7 +163,7 @@ def test_marks_numbers_and_axis_stay_on_top() -> None:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> None:
+def test_selected_lines_are_coloured_and_others_grey(side: str) -> None:
     lines = overview_lines(side=side, cursor=None)
     canvas, layout = (
         draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
@@ -174,9 +180,9 @@ def test_selected_lines_have_their_sides_hue_and_the_rest_is_grey(side: str) -> 
     assert f"lines: {side}" in canvas.lines()[0]
 
 
-def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> None:
+def test_unselected_lines_are_fainter_without_colours() -> None:
     lines = overview_lines(selected=np.zeros(N, dtype=np.bool_), cursor=None)
-    everything = replace(lines, selected=np.ones(N, dtype=np.bool_))
+    all_selected = replace(lines, selected=np.ones(N, dtype=np.bool_))
     options = RenderOptions(mode=ColourMode.NONE)
 
     def ink(view: OverviewLines) -> int:
@@ -185,10 +191,10 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
             (ord(glyph) - 0x2800).bit_count() for glyph in drawn if "\u2800" < glyph < "\u2900"
         )
 
-    assert 0 < ink(lines) < 0.75 * ink(everything)
+    assert 0 < ink(lines) < 0.75 * ink(all_selected)
     plain = RenderOptions(mode=ColourMode.NONE, ascii=True)
     layout = overview_layout(ROWS, None, SIZE, lines)
-    for view, glyphs in ((lines, "."), (everything, "'+*#")):
+    for view, glyphs in ((lines, "."), (all_selected, "'+*#")):
         band = draw_overview(ROWS, None, None, SIZE, plain, view).lines()[
             layout.top + 1 : layout.row_of(1)
         ]
@@ -196,7 +202,7 @@ def test_unselected_lines_are_thinner_without_colours_and_fainter_in_ascii() -> 
         assert set("".join(band)) & set(glyphs)
 
 
-def test_a_note_is_read_before_lines_and_cursor() -> None:
+def test_notes_are_drawn_over_lines() -> None:
     lines = overview_lines()
     waiting = [replace(row, sim_accuracy=None, real_accuracy=None, note="reading") for row in ROWS]
     canvas = draw_overview(waiting, None, 0, SIZE, RenderOptions(), lines)
@@ -205,7 +211,7 @@ def test_a_note_is_read_before_lines_and_cursor() -> None:
         assert "reading " in canvas.lines()[layout.row_of(index)][layout.chart :]
 
 
-def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
+def test_the_cursor_s_line_is_drawn_on_top_with_its_accuracies() -> None:
     lines = overview_lines()
     canvas, model = (
         draw_overview(ROWS, None, 0, SIZE, RenderOptions(), lines),
@@ -216,8 +222,8 @@ def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
         value = float(lines.values[index][50])
         line = canvas.lines()[layout.row_of(index)]
         assert line.split()[-1] == f"{100 * value:.1f}"
-        at = canvas.char[layout.row_of(index), layout.column(value, model.axis)]
-        assert at in (UNICODE.cursor, UNICODE.sim, UNICODE.real)
+        glyph = canvas.char[layout.row_of(index), layout.column(value, model.axis)]
+        assert glyph in (UNICODE.cursor, UNICODE.sim, UNICODE.real)
     assert f"{UNICODE.cursor} 50" in canvas.lines()[0]
     band = slice(layout.row_of(0) + 1, layout.row_of(1))
     white = (canvas.fg[band] == DARK.cursor).all(axis=-1) & (canvas.char[band] != " ")
@@ -230,7 +236,7 @@ def test_the_cursors_line_runs_on_top_with_its_numbers() -> None:
     part=st.floats(0, 0.999),
     lined=st.booleans(),
 )
-def test_columns_become_accuracies_and_back(
+def test_columns_convert_to_accuracies_and_back(
     size: tuple[int, int], part: float, lined: bool
 ) -> None:
     lines = overview_lines() if lined else None
@@ -245,20 +251,20 @@ def test_columns_become_accuracies_and_back(
             assert 0 <= value <= model.axis[1] + 1e-9
 
 
-def test_a_panel_per_run_covers_the_rows_nearest_to_it() -> None:
+def test_each_run_has_a_panel_with_the_nearest_rows() -> None:
     lines = overview_lines()
     panels = overview_panels(ROWS, 0.72, 1, SIZE, lines)
     layout = overview_layout(ROWS, 1, SIZE, lines)
     assert [panel.name for panel in panels] == [row.run for row in ROWS]
     for y in range(layout.top, layout.top + layout.height):
-        held = panel_at(panels, layout.chart, y)
+        panel_found = panel_at(panels, layout.chart, y)
         index = layout.run_at(y)
-        assert held is not None
+        assert panel_found is not None
         assert index is not None
-        assert held.name == ROWS[index].run
+        assert panel_found.name == ROWS[index].run
 
 
-def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
+def test_the_leftmost_column_includes_clipped_values() -> None:
     panel = overview_panels(ROWS, 0.72, 1, SIZE, overview_lines())[0]
     assert panel.to_data(panel.x + 0.5, panel.y)[0] == 0.0
     assert overview_panels(ROWS, 0.72, 1, SIZE)[0].to_data(panel.x + 0.5, panel.y)[0] > 0.5
@@ -267,7 +273,7 @@ def test_the_leftmost_column_takes_all_that_is_drawn_there() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(), RenderOptions(mode=ColourMode.NONE, ascii=True)]
 )
-def test_a_marked_range_stands_between_ends_on_its_run(options: RenderOptions) -> None:
+def test_a_marked_range_is_drawn_on_its_run(options: RenderOptions) -> None:
     lines = overview_lines()
     mark = Mark("dataaug", ((0.75, 0.0), (0.9, 0.0)))
     canvas = draw_overview(ROWS, 0.72, 0, SIZE, options, lines, mark)

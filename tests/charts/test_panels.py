@@ -1,4 +1,4 @@
-"""Panels of the views: cells become data and come back, inside the view and without overlap."""
+"""Panels of the views: conversion of cells to data, position inside the view and no overlap."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
     across=st.floats(0, 0.999),
     down=st.floats(0, 0.999),
 )
-def test_the_middle_of_a_cell_comes_back(
+def test_cells_convert_to_data_and_back(
     name: str, width: int, height: int, ascii: bool, across: float, down: float
 ) -> None:
     surface, shape, names = VIEWS[name]
@@ -67,26 +67,26 @@ def test_the_middle_of_a_cell_comes_back(
         row = panel.y + int(down * panel.height)
         assert panel.holds(column, row)
         data = panel.to_data(column + 0.5, row + 0.5)
-        back = panel.to_cells(*data)
-        assert panel.to_data(*back) == pytest.approx(data)
-        assert int(np.floor(back[0] + 1e-9)) == column
+        cell = panel.to_cells(*data)
+        assert panel.to_data(*cell) == pytest.approx(data)
+        assert int(np.floor(cell[0] + 1e-9)) == column
         if shape != "steps":
-            assert int(np.floor(back[1] + 1e-9)) == row
+            assert int(np.floor(cell[1] + 1e-9)) == row
 
 
 @pytest.mark.parametrize("name", VIEWS)
 @given(width=st.integers(1, 120), height=st.integers(1, 40))
-def test_panels_lie_within_the_view_and_apart(name: str, width: int, height: int) -> None:
-    seen = np.zeros((height, width), dtype=np.intp)
+def test_panels_stay_inside_the_view_and_do_not_overlap(name: str, width: int, height: int) -> None:
+    coverage = np.zeros((height, width), dtype=np.intp)
     for panel in VIEWS[name][0]((width, height), RenderOptions()):
         assert panel.x + panel.width <= width
         assert panel.y + panel.height <= height
-        seen[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] += 1
-    assert seen.max() == 1
+        coverage[panel.y : panel.y + panel.height, panel.x : panel.x + panel.width] += 1
+    assert coverage.max() == 1
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_all_panels_are_there_at_the_usual_sizes(name: str) -> None:
+def test_all_panels_are_present_at_common_sizes(name: str) -> None:
     surface, _, names = VIEWS[name]
     for size in ((50, 9), (50, 10), (80, 22), (200, 56)):
         assert tuple(panel.name for panel in surface(size, RenderOptions())) == names

@@ -1,4 +1,4 @@
-"""Pictures and dots land in the cells where they belong."""
+"""Images and dots are drawn in the correct cells."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from s2rtui.canvas.raster import (
 )
 
 
-def test_resample_is_the_mean_of_what_a_pixel_covers() -> None:
+def test_downsampling_averages_the_covered_pixels() -> None:
     image = np.arange(16, dtype=np.float32).reshape(4, 4)
     assert resample(image, 2, 2).tolist() == [[2.5, 4.5], [10.5, 12.5]]
     assert resample(image, 1, 1)[0, 0] == pytest.approx(7.5)
 
 
-def test_resample_leaves_holes_out() -> None:
+def test_downsampling_ignores_missing_values() -> None:
     image = np.array([[1.0, np.nan], [3.0, np.nan]])
     small = resample(image, 1, 2)
     assert small[0, 0] == 2.0
     assert np.isnan(small[0, 1])
 
 
-def test_resample_enlarges_by_the_nearest() -> None:
+def test_upsampling_uses_the_nearest_pixel() -> None:
     assert resample(np.array([[1, 2]]), 2, 4).tolist() == [[1, 1, 2, 2]] * 2
 
 
-def test_half_blocks_pair_rows_and_clip() -> None:
+def test_half_blocks_combine_two_rows_and_are_clipped() -> None:
     pixels = np.arange(4 * 3 * 3, dtype=np.uint8).reshape(4, 3, 3)
     canvas = Canvas(3, 3)
     draw_half_blocks(canvas, -1, 2, pixels)
@@ -42,7 +42,7 @@ def test_half_blocks_pair_rows_and_clip() -> None:
     assert canvas.bg[2, 0].tolist() == pixels[1, 1].tolist()
 
 
-def test_braille_dots_have_their_unicode_places() -> None:
+def test_braille_dots_map_to_unicode_bits() -> None:
     dots = np.zeros((4, 4), dtype=np.bool_)
     dots[0, 0] = dots[3, 1] = dots[3, 2] = True
     assert braille_bits(dots).tolist() == [[0x81, 0x40]]
@@ -51,12 +51,12 @@ def test_braille_dots_have_their_unicode_places() -> None:
     assert canvas.lines() == ["⢁⡀"]
 
 
-def test_dots_outside_are_dropped() -> None:
+def test_dots_outside_the_grid_are_dropped() -> None:
     dots = dot_grid(np.array([-0.1, 0.6, 9.0]), np.array([0.0, 0.9, 0.0]), 2, 1)
     assert np.argwhere(dots).tolist() == [[3, 1]]
 
 
-def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
+def test_a_dot_on_an_image_keeps_the_mean_colour_as_background() -> None:
     canvas = Canvas(1, 1)
     draw_half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
     draw_braille(canvas, np.ones((4, 2), dtype=np.bool_), canvas.theme.text)
@@ -67,7 +67,7 @@ def test_a_dot_on_a_picture_keeps_its_mean_as_ground() -> None:
 @pytest.mark.parametrize(
     "options", [RenderOptions(ascii=True), RenderOptions(mode=ColourMode.NONE)]
 )
-def test_without_half_blocks_brightness_becomes_density(options: RenderOptions) -> None:
+def test_brightness_is_drawn_as_density_without_half_blocks(options: RenderOptions) -> None:
     pixels = np.zeros((2, 3, 3), dtype=np.uint8)
     pixels[:, 1], pixels[:, 2] = 128, 255
     canvas = Canvas(3, 1, options)

@@ -1,4 +1,4 @@
-"""The painter: cells to pixels, exact and repeatable."""
+"""The rasterizer converts cells to pixels deterministically."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def pixels(text: str, style: Style = RED) -> np.ndarray:
     return np.asarray(rasterize([[Segment(text, style)]]))
 
 
-def test_a_cell_is_ten_by_twenty() -> None:
+def test_a_cell_is_10_by_20_pixels() -> None:
     assert pixels("ab").shape == (20, 20, 3)
 
 
-def test_half_block_splits_the_cell_in_the_middle() -> None:
+def test_a_half_block_fills_half_of_the_cell() -> None:
     cell = pixels("▀")
     assert (cell[:10] == (255, 0, 0)).all()
     assert (cell[10:] == (0, 0, 255)).all()
 
 
-def test_box_lines_join_across_cells() -> None:
+def test_box_lines_are_continuous_across_cells() -> None:
     rows = [[Segment("┌─┐", RED)], [Segment("│ │", RED)], [Segment("└─┘", RED)]]
     ink = np.asarray(rasterize(rows))[..., 0] == 255
     middle = np.flatnonzero(ink[:, 15])
@@ -51,11 +51,11 @@ def test_every_geometric_character_has_ink_within_its_cell(code: int) -> None:
     assert mask.max() <= 1
 
 
-def test_mirrored_blocks_mirror() -> None:
+def test_mirrored_blocks_have_mirrored_pixels() -> None:
     def mask(char: str) -> np.ndarray:
-        found = glyph_mask(char, 20, 10)
-        assert found is not None
-        return found
+        pixels_of_glyph = glyph_mask(char, 20, 10)
+        assert pixels_of_glyph is not None
+        return pixels_of_glyph
 
     assert (mask("▌")[:, ::-1] == mask("▐")).all()
     assert (mask("▀")[::-1] == mask("▄")).all()
@@ -63,7 +63,7 @@ def test_mirrored_blocks_mirror() -> None:
     assert mask("█").all()
 
 
-def test_letters_have_ink_and_bold_has_more() -> None:
+def test_bold_letters_have_more_ink() -> None:
     plain = (pixels("m") != (0, 0, 255)).any(axis=-1).sum()
     bold = (pixels("m", RED + Style(bold=True)) != (0, 0, 255)).any(axis=-1).sum()
     assert 20 < plain < bold < 200
@@ -73,14 +73,14 @@ def test_wide_characters_fill_two_cells() -> None:
     assert pixels("界").shape == (20, 20, 3)
 
 
-def test_styles_without_colours_take_the_themes() -> None:
+def test_missing_colours_are_those_of_the_theme() -> None:
     cell = np.asarray(rasterize([[Segment(" ", None)]]))
     assert (cell == DARK.background).all()
-    turned = np.asarray(rasterize([[Segment(" ", Style(reverse=True))]]))
-    assert (turned == DARK.text).all()
+    reversed_cell = np.asarray(rasterize([[Segment(" ", Style(reverse=True))]]))
+    assert (reversed_cell == DARK.text).all()
 
 
-def test_canvas_paints_the_same_from_every_run() -> None:
+def test_rasterized_images_are_deterministic() -> None:
     canvas = Canvas(30, 4)
     canvas.text(2, 1, "sim ◆ real ◇", DARK.sim, bold=True)
     first, second = (rasterize_png(to_strips(canvas, ColourMode.TRUECOLOR)) for _ in range(2))

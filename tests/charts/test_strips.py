@@ -1,4 +1,4 @@
-"""Strips say what the canvas says, in few runs and few bytes."""
+"""Strips contain the text of the canvas in few segments and bytes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def noise(width: int = 30, height: int = 5) -> Canvas:
 
 
 @pytest.mark.parametrize("mode", list(ColourMode))
-def test_every_strip_fills_the_width_with_the_same_text(mode: ColourMode) -> None:
+def test_strips_fill_the_width_with_the_canvas_text(mode: ColourMode) -> None:
     canvas = Canvas(12, 2)
     canvas.text(1, 0, "ab 界c", DARK.sim)
     strips = to_strips(canvas, mode)
@@ -37,20 +37,20 @@ def test_every_strip_fills_the_width_with_the_same_text(mode: ColourMode) -> Non
     assert [strip.text for strip in strips] == canvas.lines()
 
 
-def test_no_colour_code_at_all_without_colours() -> None:
-    drawn = "".join(codes(strip) for strip in to_strips(noise(), ColourMode.NONE))
-    assert not re.search(r"\x1b\[[\d;]*[34]8;", drawn)
-    assert not re.search(r"[34][0-7]m", drawn)
+def test_no_colour_codes_are_written_without_colours() -> None:
+    output = "".join(codes(strip) for strip in to_strips(noise(), ColourMode.NONE))
+    assert not re.search(r"\x1b\[[\d;]*[34]8;", output)
+    assert not re.search(r"[34][0-7]m", output)
 
 
-def test_equal_cells_share_a_run_and_text_does_not_break_at_blanks() -> None:
+def test_equal_cells_share_a_segment() -> None:
     canvas = Canvas(20, 1)
     canvas.text(0, 0, "one two three", DARK.sim)
     (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
     assert len(strip._segments) == 1
 
 
-def test_half_blocks_of_one_colour_become_blanks() -> None:
+def test_single_colour_half_blocks_become_spaces() -> None:
     canvas = Canvas(3, 1)
     canvas.char[:] = "▀"
     canvas.fg[:] = canvas.bg[:] = 99
@@ -58,7 +58,7 @@ def test_half_blocks_of_one_colour_become_blanks() -> None:
     assert canvas.lines() == ["▀▀▀"]
 
 
-def test_the_ground_is_exact_in_truecolor_and_the_default_in_16() -> None:
+def test_the_background_is_exact_in_truecolor_and_default_in_16_colours() -> None:
     canvas = Canvas(2, 1)
     red, green, blue = DARK.background
     assert f"48;2;{red};{green};{blue}" in codes(to_strips(canvas, ColourMode.TRUECOLOR)[0])
@@ -67,8 +67,10 @@ def test_the_ground_is_exact_in_truecolor_and_the_default_in_16() -> None:
 
 @pytest.mark.parametrize("mode", [ColourMode.TRUECOLOR, ColourMode.PALETTE, ColourMode.ANSI])
 @pytest.mark.parametrize("cut", [(0, 30), (0, 7), (4, 19), (29, 30)])
-def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode, cut: tuple[int, int]) -> None:
-    """A terminal that is given either ends with the same cells."""
+def test_delta_codes_give_the_same_cells_as_full_codes(
+    mode: ColourMode, cut: tuple[int, int]
+) -> None:
+    """A terminal shows the same cells for both."""
     pyte = pytest.importorskip("pyte")
     canvas = noise()
     console = Console(color_system="256" if mode is ColourMode.PALETTE else "truecolor")
@@ -77,9 +79,9 @@ def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode, cut: tuple[int,
         screen = pyte.Screen(canvas.width, canvas.height)
         stream = pyte.Stream(screen)
         for row, strip in enumerate(to_strips(canvas, mode)):
-            drawn = (Strip(strip._segments) if plain else strip).crop(*cut)
-            assert drawn.cell_length == cut[1] - cut[0]
-            stream.feed(f"\x1b[{row + 1};1H{drawn.render(console)}")
+            cropped = (Strip(strip._segments) if plain else strip).crop(*cut)
+            assert cropped.cell_length == cut[1] - cut[0]
+            stream.feed(f"\x1b[{row + 1};1H{cropped.render(console)}")
         screens.append(
             [
                 [
@@ -93,7 +95,7 @@ def test_delta_codes_draw_what_full_codes_draw(mode: ColourMode, cut: tuple[int,
     assert screens[0] == screens[1]
 
 
-def test_a_cut_through_a_wide_character_leaves_a_blank() -> None:
+def test_cropping_a_wide_character_leaves_a_space() -> None:
     canvas = Canvas(6, 1)
     canvas.text(0, 0, "a界b界", DARK.sim)
     (strip,) = to_strips(canvas, ColourMode.TRUECOLOR)
@@ -112,7 +114,7 @@ def test_delta_codes_are_shorter() -> None:
     assert sum(len(codes(strip)) for strip in strips) < 0.8 * plain
 
 
-def test_tolerance_joins_near_neighbours_of_pictures_only() -> None:
+def test_only_similar_image_colours_are_merged() -> None:
     canvas = Canvas(4, 1)
     canvas.char[0] = list("▀▀▀a")
     canvas.fg[0, :, 0] = (100, 106, 150, 151)
@@ -122,12 +124,12 @@ def test_tolerance_joins_near_neighbours_of_pictures_only() -> None:
     assert canvas.fg[0, :, 0].tolist() == [100, 100, 150, 151]
 
 
-def test_ascii_strips_hold_no_other_character() -> None:
+def test_ascii_strips_contain_only_ascii() -> None:
     text = "".join(strip.text for strip in to_strips(noise(), ColourMode.PALETTE, ascii=True))
     assert text.isascii()
 
 
-def test_a_picture_keeps_its_edge_against_the_ground() -> None:
+def test_merging_keeps_the_edge_between_image_and_background() -> None:
     canvas = Canvas(12, 1)
     red, green, blue = canvas.theme.background
     pixels = np.zeros((2, 12, 3), dtype=np.uint8)

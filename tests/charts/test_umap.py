@@ -1,4 +1,4 @@
-"""The UMAP panels: one frame, the mean of a cell, and everybody counted."""
+"""The UMAP view: common frame, mean colour of a cell, and counts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ values = arrays.arrays(np.float64, COUNT, elements=st.floats(-1, 5) | st.just(np
 
 
 @given(points, points, values, masks, masks)
-def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, valid) -> None:
+def test_cells_show_the_mean_of_selected_instances(sim, real, values, selected, valid) -> None:
     view = umap_input(
         sim=sim,
         real=real,
@@ -39,32 +39,32 @@ def test_cells_show_the_mean_of_their_selected(sim, real, values, selected, vali
     model = umap_model(view, frame)
     for side, layer in ((sim, model.sim), (real, model.real)):
         cells: dict[tuple[int, int], list[float]] = {}
-        held = np.zeros((5, 9), dtype=np.bool_)
+        occupied = np.zeros((5, 9), dtype=np.bool_)
         for iid in range(COUNT):
             if not valid[iid] or not np.isfinite(side[iid]).all():
                 continue
             column, row = (math.floor(part) for part in frame.to_cells(side[iid : iid + 1])[0])
-            held[row, column] = True
+            occupied[row, column] = True
             if selected[iid]:
                 cells.setdefault((row, column), []).append(values[iid])
-        for (row, column), own in cells.items():
-            known = np.clip([value for value in own if np.isfinite(value)], 0.0, 4.0)
-            place = layer.level[row, column]
+        for (row, column), cell_values in cells.items():
+            known = np.clip([value for value in cell_values if np.isfinite(value)], 0.0, 4.0)
+            level = layer.level[row, column]
             if known.size:
-                assert abs((place - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
+                assert abs((level - 0.5) / LEVELS - known.mean() / 4.0) <= 1.001 / LEVELS
             else:
-                assert place == 0
+                assert level == 0
         highlighted = np.zeros((5, 9), dtype=np.bool_)
         for cell in cells:
             highlighted[cell] = True
         np.testing.assert_array_equal(layer.level >= 0, highlighted)
         grey = layer.grey.reshape(5, 4, 9, 2).any(axis=(1, 3))
-        np.testing.assert_array_equal(grey, held & ~highlighted)
+        np.testing.assert_array_equal(grey, occupied & ~highlighted)
         placed = valid & np.isfinite(side).all(axis=1)
         assert (layer.selected, layer.total) == ((placed & selected).sum(), placed.sum())
 
 
-def test_a_cell_of_several_shows_their_mean_level() -> None:
+def test_a_cell_shows_the_mean_level_of_its_points() -> None:
     ones = np.ones(N, dtype=np.bool_)
     same = np.ones((N, 2))
     values = np.where(np.arange(N) < 15, 4.0, 0.0)
@@ -76,33 +76,33 @@ def test_a_cell_of_several_shows_their_mean_level() -> None:
     assert level[level >= 0].tolist() == [math.floor(share) + 1]
 
 
-def test_values_default_to_the_distance_between_the_two_points() -> None:
+def test_default_values_are_the_sim_to_real_distances() -> None:
     view = umap_input()
-    apart = np.hypot(*(view.sim - view.real).T)
-    given_values = umap_input(values=apart)
+    distances = np.hypot(*(view.sim - view.real).T)
+    given_values = umap_input(values=distances)
     for size in (SIZE, (50, 10)):
         np.testing.assert_array_equal(draw_umap(view, size).fg, draw_umap(given_values, size).fg)
     low, high = umap_model(view, umap_frame(view, 10, 10)).value_range
-    known = apart[np.isfinite(apart)]
+    known = distances[np.isfinite(distances)]
     assert (low, high) == pytest.approx(tuple(np.percentile(known, [1, 99])))
 
 
-def test_both_panels_have_the_same_scale_and_v_points_up() -> None:
+def test_both_panels_have_the_same_scale_with_v_upwards() -> None:
     for size in (SIZE, (20, 60)):
         sim, real = umap_panels(umap_input(), size)
         assert (sim.width, sim.height) == (real.width, real.height)
-        ends = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
-        assert ends[0] == pytest.approx(ends[1])
+        corners = [panel.to_data(panel.x, panel.y) for panel in (sim, real)]
+        assert corners[0] == pytest.approx(corners[1])
         assert sim.to_cells(0, 5)[1] < sim.to_cells(0, 0)[1]
 
 
-def test_panels_are_stacked_where_the_view_is_higher_than_wide() -> None:
+def test_panels_are_stacked_in_a_tall_view() -> None:
     wide, high = (umap_layout(umap_input(), size).corners for size in ((60, 14), (20, 40)))
     assert wide[0][1] == wide[1][1]
     assert high[0][0] == high[1][0]
 
 
-def test_every_point_is_in_the_frame() -> None:
+def test_the_frame_contains_every_point() -> None:
     view = umap_input()
     model = umap_model(view, umap_frame(view, 12, 6))
     assert model.sim.total == N - 1
@@ -110,7 +110,7 @@ def test_every_point_is_in_the_frame() -> None:
 
 
 @pytest.mark.parametrize("theme", [DARK, LIGHT])
-def test_one_selected_point_has_the_colour_of_its_value(theme) -> None:
+def test_a_selected_point_has_the_colour_of_its_value(theme) -> None:
     selected = np.arange(N) == 20
     values = np.full(N, 3.3)
     view = umap_input(selected=selected, values=values, value_range=(0.0, 4.0), cursor=None)
@@ -123,7 +123,7 @@ def test_one_selected_point_has_the_colour_of_its_value(theme) -> None:
     np.testing.assert_array_equal(canvas.fg[row, column], expected)
 
 
-def test_digits_stand_for_colours_where_those_lack() -> None:
+def test_digits_replace_colours() -> None:
     selected = np.isin(np.arange(N), [20, 45, 50])
     values = np.zeros(N)
     values[45], values[50] = 4.0, np.nan
@@ -143,11 +143,11 @@ def test_the_cursor_is_marked_in_both_panels() -> None:
         column, row = (int(part) for part in panel.to_cells(*side[17]))
         assert canvas.char[row, column] == "◉"
     assert "".join(canvas.lines()).count("◉") == 2
-    without = "".join(draw_umap(umap_input(cursor=3), SIZE).lines())
-    assert "◉" not in without
+    screen = "".join(draw_umap(umap_input(cursor=3), SIZE).lines())
+    assert "◉" not in screen
 
 
-def test_counts_and_scale_are_written() -> None:
+def test_the_header_shows_counts_and_scale() -> None:
     header = draw_umap(umap_input(), (90, 14)).lines()[0]
     assert f"sim  20 of {N - 1}" in header
     assert "distance" in header
@@ -155,9 +155,9 @@ def test_counts_and_scale_are_written() -> None:
     assert "real" in narrow
 
 
-def test_no_coordinates_are_said() -> None:
-    none = np.full((N, 2), np.nan)
-    assert "no coordinates" in draw_umap(umap_input(sim=none, real=none), SIZE).lines()[0]
+def test_missing_coordinates_show_a_message() -> None:
+    no_points = np.full((N, 2), np.nan)
+    assert "no coordinates" in draw_umap(umap_input(sim=no_points, real=no_points), SIZE).lines()[0]
 
 
 def test_a_pending_box_is_drawn_on_its_panel() -> None:
@@ -172,7 +172,7 @@ def test_a_pending_box_is_drawn_on_its_panel() -> None:
     assert not (left == "+").any()
 
 
-def test_large_ticks_name_the_coordinates() -> None:
+def test_large_views_label_the_coordinates() -> None:
     view = umap_input()
     lines = draw_umap(view, (120, 40)).lines()
     sim, _ = umap_panels(view, (120, 40))

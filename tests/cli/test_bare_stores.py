@@ -1,4 +1,4 @@
-"""Stores that hold only an index, and paths that are no stores."""
+"""Stores without frames, and paths that are not stores."""
 
 from __future__ import annotations
 
@@ -17,58 +17,58 @@ from s2rtui.export.report import worst_instances
 
 
 @pytest.fixture
-def bare(own_store: Path) -> Path:
-    """A store whose frames were never copied."""
-    shutil.rmtree(own_store / "frames.zarr")
-    return own_store
+def store_without_frames(store_copy: Path) -> Path:
+    """A store whose frames were deleted."""
+    shutil.rmtree(store_copy / "frames.zarr")
+    return store_copy
 
 
-def test_an_instance_without_frames_is_shown_in_numbers(
-    bare: Path, capsys: pytest.CaptureFixture[str]
+def test_an_instance_without_frames_shows_its_numbers(
+    store_without_frames: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["show", str(bare), "instance", "--iid", "5", "--json"]) == 0
+    assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
-    with s2rstore.open(bare) as store:
+    with s2rstore.open(store_without_frames) as store:
         assert rows["truth"]["x"] == pytest.approx(float(store.instances.x[5]))
         assert rows["real"]["error"] == pytest.approx(
             float(store.run_columns("vanilla").real.error[5])
         )
     assert rows["real frames"]["note"] == "none of real in this store"
-    assert main(["show", str(bare), "instance", "--iid", "5", "--words"]) == 0
+    assert main(["show", str(store_without_frames), "instance", "--iid", "5", "--words"]) == 0
     assert "Instance 5" in capsys.readouterr().out
 
 
-def test_a_picture_that_cannot_be_drawn_is_refused(
-    bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_image_of_missing_frames_is_rejected(
+    store_without_frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "x.png"
-    assert main(["export", str(bare), "--view", "instance", "--out", str(out)]) == 2
+    assert main(["export", str(store_without_frames), "--view", "instance", "--out", str(out)]) == 2
     assert "no frames" in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_an_example_without_frames_stands_in_a_report(bare: Path) -> None:
-    with s2rstore.open(bare) as store:
-        made = worst_instances._images(instance_input(store, "vanilla", 5, None))
-    assert made == []
+def test_a_report_example_without_frames_has_no_images(store_without_frames: Path) -> None:
+    with s2rstore.open(store_without_frames) as store:
+        images = worst_instances._images(instance_input(store, "vanilla", 5, None))
+    assert images == []
 
 
 @pytest.mark.parametrize("size", [(40, 12), (80, 24), (120, 40), (200, 60)])
-@pytest.mark.parametrize("gone", ["both", "sim", "real"])
-def test_the_application_shows_what_there_is(
-    own_store: Path, size: tuple[int, int], gone: str
+@pytest.mark.parametrize("missing", ["both", "sim", "real"])
+def test_the_application_starts_without_frames(
+    store_copy: Path, size: tuple[int, int], missing: str
 ) -> None:
     for domain in ("sim", "real"):
-        if gone in (domain, "both"):
-            shutil.rmtree(own_store / "frames.zarr" / domain)
-    text = snapshot(own_store, size, ["3"], RenderOptions()).text
+        if missing in (domain, "both"):
+            shutil.rmtree(store_copy / "frames.zarr" / domain)
+    text = snapshot(store_copy, size, ["3"], RenderOptions()).text
     assert "no such array" not in text
     if size[1] >= 24:
         assert "ranks" in text
 
 
 @pytest.mark.parametrize("command", [["tui"], [], ["show"], ["runs"]])
-def test_a_plain_file_is_no_store(
+def test_a_plain_file_is_rejected_as_a_store(
     tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
@@ -76,6 +76,6 @@ def test_a_plain_file_is_no_store(
     path = tmp_path / "notes.txt"
     path.write_text("nothing")
     assert main([*command, str(path), *(["map"] if command == ["show"] else [])]) == 2
-    told = capsys.readouterr().err
-    assert f"{path}: not a store (a file, no folder)" in told
-    assert len(told.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert f"{path}: not a store (a file, no folder)" in error
+    assert len(error.splitlines()) == 1

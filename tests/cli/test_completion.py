@@ -1,4 +1,4 @@
-"""Completion scripts, run in the shells that are installed."""
+"""Shell completion scripts, executed in the installed shells."""
 
 from __future__ import annotations
 
@@ -37,45 +37,48 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return paths
 
 
-def _required(shell: str) -> str:
+def _require(shell: str) -> str:
     path = shutil.which(shell)
     if path is None:
         pytest.skip(f"{shell} is not installed")
     return path
 
 
-def _bash(scripts: dict[str, Path], folder: Path, *words: str) -> set[str]:
-    done = subprocess.run(
-        [_required("bash"), "--norc", "-c", _BASH, "bash", str(scripts["bash"]), "s2r", *words],
+def _complete(scripts: dict[str, Path], folder: Path, *words: str) -> set[str]:
+    process = subprocess.run(
+        [_require("bash"), "--norc", "-c", _BASH, "bash", str(scripts["bash"]), "s2r", *words],
         cwd=folder, capture_output=True, text=True, timeout=60, check=True,
     )  # fmt: skip
-    assert done.stderr == ""
-    return {line.strip() for line in done.stdout.splitlines()}
+    assert process.stderr == ""
+    return {line.strip() for line in process.stdout.splitlines()}
 
 
 def test_bash_completes_commands_options_choices_and_files(
     scripts: dict[str, Path], tmp_path: Path
 ) -> None:
     (tmp_path / "lab.s2r").mkdir()
-    assert set(COMMANDS) <= _bash(scripts, tmp_path, "")
-    assert _bash(scripts, tmp_path, "pre") == {"precompute"}
-    assert {"--reference", "--golden", "--help"} <= _bash(scripts, tmp_path, "gap", "--")
-    assert _bash(scripts, tmp_path, "export", "lab.s2r", "--side", "") == {"sim", "real"}
-    assert "add" in _bash(scripts, tmp_path, "model", "")
-    assert "--arch" in _bash(scripts, tmp_path, "model", "add", "--a")
+    assert set(COMMANDS) <= _complete(scripts, tmp_path, "")
+    assert _complete(scripts, tmp_path, "pre") == {"precompute"}
+    assert {"--reference", "--golden", "--help"} <= _complete(scripts, tmp_path, "gap", "--")
+    assert _complete(scripts, tmp_path, "export", "lab.s2r", "--side", "") == {
+        "sim",
+        "real",
+    }
+    assert "add" in _complete(scripts, tmp_path, "model", "")
+    assert "--arch" in _complete(scripts, tmp_path, "model", "add", "--a")
     for command in ("gap", "query", "tui"):
-        assert _bash(scripts, tmp_path, command, "la") == {"lab.s2r"}
-    assert _bash(scripts, tmp_path, "gap", "lab.s2r", "--out", "la") == {"lab.s2r"}
+        assert _complete(scripts, tmp_path, command, "la") == {"lab.s2r"}
+    assert _complete(scripts, tmp_path, "gap", "lab.s2r", "--out", "la") == {"lab.s2r"}
 
 
-def test_zsh_reads_the_script(scripts: dict[str, Path]) -> None:
+def test_zsh_parses_the_script(scripts: dict[str, Path]) -> None:
     assert scripts["zsh"].read_text().startswith("#compdef s2r")
-    done = subprocess.run([_required("zsh"), "-n", str(scripts["zsh"])], capture_output=True,
+    process = subprocess.run([_require("zsh"), "-n", str(scripts["zsh"])], capture_output=True,
                           text=True, timeout=60, check=False)  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
 
 
-def test_the_script_for_fish_names_every_command(scripts: dict[str, Path]) -> None:
+def test_the_fish_script_contains_every_command(scripts: dict[str, Path]) -> None:
     text = scripts["fish"].read_text()
     for command in COMMANDS:
         assert f" -a {command} -d " in text
@@ -87,16 +90,16 @@ def test_the_script_for_fish_names_every_command(scripts: dict[str, Path]) -> No
 def test_fish_completes_commands_options_choices_and_files(
     scripts: dict[str, Path], tmp_path: Path
 ) -> None:
-    fish = _required("fish")
+    fish = _require("fish")
     (tmp_path / "lab.s2r").mkdir()
 
-    def completed(line: str) -> set[str]:
+    def complete(line: str) -> set[str]:
         code = f"source {scripts['fish']}; complete -C '{line}'"
-        done = subprocess.run([fish, "--no-config", "-c", code], cwd=tmp_path, text=True,
+        process = subprocess.run([fish, "--no-config", "-c", code], cwd=tmp_path, text=True,
                               capture_output=True, timeout=60, check=True)  # fmt: skip
-        return {row.split("\t")[0] for row in done.stdout.splitlines()}
+        return {row.split("\t")[0] for row in process.stdout.splitlines()}
 
-    assert set(COMMANDS) <= completed("s2r ")
-    assert {"--reference", "--golden"} <= completed("s2r gap --")
-    assert completed("s2r export lab.s2r --side ") == {"sim", "real"}
-    assert completed("s2r gap la") == {"lab.s2r/"}
+    assert set(COMMANDS) <= complete("s2r ")
+    assert {"--reference", "--golden"} <= complete("s2r gap --")
+    assert complete("s2r export lab.s2r --side ") == {"sim", "real"}
+    assert complete("s2r gap la") == {"lab.s2r/"}

@@ -1,4 +1,4 @@
-"""The demo: from nothing to findings, and from where it was cut off."""
+"""The demo command: full run, resumption after an interruption, and damaged recipes and scores."""
 
 from __future__ import annotations
 
@@ -17,50 +17,54 @@ from s2rtui.cli import main
 from s2rtui.cli.commands import demo
 
 pytestmark = pytest.mark.xdist_group("world")
-WORDS = ["demo", "--no-open", "--instances", "4", "--out"]
+DEMO_ARGUMENTS = ["demo", "--no-open", "--instances", "4", "--out"]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A demo that was cut off after its models were registered, and taken up again."""
+def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A demo that was interrupted after registering its models and then resumed."""
     out = tmp_path_factory.mktemp("demo")
-    words = ["ingest", "world", "--instances", "4", "--store", str(out / "world.s2r")]
-    assert main(words) == 0
+    arguments = ["ingest", "world", "--instances", "4", "--store", str(out / "world.s2r")]
+    assert main(arguments) == 0
     pretrained.add_pretrained_models(out / "world.s2r")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(factor_effects, "MAX_VIEWS", factor_effects.MIN_VIEWS)
-        assert main([*WORDS, str(out)]) == 0
+        assert main([*DEMO_ARGUMENTS, str(out)]) == 0
     return out
 
 
-def test_the_demo_ends_with_findings_and_pictures(made: Path, capsys) -> None:
-    assert main([*WORDS, str(made)]) == 0
-    said = capsys.readouterr()
-    for told in ("4 runs", "best in reality: finetune", "costliest factor of vanilla",
+def test_the_demo_prints_findings_and_writes_images(demo_folder: Path, capsys) -> None:
+    assert main([*DEMO_ARGUMENTS, str(demo_folder)]) == 0
+    output = capsys.readouterr()
+    for expected in ("4 runs", "best in reality: finetune", "costliest factor of vanilla",
                  "best heatmap of vanilla: harmonised"):  # fmt: skip
-        assert told in said.out
-    assert "s2r precompute" not in said.err
+        assert expected in output.out
+    assert "s2r precompute" not in output.err
     for name in ("overview", "geomap", "instance", "screen"):
-        assert (made / f"{name}.png").stat().st_size > 10_000
+        assert (demo_folder / f"{name}.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("words", [["--seed", "2"], ["--factors", "none"], ["--instances", "5"]])
-def test_another_world_needs_another_folder(made: Path, words: list[str], capsys) -> None:
-    assert main(["demo", "--no-open", *words, "--out", str(made)]) == 2
-    assert words[0] in capsys.readouterr().err
+@pytest.mark.parametrize(
+    "arguments", [["--seed", "2"], ["--factors", "none"], ["--instances", "5"]]
+)
+def test_different_world_options_need_another_folder(
+    demo_folder: Path, arguments: list[str], capsys
+) -> None:
+    assert main(["demo", "--no-open", *arguments, "--out", str(demo_folder)]) == 2
+    assert arguments[0] in capsys.readouterr().err
 
 
-def test_the_demo_knows_every_factor() -> None:
+def test_the_demo_lists_every_factor() -> None:
     assert tuple(FACTORS) == demo._FACTORS
 
 
 @pytest.mark.parametrize("recipe", ["[]", "{", "null", '{"seed": "x"}', '{"moon": 1}',
                                     '{"frame": 64}', '{"factors": {"lights": 9}}'])  # fmt: skip
-def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str) -> None:
+def test_a_damaged_recipe_is_reported(tiny_store: Path, tmp_path: Path, recipe: str) -> None:
     from s2rstore.errors import RequestError
-    from tests.support.copies import copied
+    from tests.support.copies import copy_store
 
-    path = copied(tiny_store, tmp_path / "x.s2r")
+    path = copy_store(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.set_provenance("world", {"recipe": recipe})
     with (
@@ -71,13 +75,13 @@ def test_a_damaged_recipe_is_told(tiny_store: Path, tmp_path: Path, recipe: str)
 
 
 @pytest.mark.parametrize("report", ["{", "[]", "null", json.dumps({"runs": {}, "factors": 3})])
-def test_a_damaged_score_does_not_stop_the_findings(
+def test_a_damaged_score_does_not_prevent_the_summary(
     tiny_store: Path, tmp_path: Path, report: str
 ) -> None:
     from s2rstore.metrics import store_summary
-    from tests.support.copies import copied
+    from tests.support.copies import copy_store
 
-    path = copied(tiny_store, tmp_path / "x.s2r")
+    path = copy_store(tiny_store, tmp_path / "x.s2r")
     with edit(path) as draft:
         draft.set_provenance("score", {"report": report})
     with s2rstore.open(path) as store:

@@ -1,4 +1,4 @@
-"""Help texts: an example per command that parses, named groups, colours only on a terminal."""
+"""Help texts: valid examples, named argument groups, and colours only on a terminal."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def test_the_example_of_a_command_is_parsed(
     command: str, parsers: dict[tuple[str, ...], argparse.ArgumentParser]
 ) -> None:
     lines = (parsers[(command,)].epilog or "").splitlines()
-    words = shlex.split(lines[1].partition(" > ")[0])
-    assert words[:2] == ["s2r", command]
-    assert parsers[()].parse_args(words[1:]).command == command
+    arguments = shlex.split(lines[1].partition(" > ")[0])
+    assert arguments[:2] == ["s2r", command]
+    assert parsers[()].parse_args(arguments[1:]).command == command
 
 
 def test_every_argument_is_explained(
@@ -40,7 +40,7 @@ def test_every_argument_is_explained(
 
 
 @pytest.mark.parametrize("command", ["", "gap", "ingest"])
-def test_help_in_a_pipe_is_plain(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_piped_help_has_no_colours(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main([*command.split(), "--help"])
     text = capsys.readouterr().out
@@ -48,10 +48,10 @@ def test_help_in_a_pipe_is_plain(command: str, capsys: pytest.CaptureFixture[str
     assert "usage: s2r" in text
 
 
-def _printed(*words: str, **environment: str) -> str:
+def _output_on_a_terminal(*arguments: str, **environment: str) -> str:
     primary, secondary = os.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "s2rtui", *words], stdin=secondary, stdout=secondary,
+        [sys.executable, "-P", "-m", "s2rtui", *arguments], stdin=secondary, stdout=secondary,
         env={**{k: v for k, v in os.environ.items() if k != "NO_COLOR"},
              "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TERM": "xterm-256color",
              **environment},
@@ -69,17 +69,20 @@ def _printed(*words: str, **environment: str) -> str:
     return b"".join(chunks).decode()
 
 
-def test_help_on_a_terminal_has_colours_unless_they_are_refused() -> None:
-    coloured = _printed("gap", "--help")
+def test_terminal_help_has_colours_unless_disabled() -> None:
+    coloured = _output_on_a_terminal("gap", "--help")
     assert "\x1b[" in coloured
     assert "\\x1b" not in coloured
     assert "--freeze-golden" in coloured
-    for plain in (_printed("gap", "--help", NO_COLOR="1"), _printed("gap", "--help", TERM="dumb")):
+    for plain in (
+        _output_on_a_terminal("gap", "--help", NO_COLOR="1"),
+        _output_on_a_terminal("gap", "--help", TERM="dumb"),
+    ):
         assert "\x1b" not in plain
         assert "--freeze-golden" in plain
 
 
-def test_plain_help_loads_no_libraries() -> None:
+def test_help_imports_no_heavy_library() -> None:
     code = (
         "import sys; from s2rtui.cli import main\n"
         "try: main(['--help'])\n"

@@ -1,4 +1,4 @@
-"""Reports: they stand alone, say the numbers of the store, and are the same every time."""
+"""HTML reports: self-contained, consistent with the store and deterministic."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
 
 WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), dark=False)
-VOID = ("img", "meta", "source", "br", "hr", "input", "link")
+VOID_TAGS = ("img", "meta", "source", "br", "hr", "input", "link")
 
 
 class Page(HTMLParser):
-    """Tags with their attributes, tables as rows of texts, and that all is closed in order."""
+    """Parsed HTML: tags with attributes and tables as rows of texts; checks the nesting of tags."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
+        if tag not in VOID_TAGS:
             self.open.append(tag)
         if tag == "tr":
             self.tables[self._caption].append([])
@@ -61,10 +61,10 @@ class Page(HTMLParser):
         elif data.strip():
             self.texts.append((self.open[-1], data.strip()))
 
-    def named(self, tag: str) -> list[dict[str, str | None]]:
+    def elements(self, tag: str) -> list[dict[str, str | None]]:
         return [attributes for name, attributes in self.tags if name == tag]
 
-    def said(self, tag: str) -> list[str]:
+    def texts_in(self, tag: str) -> list[str]:
         return [text for name, text in self.texts if name == tag]
 
 
@@ -73,153 +73,168 @@ def page(tiny_store: Path) -> Page:
     return Page(render_report(tiny_store, WORST).decode())
 
 
-def test_it_needs_nothing_else(tiny_store: Path) -> None:
+def test_a_report_is_self_contained(tiny_store: Path) -> None:
     text = render_report(tiny_store, WORST).decode()
     page = Page(text)
-    assert not page.named("script")
-    assert not page.named("link")
+    assert not page.elements("script")
+    assert not page.elements("link")
     addresses = [a.get("src") or a.get("href") or a.get("srcset") for _, a in page.tags]
     assert all(a.startswith(("data:image/", "#")) for a in addresses if a)
     assert not re.search(r"url\(|@import|https?://|onload|onclick", text)
     assert "default-src 'none'" in text
 
 
-def test_it_can_be_read_without_pictures(page: Page) -> None:
+def test_a_report_is_accessible_without_images(page: Page) -> None:
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
     assert levels[0] == 1
     assert levels.count(1) == 1
     assert all(after - before <= 1 for before, after in pairwise(levels))
-    images = page.named("img")
+    images = page.elements("img")
     assert len(images) == 2 + 4 + 3 * 4
     assert all(re.search(r"\d", str(image["alt"])) for image in images)
     assert all(image["width"] and image["height"] for image in images)
-    assert all(cell["scope"] in ("row", "col") for cell in page.named("th"))
-    assert page.named("html")[0]["lang"] == "en"
+    assert all(cell["scope"] in ("row", "col") for cell in page.elements("th"))
+    assert page.elements("html")[0]["lang"] == "en"
     anchors = {a["id"] for _, a in page.tags if "id" in a}
-    assert {str(link["href"])[1:] for link in page.named("a")} <= anchors
+    assert {str(link["href"])[1:] for link in page.elements("a")} <= anchors
 
 
-def test_figures_are_those_of_the_store(tiny_store: Path, page: Page) -> None:
+def test_the_numbers_equal_those_of_the_store(tiny_store: Path, page: Page) -> None:
     with s2rstore.open(tiny_store) as store:
-        chosen = evaluation.select(store, "worst15", "dataaug")
-        fresh = chosen & run_metrics.held_out(store, "dataaug")
+        selected = evaluation.select(store, "worst15", "dataaug")
+        held_out_selected = selected & run_metrics.held_out(store, "dataaug")
         columns, truth = store.run_columns("dataaug"), store.instances
-        new = run_metrics.held_out(store, "dataaug")
-        mean = truth.x[new].mean(), truth.y[new].mean()
-        away = np.hypot(truth.x[fresh] - mean[0], truth.y[fresh] - mean[1])
-        chance = pose_metrics.accuracy(away, store.dataset.accuracy_scale).mean()
-        found = page.tables["Run dataaug on the selection"]
-        for row, part in zip(found[1:], (columns.sim, columns.real), strict=True):
-            accuracy = bootstrap.mean_interval(part.accuracy[fresh], truth.trajectory[fresh])
+        held_out = run_metrics.held_out(store, "dataaug")
+        centre = truth.x[held_out].mean(), truth.y[held_out].mean()
+        distances = np.hypot(
+            truth.x[held_out_selected] - centre[0], truth.y[held_out_selected] - centre[1]
+        )
+        chance = pose_metrics.accuracy(distances, store.dataset.accuracy_scale).mean()
+        table = page.tables["Run dataaug on the selection"]
+        for row, part in zip(table[1:], (columns.sim, columns.real), strict=True):
+            accuracy = bootstrap.mean_interval(
+                part.accuracy[held_out_selected], truth.trajectory[held_out_selected]
+            )
             assert row[1].startswith(f"{100 * accuracy.value:.1f} %")
             assert row[2] == f"{100 * chance:.1f} %"
-            assert row[3] == f"{np.median(part.error[fresh]):.2f} m"
-            assert row[5] == f"{part.error[fresh].max():.2f} m"
-            assert row[7] == str(int(fresh.sum()))
-        assert 0 < fresh.sum() < chosen.sum()
-        assert any(f"trained on {int((chosen & ~fresh).sum())}" in t for t in page.said("p"))
-        assert f"{int(chosen.sum())} of 40 instances" in page.said("dd")
-        worst = np.flatnonzero(chosen)[np.argsort(-columns.real.error[chosen])][:3]
-    assert page.said("h5") == [f"Instance {iid}" for iid in worst]
-    assert f"tiny.s2r, generation {_generation(tiny_store)}" in page.said("dd")
-    assert "0" * 16 in page.said("dd")
+            assert row[3] == f"{np.median(part.error[held_out_selected]):.2f} m"
+            assert row[5] == f"{part.error[held_out_selected].max():.2f} m"
+            assert row[7] == str(int(held_out_selected.sum()))
+        assert 0 < held_out_selected.sum() < selected.sum()
+        assert any(
+            f"trained on {int((selected & ~held_out_selected).sum())}" in t
+            for t in page.texts_in("p")
+        )
+        assert f"{int(selected.sum())} of 40 instances" in page.texts_in("dd")
+        worst = np.flatnonzero(selected)[np.argsort(-columns.real.error[selected])][:3]
+    assert page.texts_in("h5") == [f"Instance {iid}" for iid in worst]
+    assert f"tiny.s2r, generation {_generation(tiny_store)}" in page.texts_in("dd")
+    assert "0" * 16 in page.texts_in("dd")
 
 
 def test_all_runs_are_compared_on_the_same_instances(tiny_store: Path, page: Page) -> None:
     with s2rstore.open(tiny_store) as store:
-        chosen = evaluation.select(store, "worst15", "dataaug")
+        selected = evaluation.select(store, "worst15", "dataaug")
         rows = page.tables["The instances that it selects in dataaug, in every run"]
         for row in rows[1:]:
-            real = run_metrics.side_metrics(store, row[0], "real", chosen)
+            real = run_metrics.side_metrics(store, row[0], "real", selected)
             assert row[2].startswith(f"{100 * real.accuracy.value:.1f} %")
             assert row[6] == f"{real.median_error:.2f} m"
     assert [row[0] for row in rows[1:]] == list(tiny.RUNS)
 
 
-def test_the_same_bytes_again_and_a_date_only_where_given(tiny_store: Path) -> None:
+def test_a_report_is_deterministic_and_has_a_date_only_on_request(tiny_store: Path) -> None:
     first = render_report(tiny_store, WORST)
     assert render_report(tiny_store, WORST) == first
     assert not re.search(rb"20\d\d-\d\d", re.sub(rb"base64,[^\"]+", b"", first))
 
 
-def test_dark_figures_follow_dark_screens(tiny_store: Path) -> None:
+def test_dark_figures_are_used_on_dark_screens(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),))
     page = Page(render_report(tiny_store, request).decode())
-    sources = page.named("source")
+    sources = page.elements("source")
     assert len(sources) == 2 + 4
     assert all(
         str(s["media"]).startswith("screen and (prefers-color-scheme: dark)") for s in sources
     )
 
 
-def test_saved_selections_tags_and_notes(tiny_store: Path, tmp_path: Path) -> None:
-    book = Notebook("0" * 64)
-    book.save("bad", SavedSelection("worst(4, real.error)", 1, "dataaug", 9))
-    book.save("gone", SavedSelection("room:cellar", 1, "vanilla", 3))
-    book.save("empty", SavedSelection("real.error < 0", 1, "vanilla", 0))
+def test_a_report_contains_saved_selections_tags_and_notes(
+    tiny_store: Path, tmp_path: Path
+) -> None:
+    notebook = Notebook("0" * 64)
+    notebook.save("bad", SavedSelection("worst(4, real.error)", 1, "dataaug", 9))
+    notebook.save("gone", SavedSelection("room:cellar", 1, "vanilla", 3))
+    notebook.save("empty", SavedSelection("real.error < 0", 1, "vanilla", 0))
     with s2rstore.open(tiny_store) as store:
         iid = int(np.argmax(store.run_columns("dataaug").real.error))
-    book.toggle_tag([iid], "door")
-    book.note(iid, "<script>alert(1)</script> & more")
+    notebook.toggle_tag([iid], "door")
+    notebook.note(iid, "<script>alert(1)</script> & more")
     out = tmp_path / "r.html"
-    words = ["report", str(tiny_store), "--out", str(out), "--light", "--date", "1 March"]
-    assert main([*words, "--title", "A & B <i>"]) == 0
+    arguments = ["report", str(tiny_store), "--out", str(out), "--light", "--date", "1 March"]
+    assert main([*arguments, "--title", "A & B <i>"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h1") == ["A & B <i>"]
-    assert "1 March" in page.said("p")
-    assert page.said("h2") == ["All runs", "@bad", "@empty", "@gone"]
-    assert "9 instances of run dataaug at generation 1" in page.said("dd")
-    assert "4 of 40 instances" in page.said("dd")
-    assert page.said("h3") == ["Run dataaug"]
+    assert page.texts_in("h1") == ["A & B <i>"]
+    assert "1 March" in page.texts_in("p")
+    assert page.texts_in("h2") == ["All runs", "@bad", "@empty", "@gone"]
+    assert "9 instances of run dataaug at generation 1" in page.texts_in("dd")
+    assert "4 of 40 instances" in page.texts_in("dd")
+    assert page.texts_in("h3") == ["Run dataaug"]
     assert page.tables["Tags and notes"][1:] == [
         [str(iid), "door", "<script>alert(1)</script> & more"]
     ]
-    assert page.said("blockquote") == ["<script>alert(1)</script> & more"]
-    assert page.said("li").count("#door") == 1
-    assert not page.named("script")
-    told = [text for text in page.said("p") if "cellar" in text or "No instance" in text]
-    assert len(told) == 2
+    assert page.texts_in("blockquote") == ["<script>alert(1)</script> & more"]
+    assert page.texts_in("li").count("#door") == 1
+    assert not page.elements("script")
+    empty_selection_texts = [
+        text for text in page.texts_in("p") if "cellar" in text or "No instance" in text
+    ]
+    assert len(empty_selection_texts) == 2
 
 
-def test_given_expressions_runs_and_saved_ones(tiny_store: Path, tmp_path: Path) -> None:
+def test_expressions_runs_and_saved_selections_can_be_requested(
+    tiny_store: Path, tmp_path: Path
+) -> None:
     Notebook("0" * 64).save("mine", SavedSelection("ids(1)", 1, "vanilla", 1))
     out = tmp_path / "r.html"
-    words = ["report", str(tiny_store), "--light", "--out", str(out), "--select", "ids(2)"]
-    assert main([*words, "--run", "dataaug", "--run", "vanilla"]) == 0
+    arguments = ["report", str(tiny_store), "--light", "--out", str(out), "--select", "ids(2)"]
+    assert main([*arguments, "--run", "dataaug", "--run", "vanilla"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h3") == ["Run dataaug", "Run vanilla"]
-    assert main([*words, "--saved"]) == 0
+    assert page.texts_in("h3") == ["Run dataaug", "Run vanilla"]
+    assert main([*arguments, "--saved"]) == 0
     page = Page(out.read_text(encoding="utf-8"))
-    assert page.said("h2") == ["All runs", "@mine"]
-    assert page.said("h3") == ["Run vanilla", "Run vanilla"]
+    assert page.texts_in("h2") == ["All runs", "@mine"]
+    assert page.texts_in("h3") == ["Run vanilla", "Run vanilla"]
 
 
-def test_one_run_alone_has_nothing_to_compare(tmp_path: Path) -> None:
+def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
     page = Page(
         render_report(
             path, ReportRequest((RequestedSelection("none"), RequestedSelection("all")), dark=False)
         ).decode()
     )
-    assert len(page.named("img")) == 1 + 4 + 3 * 4
-    assert "No instance is selected." in page.said("p")
+    assert len(page.elements("img")) == 1 + 4 + 3 * 4
+    assert "No instance is selected." in page.texts_in("p")
 
 
-def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:
+def test_a_requested_heatmap_is_drawn_on_the_images(tiny_store: Path) -> None:
     request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", dark=False)
     page = Page(render_report(tiny_store, request).decode())
-    assert any("occlusion rgb" in text for text in page.said("figcaption"))
-    plain = Page(
+    assert any("occlusion rgb" in text for text in page.texts_in("figcaption"))
+    without_heatmap = Page(
         render_report(
             tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)
         ).decode()
     )
-    assert [i["src"] for i in plain.named("img")] != [i["src"] for i in page.named("img")]
-    assert not any("occlusion" in text for text in plain.said("figcaption"))
+    assert [i["src"] for i in without_heatmap.elements("img")] != [
+        i["src"] for i in page.elements("img")
+    ]
+    assert not any("occlusion" in text for text in without_heatmap.texts_in("figcaption"))
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("arguments", "expected"),
     [
         (["--out", "a.html"], "--select"),
         (["--out", "a.pdf", "--select", "all"], ".html"),
@@ -231,25 +246,25 @@ def test_heat_lies_on_the_images_where_asked_for(tiny_store: Path) -> None:
         (["--out", "no/a.html", "--select", "none"], "cannot be written"),
     ],
 )
-def test_a_wrong_request_is_one_line(
-    tiny_store: Path, tmp_path: Path, words: list[str], told: str, capsys, monkeypatch
+def test_an_invalid_request_prints_one_line(
+    tiny_store: Path, tmp_path: Path, arguments: list[str], expected: str, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["report", str(tiny_store), *words]) == 2
-    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2r:")]
-    assert len(said) == 1
-    assert told in said[0]
+    assert main(["report", str(tiny_store), *arguments]) == 2
+    error_lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("s2r:")]
+    assert len(error_lines) == 1
+    assert expected in error_lines[0]
     assert not list(tmp_path.glob("a.*"))
 
 
-def test_an_unknown_name_is_refused_before_anything_is_drawn(tiny_store: Path) -> None:
-    begun: list[str] = []
+def test_an_unknown_name_is_rejected_before_drawing(tiny_store: Path) -> None:
+    started_steps: list[str] = []
     request = ReportRequest(
         (RequestedSelection("all"), RequestedSelection("@nobody")), runs=("dataaug",)
     )
     with pytest.raises(RequestError, match=r"no saved selection 'nobody', nor any other$"):
-        render_report(tiny_store, request, lambda done, total, what: begun.append(what))
-    assert not begun
+        render_report(tiny_store, request, lambda done, total, what: started_steps.append(what))
+    assert not started_steps
 
 
 def _generation(path: Path) -> int:

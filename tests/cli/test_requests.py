@@ -1,4 +1,4 @@
-"""Wrong requests: exit code 2, one line that names what is wrong, nothing half written."""
+"""Invalid requests: exit code 2, a one-line message and no partial output."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from s2rstore.files import atomic_writes
 from s2rtui.cli import main
 from s2rtui.cli.formatting import rows as output
 
-WRONG = [
+INVALID_REQUESTS = [
     ("query STORE 'ids(all)'", "whole numbers"),
     ("query STORE 'ids(1e999)'", "beyond"),
     ("query STORE 'worst(1e30, gap)'", "beyond"),
@@ -57,14 +57,18 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("words", "told"), WRONG, ids=[str(n) for n in range(len(WRONG))])
-def test_a_wrong_request_is_one_line(
-    words: str, told: str, tiny_store: Path, tmp_path: Path, capsys, monkeypatch
+@pytest.mark.parametrize(
+    ("command_line", "expected"),
+    INVALID_REQUESTS,
+    ids=[str(n) for n in range(len(INVALID_REQUESTS))],
+)
+def test_an_invalid_request_prints_one_line(
+    command_line: str, expected: str, tiny_store: Path, tmp_path: Path, capsys, monkeypatch
 ) -> None:
     import shlex
 
     monkeypatch.chdir(tmp_path)
-    arguments = [str(tiny_store) if word == "STORE" else word for word in shlex.split(words)]
+    arguments = [str(tiny_store) if word == "STORE" else word for word in shlex.split(command_line)]
     try:
         code = main(arguments)
     except SystemExit as stop:
@@ -72,27 +76,29 @@ def test_a_wrong_request_is_one_line(
     err = capsys.readouterr().err
     assert code == 2, err
     assert err.count("\n") == 1, err
-    assert told in err
+    assert expected in err
     assert not list(tmp_path.iterdir())
 
 
-def _written(tmp_path: Path, names: list[str], rows: list[tuple[object, ...]]) -> list[tuple]:
+def _write_and_read(
+    tmp_path: Path, names: list[str], rows: list[tuple[object, ...]]
+) -> list[tuple]:
     target = tmp_path / "out.parquet"
     output.write(names, rows, argparse.Namespace(format="parquet", out=target))
     with duckdb.connect() as connection:
         return connection.execute(f"SELECT * FROM '{target}'").fetchall()
 
 
-def test_column_names_are_data_not_statements(tmp_path: Path) -> None:
-    leak = tmp_path / "leak.csv"
-    evil = f"a\" INTEGER); COPY (SELECT 1) TO '{leak}'; CREATE TABLE q (\"b"
-    assert _written(tmp_path, [evil], [(1,)]) == [(1,)]
-    assert not leak.exists()
+def test_column_names_cannot_inject_sql(tmp_path: Path) -> None:
+    injected_file = tmp_path / "leak.csv"
+    name = f"a\" INTEGER); COPY (SELECT 1) TO '{injected_file}'; CREATE TABLE q (\"b"
+    assert _write_and_read(tmp_path, [name], [(1,)]) == [(1,)]
+    assert not injected_file.exists()
 
 
 def test_numbers_keep_their_types_in_parquet(tmp_path: Path) -> None:
     rows = [(1, 2**70, Decimal("1.5"), True, None), (2, 1, 2.5, False, "x")]
-    assert _written(tmp_path, list("abcde"), rows) == [
+    assert _write_and_read(tmp_path, list("abcde"), rows) == [
         (1, float(2**70), 1.5, True, None), (2, 1.0, 2.5, False, "x"),
     ]  # fmt: skip
 
@@ -103,32 +109,32 @@ def test_json_has_numbers_and_null(capsys) -> None:
     assert json.loads(capsys.readouterr().out) == [{"a": 1.5, "b": [None, 1.0], "c": {"k": None}}]
 
 
-def test_a_terminal_is_not_steered_by_data(capsys) -> None:
+def test_tables_contain_no_escape_sequences(capsys) -> None:
     output.write(
         ["room"], [("\x1b]0;title\x07\x1b[2J",)], argparse.Namespace(format="table", out=None)
     )
     assert "\x1b" not in capsys.readouterr().out
 
 
-def test_duplicate_names_are_refused(tmp_path: Path) -> None:
+def test_duplicate_column_names_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match="twice"):
-        _written(tmp_path, ["a", "a"], [(1, 2)])
+        _write_and_read(tmp_path, ["a", "a"], [(1, 2)])
 
 
-def test_a_disk_that_is_full_leaves_the_file_that_was_there(
+def test_a_full_disk_keeps_the_previous_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(descriptor: int) -> None:
+    def fail_with_no_space(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "a.csv").write_text("old")
-    monkeypatch.setattr(atomic_writes.os, "fsync", full)
+    monkeypatch.setattr(atomic_writes.os, "fsync", fail_with_no_space)
     with pytest.raises(RequestError, match=r"a\.csv: cannot be written \(No space left"):
         output.write_file(tmp_path / "a.csv", b"new")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
 
-def test_a_link_leads_to_the_file_that_is_written_and_a_pipe_stays_one(tmp_path: Path) -> None:
+def test_writing_follows_links_and_keeps_pipes(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("old")
     (tmp_path / "link").symlink_to("a.csv")
     output.write_file(tmp_path / "link", b"new")

@@ -1,4 +1,4 @@
-"""Ingest as the tests call it."""
+"""Run an ingest with the options that the tests use."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def ingest(layout: str, path: Path, store: Path, strict: bool = False, **options
 
 
 def kinds(scan: Scan) -> dict[str, int]:
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for issue in scan.issues:
-        found[issue.kind] = found.get(issue.kind, 0) + 1
-    return found
+        counts[issue.kind] = counts.get(issue.kind, 0) + 1
+    return counts

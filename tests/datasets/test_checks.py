@@ -1,4 +1,4 @@
-"""What is wrong with the input is named, left out, and refused with --strict."""
+"""Invalid input is reported and skipped, and rejected with --strict."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from tests.datasets.helpers import ingest, kinds
 from tests.support import pairs
 
 
-def _first(root: Path, domain: str, what: str) -> Path:
-    return sorted((root / "traj1" / domain).glob(f"*_{what}.jpeg"))[0]
+def _first(root: Path, domain: str, image: str) -> Path:
+    return sorted((root / "traj1" / domain).glob(f"*_{image}.jpeg"))[0]
 
 
 def _truncate(root: Path) -> None:
@@ -69,8 +69,8 @@ def _broken_plan(root: Path) -> None:
 
 def _half_size(root: Path) -> None:
     for path in (root / "traj1").rglob("*.jpeg"):
-        picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        cv2.imwrite(str(path), cv2.resize(picture, (32, 24)))
+        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), cv2.resize(image, (32, 24)))
 
 
 def _missing(root: Path) -> None:
@@ -86,9 +86,9 @@ def _nan_pose(root: Path) -> None:
     path = root / "traj1" / "sim" / "match.csv"
     rows = path.read_text().splitlines()
     real, sim = rows[1].split(",")
-    for what in ("rgb", "depth"):
-        old = root / "traj1" / "sim" / sim.replace("_rgb", f"_{what}")
-        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{what}.jpeg"))
+    for image in ("rgb", "depth"):
+        old = root / "traj1" / "sim" / sim.replace("_rgb", f"_{image}")
+        old.rename(old.with_name(f"xnan_y0.047_z1.0_r4_{image}.jpeg"))
     rows[1] = f"{real},xnan_y0.047_z1.0_r4_rgb.jpeg"
     path.write_text("\r\n".join(rows) + "\r\n")
 
@@ -99,7 +99,7 @@ def _duplicate(root: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("harm", "kind", "left"),
+    ("damage", "kind", "remaining"),
     [
         (_truncate, "truncated image", 7),
         (_garbage, "unreadable image", 7),
@@ -118,10 +118,10 @@ def _duplicate(root: Path) -> None:
         (_duplicate, "duplicate row", 8),
     ],
 )
-def test_bad_input_is_named_left_out_and_refused_when_strict(
-    data, tmp_path: Path, harm, kind: str, left: int
+def test_invalid_input_is_reported_and_skipped_or_rejected_if_strict(
+    data, tmp_path: Path, damage, kind: str, remaining: int
 ) -> None:
-    harm(data[0])
+    damage(data[0])
     with pytest.raises(RequestError, match="nothing was ingested"):
         ingest("sim2realviz", data[0], tmp_path / "strict.s2r", strict=True, header=data[1])
     assert not list(tmp_path.glob("*strict.s2r*"))
@@ -129,8 +129,8 @@ def test_bad_input_is_named_left_out_and_refused_when_strict(
     assert kind in kinds(scan)
     assert all(issue.file for issue in scan.issues)
     with s2rstore.open(tmp_path / "s.s2r") as store:
-        assert len(store.instances) == left
-        assert store.instances.seq.tolist() == list(range(left))
+        assert len(store.instances) == remaining
+        assert store.instances.seq.tolist() == list(range(remaining))
     assert verify(tmp_path / "s.s2r") == []
 
 
@@ -141,20 +141,20 @@ def test_images_without_a_row_are_reported(data, tmp_path: Path) -> None:
     assert kinds(scan) == {"unmatched image": 1}
 
 
-@pytest.mark.parametrize("make", ["nothing", "empty", "no images"])
-def test_empty_folders_are_refused(tmp_path: Path, make: str) -> None:
+@pytest.mark.parametrize("content", ["nothing", "empty", "no images"])
+def test_empty_folders_are_rejected(tmp_path: Path, content: str) -> None:
     root = tmp_path / "data"
-    if make != "nothing":
+    if content != "nothing":
         for domain in ("sim", "real"):
             (root / "traj1" / domain).mkdir(parents=True)
-    if make == "no images":
+    if content == "no images":
         (root / "traj1" / "sim" / "match.csv").write_text("REAL_RGB,SIM_RGB\n")
     with pytest.raises(RequestError):
         ingest("sim2realviz", root, tmp_path / "s.s2r")
     assert not (tmp_path / "s.s2r").exists()
 
 
-def _edited(path: Path, old: str, new: str) -> None:
+def _edit(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
@@ -171,9 +171,9 @@ def _edited(path: Path, old: str, new: str) -> None:
         (",7.0,", ",nan,", "bad pose"),
     ],
 )
-def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind: str) -> None:
+def test_problems_of_a_manifest_are_reported(tmp_path: Path, old: str, new: str, kind: str) -> None:
     path = pairs.manifest(tmp_path / "data")
-    _edited(path, old, new)
+    _edit(path, old, new)
     scan = ingest("csv", path, tmp_path / "s.s2r")
     assert kind in kinds(scan)
     with s2rstore.open(tmp_path / "s.s2r") as store:
@@ -211,17 +211,17 @@ def test_a_manifests_problems_are_named(tmp_path: Path, old: str, new: str, kind
         ),
     ],
 )
-def test_a_wrong_header_is_refused(tmp_path: Path, old: str, new: str, hint: str) -> None:
+def test_an_invalid_header_is_rejected(tmp_path: Path, old: str, new: str, hint: str) -> None:
     path = pairs.manifest(tmp_path / "data")
-    _edited(path.with_suffix(".toml"), old, new)
+    _edit(path.with_suffix(".toml"), old, new)
     with pytest.raises(RequestError, match=hint):
         ingest("csv", path, tmp_path / "s.s2r")
 
 
-def test_depth_of_another_type_than_the_others_is_left_out(tmp_path: Path) -> None:
+def test_a_depth_image_of_another_type_is_skipped(tmp_path: Path) -> None:
     path = pairs.manifest(tmp_path / "data")
-    odd = path.parent / "sim" / "3_depth.png"
-    cv2.imwrite(str(odd), cv2.imread(str(odd), cv2.IMREAD_UNCHANGED).astype(np.uint16) * 250)
+    file = path.parent / "sim" / "3_depth.png"
+    cv2.imwrite(str(file), cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.uint16) * 250)
     scan = ingest("csv", path, tmp_path / "s.s2r")
     assert [(p.kind, p.file) for p in scan.issues] == [("mixed depth types", "sim/3_depth.png")]
     with s2rstore.open(tmp_path / "s.s2r") as store:

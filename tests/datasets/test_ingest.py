@@ -1,4 +1,4 @@
-"""Ingest of both layouts: what is right is stored losslessly."""
+"""Ingest of both layouts stores valid data losslessly."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def test_pairs_are_stored_in_recording_order(tmp_path: Path) -> None:
     with s2rstore.open(store_path) as store:
         assert [t.trajectory for t in store.trajectories] == ["t1", "t2"]
         assert set(store.domains) == {"sim", "real", "sim_edit"}
-        x, y, heading = (np.array(c) for c in zip(*pairs.walk(8), strict=True))
+        x, y, heading = (np.array(c) for c in zip(*pairs.circular_poses(8), strict=True))
         truth = store.instances
         assert np.allclose(truth.x, np.tile(x, 2))
         assert np.allclose(truth.y, np.tile(y, 2))
-        off = angles.distance(truth.heading, np.tile(heading, 2))
-        assert np.degrees(off).max() <= 0.51
+        heading_errors = angles.distance(truth.heading, np.tile(heading, 2))
+        assert np.degrees(heading_errors).max() <= 0.51
         rooms = np.where(x <= 4, "west", "east")
         assert [truth.room_names[c] for c in truth.room[:8]] == rooms.tolist()
         assert truth.odom_x[0] == pytest.approx(-y[0])
@@ -61,7 +61,7 @@ def test_intrinsics_follow_the_resize(data, tmp_path: Path) -> None:
         assert store.domains["real"].rgb.pitch == pytest.approx(np.radians(2))
 
 
-def test_the_repositorys_root_and_a_chosen_trajectory(tmp_path: Path) -> None:
+def test_the_repository_root_and_a_chosen_trajectory_can_be_ingested(tmp_path: Path) -> None:
     root = tmp_path / "repo"
     header = pairs.sim2realviz(root / "data_source" / "traj_cap", 6, ("traj1", "traj2"))
     (root / "static" / "assets" / "images").mkdir(parents=True)
@@ -77,16 +77,14 @@ def test_the_repositorys_root_and_a_chosen_trajectory(tmp_path: Path) -> None:
         ingest("sim2realviz", root, tmp_path / "t.s2r", header=header, trajectories=("traj9",))
 
 
-def test_match_csv_may_have_a_mark_spaces_blank_lines_and_windows_ends(
-    data, tmp_path: Path
-) -> None:
+def test_match_csv_may_have_a_bom_spaces_blank_lines_and_crlf(data, tmp_path: Path) -> None:
     path = data[0] / "traj1" / "sim" / "match.csv"
     rows = [row.replace(",", " , ") for row in path.read_text().splitlines()]
     path.write_bytes("\r\n".join(["\ufeff " + rows[0], *rows[1:], "", " , ", ""]).encode())
     assert ingest("sim2realviz", data[0], tmp_path / "s.s2r", header=data[1]).issues == []
 
 
-def test_two_real_images_may_share_a_place_in_sim(data, tmp_path: Path) -> None:
+def test_two_real_images_may_share_a_sim_image(data, tmp_path: Path) -> None:
     path = data[0] / "traj1" / "sim" / "match.csv"
     rows = path.read_text().splitlines()
     rows[2] = f"{rows[2].split(',')[0]},{rows[1].split(',')[1]}"
@@ -97,19 +95,19 @@ def test_two_real_images_may_share_a_place_in_sim(data, tmp_path: Path) -> None:
         assert len(store.instances) == 8
 
 
-@pytest.mark.parametrize("left", ["nothing", "an empty folder"])
-def test_sim_edit_of_some_trajectories_is_left_out_and_can_be_kept(
-    tmp_path: Path, left: str
+@pytest.mark.parametrize("leftover", ["nothing", "an empty folder"])
+def test_an_incomplete_domain_is_skipped_unless_its_trajectory_is_chosen(
+    tmp_path: Path, leftover: str
 ) -> None:
     header = pairs.sim2realviz(tmp_path / "data", 6, ("traj1", "traj2"), edit=True)
     edited = tmp_path / "data" / "traj2" / "sim_edit"
     shutil.rmtree(edited)
-    if left != "nothing":
+    if leftover != "nothing":
         edited.mkdir()
     scan = ingest("sim2realviz", tmp_path / "data", tmp_path / "all.s2r", header=header)
-    told = [p for p in scan.issues if p.kind == "domain not everywhere"]
-    assert [(p.file, "--trajectory traj1" in p.detail) for p in told] == [("traj2", True)]
-    assert ("empty folder" in kinds(scan)) == (left != "nothing")
+    issues = [p for p in scan.issues if p.kind == "domain not everywhere"]
+    assert [(p.file, "--trajectory traj1" in p.detail) for p in issues] == [("traj2", True)]
+    assert ("empty folder" in kinds(scan)) == (leftover != "nothing")
     with s2rstore.open(tmp_path / "all.s2r") as store:
         assert set(store.domains) == {"sim", "real"}
         assert len(store.instances) == 12
@@ -129,7 +127,7 @@ def test_an_existing_store_is_never_overwritten(data, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("bits", "dtype"), [(8, "uint8"), (16, "uint16")])
-def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
+def test_a_manifest_is_ingested(tmp_path: Path, bits: int, dtype: str) -> None:
     path = pairs.manifest(tmp_path / "data", 12, bits)
     scan = ingest("csv", path, tmp_path / "s.s2r")
     assert scan.issues == []
@@ -139,52 +137,52 @@ def test_a_manifest(tmp_path: Path, bits: int, dtype: str) -> None:
         assert frame.depth.dtype == dtype
         assert store.dataset.accuracy_scale == 10
         assert np.allclose(store.instances.timestamp, 0.1 * np.arange(12))
-        wanted = [a for *_, a in pairs.walk(12)]
-        assert angles.distance(store.instances.heading, wanted).max() < 1e-5
+        expected = [a for *_, a in pairs.circular_poses(12)]
+        assert angles.distance(store.instances.heading, expected).max() < 1e-5
     assert verify(tmp_path / "s.s2r") == []
 
 
-def test_depth_images_may_have_a_size_of_their_own(tmp_path: Path) -> None:
+def test_depth_images_may_have_another_size(tmp_path: Path) -> None:
     path = pairs.manifest(tmp_path / "data")
     for file in path.parent.glob("*/*_depth.png"):
-        picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-        cv2.imwrite(str(file), cv2.resize(picture, (32, 24), interpolation=cv2.INTER_NEAREST))
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), cv2.resize(image, (32, 24), interpolation=cv2.INTER_NEAREST))
     header = path.with_suffix(".toml")
-    own = "depth = { hfov = 80.0, width = 32, height = 24 }"
-    header.write_text(header.read_text().replace("depth = { hfov = 80.0 }", own))
+    depth_camera = "depth = { hfov = 80.0, width = 32, height = 24 }"
+    header.write_text(header.read_text().replace("depth = { hfov = 80.0 }", depth_camera))
     assert ingest("csv", path, tmp_path / "s.s2r").issues == []
     with s2rstore.open(tmp_path / "s.s2r") as store:
         camera = store.domains["sim"]
         assert camera.depth == camera.rgb
 
 
-def test_a_json_header_says_the_same(tmp_path: Path) -> None:
+def test_a_json_header_is_equivalent(tmp_path: Path) -> None:
     path = pairs.manifest(tmp_path / "data")
-    given = path.with_suffix(".toml")
-    path.with_suffix(".json").write_text(json.dumps(tomllib.loads(given.read_text())))
-    given.rename(given.with_name("other.toml"))
+    header = path.with_suffix(".toml")
+    path.with_suffix(".json").write_text(json.dumps(tomllib.loads(header.read_text())))
+    header.rename(header.with_name("other.toml"))
     ingest("csv", path, tmp_path / "a.s2r")
-    ingest("csv", path, tmp_path / "b.s2r", header=given.with_name("other.toml"))
+    ingest("csv", path, tmp_path / "b.s2r", header=header.with_name("other.toml"))
     with s2rstore.open(tmp_path / "a.s2r") as a, s2rstore.open(tmp_path / "b.s2r") as b:
         assert a.dataset.hash == b.dataset.hash
 
 
-def test_work_ahead_is_in_order_and_bounded() -> None:
-    begun: list[int] = []
+def test_prefetched_work_is_ordered_and_bounded() -> None:
+    started: list[int] = []
 
     def work(item: int) -> int:
-        begun.append(item)
+        started.append(item)
         return item * item
 
     with ThreadPoolExecutor(2) as pool:
         results = map_ahead(pool, work, range(50), window=4)
         assert next(results) == 0
-        assert len(begun) <= 5
+        assert len(started) <= 5
         assert list(results) == [i * i for i in range(1, 50)]
 
 
 @pytest.mark.real
-def test_the_real_data(real_data: Path, tmp_path: Path) -> None:
+def test_the_real_data_set_is_ingested(real_data: Path, tmp_path: Path) -> None:
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions())
     assert kinds(scan) == {}
     assert {name: len(rows) for name, rows in scan.trajectories.items()} == {"traj1": 542}

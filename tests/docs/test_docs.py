@@ -1,4 +1,4 @@
-"""The documentation names commands, keys, files and links that exist, and builds as a site."""
+"""The documentation refers to existing commands, keys, files and links, and builds as a site."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PATH = re.compile(r"`(?P<path>(?:s2rtui|store|tools|tests|examples|docs|bench)/
 
 
 def generator():
-    """The hook that writes the reference pages."""
+    """The module that generates the reference pages."""
     spec = importlib.util.spec_from_file_location("docs_generate", DOCS / "generate.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -30,13 +30,13 @@ def generator():
 
 
 def shown_commands(text: str) -> list[list[str]]:
-    """The words behind `s2r` of every command in the code blocks of a page."""
+    """The arguments after `s2r` of every command in the code blocks of a page."""
     lines = [match["rest"] for block in _BLOCK.findall(text) for match in _COMMAND.finditer(block)]
     return [shlex.split(line, comments=True) for line in lines]
 
 
 def documented_options(commands_page: str) -> dict[str, set[str]]:
-    """Options of every command, as the generated page lists them."""
+    """The options of every command in the generated page."""
     sections = re.split(r"^## s2r (\w+).*$", commands_page, flags=re.MULTILINE)
     return {
         name: set(re.findall(r"--[\w-]+", body))
@@ -52,12 +52,14 @@ def test_shown_commands_and_their_options_exist():
     options = documented_options(generator().commands_page())
     unknown = []
     for page in TEXTS:
-        for words in shown_commands(page.read_text(encoding="utf-8")):
-            name = "tui" if words[0].endswith(".s2r") else words[0]
+        for arguments in shown_commands(page.read_text(encoding="utf-8")):
+            name = "tui" if arguments[0].endswith(".s2r") else arguments[0]
             known = options.get(name, set()) | {"--help", "--debug", "--version"}
-            flags = {word.partition("=")[0] for word in words if word.startswith("--")}
-            if name not in options and words[0] not in ("--help", "--version"):
-                unknown.append((page.name, words[0]))
+            flags = {
+                argument.partition("=")[0] for argument in arguments if argument.startswith("--")
+            }
+            if name not in options and arguments[0] not in ("--help", "--version"):
+                unknown.append((page.name, arguments[0]))
             unknown += [(page.name, name, flag) for flag in sorted(flags - known)]
     assert not unknown
 
@@ -66,10 +68,12 @@ def test_expressions_of_shown_commands_parse():
     from s2rstore.language import parse
 
     for page in TEXTS:
-        for words in shown_commands(page.read_text(encoding="utf-8")):
-            expressions = [words[i + 1] for i, word in enumerate(words) if word == "--select"]
-            if words[0] == "query":
-                expressions.append(words[2])
+        for arguments in shown_commands(page.read_text(encoding="utf-8")):
+            expressions = [
+                arguments[i + 1] for i, argument in enumerate(arguments) if argument == "--select"
+            ]
+            if arguments[0] == "query":
+                expressions.append(arguments[2])
             for expression in expressions:
                 parse(expression)
 
@@ -94,7 +98,7 @@ def test_named_paths_exist():
     for page in TEXTS:
         for match in _PATH.finditer(page.read_text(encoding="utf-8")):
             path = match["path"]
-            if not any(mark in path for mark in ("NAME", "FOLDER", "<")):
+            if not any(placeholder in path for placeholder in ("NAME", "FOLDER", "<")):
                 missing += [] if (ROOT / path).exists() else [(page.name, path)]
     assert not missing
 
@@ -111,7 +115,7 @@ def test_registry_names_beside_their_files_exist():
     assert not missing
 
 
-def test_the_key_reference_and_the_cheat_sheet_hold_every_described_action():
+def test_the_key_reference_and_the_cheat_sheet_list_every_action():
     from s2rtui.app.actions import ACTIONS
 
     pages = generator()
@@ -122,16 +126,16 @@ def test_the_key_reference_and_the_cheat_sheet_hold_every_described_action():
             assert pages.html.escape(action.description) in sheet
 
 
-def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
+def test_the_site_builds_and_loads_no_external_resources(tmp_path):
     for package in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(f"{package} is not installed: the site is not built")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
-    built = subprocess.run(
+    process = subprocess.run(
         [*command, "--site-dir", str(tmp_path / "site")],
         cwd=ROOT, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
-    assert built.returncode == 0, built.stdout + built.stderr
+    assert process.returncode == 0, process.stdout + process.stderr
     sources = r"<(?:script|img|iframe|source)[^>]*\ssrc=[\"']?(?:https?:)?//[^\"'> ]+"
     links = r"<link[^>]*rel=[\"']?(?:stylesheet|preconnect|icon)[^>]*href=[\"']?https?://[^\"'> ]+"
     loaded = re.compile(f"{sources}|{links}")

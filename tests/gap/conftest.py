@@ -1,4 +1,4 @@
-"""A store that the tests of a folder share."""
+"""A store shared by the tests of the gap."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ from tests.support import tiny
 
 @pytest.fixture(scope="session")
 def store_of_200(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Read it, or copy it."""
+    """A store of 200 instances; tests that modify it copy it first."""
     return tiny.build(tmp_path_factory.mktemp("gap") / "s.s2r", n=200)

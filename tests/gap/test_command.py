@@ -1,4 +1,4 @@
-"""`s2r gap` on a small store: what it writes, what it compares, what it refuses."""
+"""`s2r gap` on a small store: written files, comparisons and rejected requests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.gap.axes import AXES, axis
 from s2rtools.gap.gate import gate
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 
 @pytest.fixture
@@ -21,28 +21,28 @@ def store(store_of_200: Path) -> Path:
     return store_of_200
 
 
-def gap(store: Path, *words: str) -> int:
-    return main(["gap", str(store), "--axis", "task", "--replicates", "100", *words])
+def gap(store: Path, *options: str) -> int:
+    return main(["gap", str(store), "--axis", "task", "--replicates", "100", *options])
 
 
-def test_every_axis_is_what_the_registry_says() -> None:
+def test_every_axis_is_described() -> None:
     for name in AXES:
-        found = axis(name)
-        assert found.name == name
-        assert found.unit
-        assert found.measure_is
-        assert found.floor_is.startswith("0")
-        assert found.reason
+        described = axis(name)
+        assert described.name == name
+        assert described.unit
+        assert described.measure_is
+        assert described.floor_is.startswith("0")
+        assert described.reason
 
 
-def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -> None:
+def test_all_requested_files_are_written(store: Path, tmp_path: Path, capsys) -> None:
     ref, golden, out = (tmp_path / name for name in ("ref.json", "golden.json", "out.json"))
-    words = ["--freeze", str(ref), "--freeze-golden", str(golden), "--out", str(out)]
-    assert gap(store, *words) == 0
-    told = capsys.readouterr()
-    assert told.err == f"wrote {golden}\nwrote {ref}\n"
-    assert "task: G 100 is" in told.out
-    assert "INCONCLUSIVE" not in told.out
+    options = ["--freeze", str(ref), "--freeze-golden", str(golden), "--out", str(out)]
+    assert gap(store, *options) == 0
+    output = capsys.readouterr()
+    assert output.err == f"wrote {golden}\nwrote {ref}\n"
+    assert "task: G 100 is" in output.out
+    assert "INCONCLUSIVE" not in output.out
     assert gap(store, "--reference", str(ref), "--golden", str(golden)) in (1, 3)
     printed = capsys.readouterr().out
     frozen = json.loads(ref.read_text())["axes"]["task"]
@@ -52,15 +52,15 @@ def test_all_that_is_asked_for_is_written(store: Path, tmp_path: Path, capsys) -
     assert json.loads(out.read_text())["axes"][0]["floor"] == 0
 
 
-def test_a_named_axis_without_evidence_is_refused(store: Path, tmp_path: Path, capsys) -> None:
-    """A scale that left it out would let every night pass without it."""
+def test_a_requested_axis_without_evidence_is_rejected(store: Path, tmp_path: Path, capsys) -> None:
+    """A reference without the axis would let every later night pass without it."""
     ref = tmp_path / "ref.json"
     assert gap(store, "--axis", "dynamics", "--freeze", str(ref)) == 2
     assert "--axis dynamics: cannot be measured: no drives" in capsys.readouterr().err
     assert not ref.exists()
 
 
-def test_the_last_word_is_that_of_the_exit_code(store: Path, tmp_path: Path, capsys) -> None:
+def test_the_last_line_matches_the_exit_code(store: Path, tmp_path: Path, capsys) -> None:
     golden = tmp_path / "golden.json"
     assert gap(store, "--freeze-golden", str(golden)) == 0
     capsys.readouterr()
@@ -71,7 +71,7 @@ def test_the_last_word_is_that_of_the_exit_code(store: Path, tmp_path: Path, cap
 
 
 @pytest.mark.parametrize("option", ["--freeze", "--freeze-golden", "--out"])
-def test_a_place_that_cannot_be_is_refused_before_anything_is_measured(
+def test_an_unwritable_path_is_rejected_before_measuring(
     store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
     monkeypatch.setattr(gate, "judge_gap", None)
@@ -82,32 +82,34 @@ def test_a_place_that_cannot_be_is_refused_before_anything_is_measured(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_refuses_one_file_gets_none(
+def test_no_file_is_written_if_one_cannot_be(
     store: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write, seen = atomic_writes.write_partial, []
+    write, paths = atomic_writes.write_partial, []
 
-    def refusing(path: Path, content: bytes) -> Path:
-        seen.append(path)
-        if len(seen) == 3:
+    def failing_write(path: Path, content: bytes) -> Path:
+        paths.append(path)
+        if len(paths) == 3:
             raise OSError(errno.EDQUOT, "Disk quota exceeded")
         return write(path, content)
 
-    monkeypatch.setattr(atomic_writes, "write_partial", refusing)
-    words = [("--freeze", "ref"), ("--freeze-golden", "golden"), ("--out", "out")]
-    assert gap(store, *(w for o, n in words for w in (o, str(tmp_path / n)))) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err == f"s2r: {tmp_path / 'out'}: Disk quota exceeded\n"
-    assert len(seen) == 3
+    monkeypatch.setattr(atomic_writes, "write_partial", failing_write)
+    options = [("--freeze", "ref"), ("--freeze-golden", "golden"), ("--out", "out")]
+    assert gap(store, *(w for o, n in options for w in (o, str(tmp_path / n)))) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err == f"s2r: {tmp_path / 'out'}: Disk quota exceeded\n"
+    assert len(paths) == 3
     assert list(tmp_path.iterdir()) == []
 
 
-def test_data_sets_of_one_name_are_never_compared(store: Path, tmp_path: Path, capsys) -> None:
+def test_different_data_sets_with_one_name_are_not_compared(
+    store: Path, tmp_path: Path, capsys
+) -> None:
     ref = tmp_path / "ref.json"
     gap(store, "--freeze", str(ref))
     capsys.readouterr()
-    other = copied(store, tmp_path / "other.s2r")
+    other = copy_store(store, tmp_path / "other.s2r")
     with edit(other) as draft:
         draft.update("instance", {"iid": "7"}, {"x": 1.0})
     assert gap(other, "--reference", str(ref)) == 2
@@ -116,18 +118,20 @@ def test_data_sets_of_one_name_are_never_compared(store: Path, tmp_path: Path, c
     assert len(err) < 250
 
 
-def test_a_scale_of_the_task_outlives_another_split(store: Path, tmp_path: Path, capsys) -> None:
-    """A newer model learned from other instances of the same data set."""
+def test_a_task_reference_is_valid_for_another_split(store: Path, tmp_path: Path, capsys) -> None:
+    """A newer model was trained on other instances of the same data set."""
     ref = tmp_path / "ref.json"
     gap(store, "--freeze", str(ref))
-    other = copied(store, tmp_path / "other.s2r")
+    other = copy_store(store, tmp_path / "other.s2r")
     with edit(other) as draft:
         for iid in range(0, 60, 5):
             key = {"run": "vanilla", "side": "sim", "iid": str(iid)}
             draft.update("prediction", key, {"split": "test"})
     capsys.readouterr()
     assert gap(other, "--reference", str(ref), "--json") in (0, 1, 3)
-    (found,) = json.loads(capsys.readouterr().out)["axes"]
-    assert found["n"] == 200 // 5 + 12
-    assert found["anchor"] == pytest.approx(json.loads(ref.read_text())["axes"]["task"]["anchor"])
-    assert found["gap"] == pytest.approx(100 * found["value"] / found["anchor"])
+    (axis_entry,) = json.loads(capsys.readouterr().out)["axes"]
+    assert axis_entry["n"] == 200 // 5 + 12
+    assert axis_entry["anchor"] == pytest.approx(
+        json.loads(ref.read_text())["axes"]["task"]["anchor"]
+    )
+    assert axis_entry["gap"] == pytest.approx(100 * axis_entry["value"] / axis_entry["anchor"])

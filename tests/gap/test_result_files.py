@@ -1,4 +1,4 @@
-"""Results are written whole or not at all."""
+"""Result files are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_all_files_are_replaced(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a", "b"]
 
 
-def test_where_one_cannot_be_written_none_is(tmp_path: Path) -> None:
+def test_no_file_is_replaced_if_one_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("old")
     missing = tmp_path / "nowhere" / "b"
     with pytest.raises(RequestError, match=r"nowhere/b: No such file or directory"):
@@ -34,14 +34,14 @@ def test_where_one_cannot_be_written_none_is(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a"]
 
 
-def test_a_disk_that_is_full_leaves_what_was_there(
+def test_a_full_disk_keeps_the_previous_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(descriptor: int) -> None:
+    def failing_fsync(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "a").write_text("old")
-    monkeypatch.setattr(atomic_writes.os, "fsync", full)
+    monkeypatch.setattr(atomic_writes.os, "fsync", failing_fsync)
     with pytest.raises(RequestError, match=r"a: No space left on device"):
         write_all({tmp_path / "a": b"new"})
     assert (tmp_path / "a").read_text() == "old"
@@ -49,22 +49,22 @@ def test_a_disk_that_is_full_leaves_what_was_there(
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "expected"),
     [("nowhere/f", "--out .*nowhere/f: no such folder as"), ("", "a folder; name a file"),
      ("file/f", "no such folder"), ("ref.json", "is the file of --reference, too")],
 )  # fmt: skip
-def test_places_are_checked_before(tmp_path: Path, name: str, told: str) -> None:
+def test_output_paths_are_checked_in_advance(tmp_path: Path, name: str, expected: str) -> None:
     (tmp_path / "file").touch()
-    read = {"--reference": tmp_path / "ref.json", "--golden": None}
-    check_writable({"--out": tmp_path / "out.json", "--freeze": None}, read)
-    with pytest.raises(RequestError, match=told):
-        check_writable({"--out": tmp_path / name}, read)
+    inputs = {"--reference": tmp_path / "ref.json", "--golden": None}
+    check_writable({"--out": tmp_path / "out.json", "--freeze": None}, inputs)
+    with pytest.raises(RequestError, match=expected):
+        check_writable({"--out": tmp_path / name}, inputs)
 
 
-def test_two_results_need_two_files(tmp_path: Path) -> None:
-    twice = {"--freeze": tmp_path / "f", "--out": tmp_path / "." / "f"}
+def test_two_results_cannot_share_a_file(tmp_path: Path) -> None:
+    same_paths = {"--freeze": tmp_path / "f", "--out": tmp_path / "." / "f"}
     with pytest.raises(RequestError, match=r"--out .*is the file of --freeze, too"):
-        check_writable(twice, {})
+        check_writable(same_paths, {})
 
 
 def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:

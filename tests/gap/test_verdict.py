@@ -1,4 +1,4 @@
-"""One number and one word from measured axes."""
+"""The verdict: one number and one outcome from measured axes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from s2rtools.gap.measure import Measurement
 SETTINGS = GapSettings(replicates=400)
 
 
-def measured(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> AxisResult:
+def axis_result(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) -> AxisResult:
     rng = np.random.default_rng(len(axis))
     noise, shared = rng.normal(0, spread, (2, SETTINGS.replicates))
     return AxisResult(
@@ -31,8 +31,8 @@ def measured(axis: str, value: float, spread: float = 0.01, floor: float = 0.1) 
     )
 
 
-def found(*axes: AxisResult) -> Measurement:
-    return Measurement({each.axis: each for each in axes}, {}, {})
+def measurement_of(*axes: AxisResult) -> Measurement:
+    return Measurement({result.axis: result for result in axes}, {}, {})
 
 
 def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Reference:
@@ -44,9 +44,9 @@ def scale(*axes: str, anchor: float = 1.1, floor: float = 0.1) -> reference.Refe
     return reference.Reference(frozen, {}, "ref.json", "0" * 64)
 
 
-def test_the_floor_is_zero_and_the_anchor_a_hundred() -> None:
-    at_floor = judge(found(measured("task", 0.1)), scale("task"), SETTINGS)
-    at_anchor = judge(found(measured("task", 1.1)), scale("task"), SETTINGS)
+def test_the_floor_is_0_and_the_anchor_100() -> None:
+    at_floor = judge(measurement_of(axis_result("task", 0.1)), scale("task"), SETTINGS)
+    at_anchor = judge(measurement_of(axis_result("task", 1.1)), scale("task"), SETTINGS)
     assert at_floor.gap.value == pytest.approx(0)
     assert at_anchor.gap.value == pytest.approx(100)
     assert (at_floor.outcome, at_anchor.outcome) == ("PASS", "FAIL")
@@ -54,89 +54,105 @@ def test_the_floor_is_zero_and_the_anchor_a_hundred() -> None:
 
 def test_the_worst_axis_is_the_headline() -> None:
     verdict = judge(
-        found(measured("task", 0.12), measured("visual", 0.6)), scale("task", "visual"), SETTINGS
+        measurement_of(axis_result("task", 0.12), axis_result("visual", 0.6)),
+        scale("task", "visual"),
+        SETTINGS,
     )
     assert verdict.worst == "visual"
     assert verdict.gap.value == pytest.approx(50)
-    assert [each.axis for each in verdict.axes] == ["task", "visual"]
+    assert [result.axis for result in verdict.axes] == ["task", "visual"]
 
 
-def test_the_maximum_is_taken_inside_each_replicate() -> None:
-    """Four equal axes: the upper bound of the worst is above that of any one."""
+def test_the_maximum_is_taken_per_replicate() -> None:
+    """With four equal axes, the upper bound of the worst is above that of each axis."""
     names = ("a", "bb", "ccc", "dddd")
-    verdict = judge(found(*(measured(name, 0.2, 0.02) for name in names)), scale(*names), SETTINGS)
-    assert verdict.gap.high >= max(each.gap.high for each in verdict.axes)
+    verdict = judge(
+        measurement_of(*(axis_result(name, 0.2, 0.02) for name in names)), scale(*names), SETTINGS
+    )
+    assert verdict.gap.high >= max(result.gap.high for result in verdict.axes)
     assert np.allclose(
         verdict.gap.high,
-        np.percentile(np.max([each.replicates for each in verdict.axes], axis=0), 97.5),
+        np.percentile(np.max([result.replicates for result in verdict.axes], axis=0), 97.5),
     )
 
 
-def test_noise_that_reaches_across_the_threshold_decides_nothing() -> None:
-    verdict = judge(found(measured("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
+def test_an_interval_across_the_threshold_is_inconclusive() -> None:
+    verdict = judge(measurement_of(axis_result("task", 0.25, spread=0.2)), scale("task"), SETTINGS)
     assert verdict.outcome == "INCONCLUSIVE"
     assert "contains the threshold" in verdict.reason
 
 
-def test_what_is_shared_by_value_and_floor_is_no_noise() -> None:
-    """Rows of value and floor come from one resample, so what moves both moves nothing."""
-    base = measured("task", 0.15, spread=0.0)
+def test_shared_deviations_of_value_and_floor_cancel() -> None:
+    """Replicates of value and floor come from the same resample."""
+    base = axis_result("task", 0.15, spread=0.0)
     shift = np.random.default_rng(1).normal(0, 5, SETTINGS.replicates)
     moved = replace(
         base, replicates=base.replicates + shift, floor_replicates=base.floor_replicates + shift
     )
-    assert judge(found(moved), scale("task"), SETTINGS).outcome == "PASS"
+    assert judge(measurement_of(moved), scale("task"), SETTINGS).outcome == "PASS"
 
 
-def test_an_axis_that_is_not_judged_is_not_in_the_headline() -> None:
-    verdict = judge(found(measured("task", 0.1), measured("visual", 9.0)), scale("task"), SETTINGS)
+def test_an_unjudged_axis_is_not_in_the_headline() -> None:
+    verdict = judge(
+        measurement_of(axis_result("task", 0.1), axis_result("visual", 9.0)),
+        scale("task"),
+        SETTINGS,
+    )
     assert (verdict.worst, verdict.outcome) == ("task", "PASS")
     assert "not judged by this reference: visual" in verdict.reason
 
 
-def test_an_axis_without_evidence_is_refused() -> None:
-    lacking = Measurement({"task": measured("task", 0.1)}, {"dynamics": "no drives"}, {})
+def test_a_referenced_axis_without_evidence_is_rejected() -> None:
+    measurement = Measurement({"task": axis_result("task", 0.1)}, {"dynamics": "no drives"}, {})
     with pytest.raises(RequestError, match=r"ref\.json: judges dynamics.*no drives"):
-        judge(lacking, scale("task", "dynamics"), SETTINGS)
+        judge(measurement, scale("task", "dynamics"), SETTINGS)
 
 
 @pytest.mark.parametrize(("value", "outcome"), [(0.1, "INCONCLUSIVE"), (1.1, "FAIL")])
 def test_an_axis_with_too_little_evidence_cannot_pass(value: float, outcome: str) -> None:
-    few = Measurement({"task": measured("task", value)}, {}, {"visual": "3 images, 50 needed"})
-    verdict = judge(few, scale("task", "visual"), SETTINGS)
+    measurement = Measurement(
+        {"task": axis_result("task", value)}, {}, {"visual": "3 images, 50 needed"}
+    )
+    verdict = judge(measurement, scale("task", "visual"), SETTINGS)
     assert verdict.outcome == outcome
     if outcome == "INCONCLUSIVE":
         assert "3 images" in verdict.reason
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [({"features": "other"}, "features is f here and other"), ({"n": 10}, "n is 50 here and 10")],
 )
-def test_a_reference_of_another_kind_is_refused(change: dict, told: str) -> None:
-    made = scale("task")
-    fingerprint = {**made.axes["task"].fingerprint, **change}
-    frozen = msgspec.structs.replace(made.axes["task"], fingerprint=fingerprint)
-    with pytest.raises(RequestError, match=told):
-        judge(found(measured("task", 0.1)), replace(made, axes={"task": frozen}), SETTINGS)
+def test_a_reference_with_another_fingerprint_is_rejected(change: dict, expected: str) -> None:
+    base_scale = scale("task")
+    fingerprint = {**base_scale.axes["task"].fingerprint, **change}
+    frozen = msgspec.structs.replace(base_scale.axes["task"], fingerprint=fingerprint)
+    with pytest.raises(RequestError, match=expected):
+        judge(
+            measurement_of(axis_result("task", 0.1)),
+            replace(base_scale, axes={"task": frozen}),
+            SETTINGS,
+        )
 
 
-def test_an_anchor_within_the_floors_noise_is_refused() -> None:
-    noisy = measured("task", 0.1, spread=0.5)
+def test_an_anchor_within_the_noise_of_the_floor_cannot_be_frozen() -> None:
+    noisy = axis_result("task", 0.1, spread=0.5)
     anchor = Anchor(0.3, noisy.replicates + 0.2, "the constant prediction")
     with pytest.raises(RequestError, match=r"constant prediction.*within noise"):
         reference.freeze(noisy, anchor, "m", SETTINGS)
 
 
-def test_a_reference_survives_its_file(tmp_path: Path) -> None:
-    calm = measured("task", 0.1)
-    frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
+def test_a_reference_can_be_written_and_read(tmp_path: Path) -> None:
+    low_noise = axis_result("task", 0.1)
+    frozen = reference.freeze(
+        low_noise, Anchor(1.1, low_noise.replicates + 1.0, "bad"), "m", SETTINGS
+    )
     path = tmp_path / "ref.json"
     path.write_text(reference.text({"task": frozen}, {"run": "vanilla"}))
     read = reference.read(path)
     assert read.axes == {"task": frozen}
     assert read.made_from == {"run": "vanilla"}
-    assert judge(found(calm), read, SETTINGS).outcome == "PASS"
+    assert judge(measurement_of(low_noise), read, SETTINGS).outcome == "PASS"
 
 
 @pytest.mark.parametrize(
@@ -145,7 +161,7 @@ def test_a_reference_survives_its_file(tmp_path: Path) -> None:
      '{"format": 1, "axes": {"task": 3}}', '{"format": 1, "axes": {"task": {"anchor": 1}}}',
      "\xff", pytest.param("[" * 100_000, id="deep")],
 )  # fmt: skip
-def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) -> None:
+def test_an_invalid_reference_file_is_rejected(tmp_path: Path, content: str) -> None:
     path = tmp_path / "ref.json"
     path.write_bytes(content.encode("latin-1"))
     with pytest.raises(RequestError, match=r"ref\.json"):
@@ -153,7 +169,7 @@ def test_a_file_that_is_no_reference_is_refused(tmp_path: Path, content: str) ->
 
 
 @pytest.mark.parametrize("change", [{"anchor": 1e-320}, {"floor": 1.1}, {"state": ["bad"]}])
-def test_a_scale_without_a_span_or_a_state_is_refused(tmp_path: Path, change: dict) -> None:
+def test_a_scale_without_span_or_state_is_rejected(tmp_path: Path, change: dict) -> None:
     frozen = {"anchor": 1.1, "anchor_low": 1.0, "anchor_high": 1.2, "floor": 0.0, "state": "bad",
               "fingerprint": {}}  # fmt: skip
     content = {"format": reference.FORMAT, "made_from": {}, "axes": {"task": frozen | change}}
@@ -166,9 +182,11 @@ def test_a_scale_without_a_span_or_a_state_is_refused(tmp_path: Path, change: di
 @pytest.mark.parametrize(
     "value", [None, "1", True, float("inf"), pytest.param(10**400, id="huge"), -1e308]
 )
-def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> None:
-    calm = measured("task", 0.1)
-    frozen = reference.freeze(calm, Anchor(1.1, calm.replicates + 1.0, "bad"), "m", SETTINGS)
+def test_non_numeric_scales_are_rejected(tmp_path: Path, key: str, value: object) -> None:
+    low_noise = axis_result("task", 0.1)
+    frozen = reference.freeze(
+        low_noise, Anchor(1.1, low_noise.replicates + 1.0, "bad"), "m", SETTINGS
+    )
     path = tmp_path / "ref.json"
     path.write_text(reference.text({"task": frozen}, {}))
     content = json.loads(path.read_text())
@@ -178,7 +196,7 @@ def test_a_scale_must_be_of_numbers(tmp_path: Path, key: str, value: object) -> 
         reference.read(path)
 
 
-def test_an_anchor_within_noise_of_the_floor_is_no_scale(tmp_path: Path) -> None:
+def test_a_file_with_an_anchor_within_noise_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "ref.json"
     frozen = msgspec.structs.replace(scale("task").axes["task"], anchor_low=0.05)
     path.write_text(reference.text({"task": frozen}, {}))
@@ -187,13 +205,13 @@ def test_an_anchor_within_noise_of_the_floor_is_no_scale(tmp_path: Path) -> None
 
 
 @given(st.floats(-50, 200), st.floats(0, 50), st.floats(0, 50), st.floats(1, 100))
-def test_the_word_follows_the_interval(
-    value: float, under: float, over: float, threshold: float
+def test_the_outcome_follows_the_interval(
+    value: float, below: float, above: float, threshold: float
 ) -> None:
-    outcome = outcome_of(Interval(value - under, value, value + over), threshold)
-    assert (outcome == "PASS") == (value + over < threshold)
-    assert (outcome == "FAIL") == (value - under > threshold)
+    outcome = outcome_of(Interval(value - below, value, value + above), threshold)
+    assert (outcome == "PASS") == (value + above < threshold)
+    assert (outcome == "FAIL") == (value - below > threshold)
 
 
-def test_bounds_that_are_unknown_decide_nothing() -> None:
+def test_unknown_bounds_are_inconclusive() -> None:
     assert outcome_of(Interval.unknown(0.0), 15) == "INCONCLUSIVE"

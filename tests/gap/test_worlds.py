@@ -1,4 +1,4 @@
-"""The gap of worlds whose truth is known, by the command."""
+"""The gap command on synthetic worlds with known truth."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from s2rtui.cli import main
 pytestmark = pytest.mark.xdist_group("world")
 WORLDS = {"all": "lights,latency,wheels", "none": "none"}
 SWAPPED = {"lights": ("all", "none"), "robot": ("none", "all")}
-"""Worlds with the images of one and the drives of another."""
+"""Worlds that combine the images of one world with the drives of another."""
 Gap = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture(scope="module")
 def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of small worlds, one for each choice of factors, seen by one shipped model.
+    """A folder of small worlds, one per choice of factors, with one pretrained model.
 
-    A robot's factors show in drives alone, the others in images alone.
+    Robot factors affect only drives; all others affect only images.
     """
     from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
     from s2rtools.training import pretrained
-    from tests.support.silent_reporter import Quiet
+    from tests.support.silent_reporter import SilentReporter
 
     folder = tmp_path_factory.mktemp("worlds")
     for name, factors in WORLDS.items():
         path = folder / f"{name}.s2r"
-        words = ["ingest", "world", "--instances", "24", "--factors", factors]
-        assert main([*words, "--store", str(path)]) == 0
+        options = ["ingest", "world", "--instances", "24", "--factors", factors]
+        assert main([*options, "--store", str(path)]) == 0
         pretrained.add_pretrained_models(path)
-        precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(("activation",)))
+        precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(("activation",)))
     for name, (images, drives) in SWAPPED.items():
         path = folder / f"{name}.s2r"
         shutil.copytree(folder / f"{images}.s2r", path)
@@ -47,66 +47,66 @@ def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def gap(worlds: Path, capsys: pytest.CaptureFixture[str]) -> Gap:
-    """Exit code and report of the command on a world; a refusal's line as the report."""
+    """Exit code and report of the command on a world; for a rejected request its message."""
 
-    def run(name: str, *words: str) -> tuple[int, dict[str, Any]]:
+    def run(name: str, *options: str) -> tuple[int, dict[str, Any]]:
         capsys.readouterr()
-        code = main(["gap", str(worlds / f"{name}.s2r"), *words, "--json"])
+        code = main(["gap", str(worlds / f"{name}.s2r"), *options, "--json"])
         out, err = capsys.readouterr()
         return code, json.loads(out) if out else {"refused": err}
 
     return run
 
 
-def test_without_factors_there_is_no_gap(worlds: Path, gap: Gap) -> None:
-    code, found = gap("none", "--reference", str(worlds / "ref.json"))
-    assert (code, found["verdict"]["outcome"]) == (0, "PASS")
-    by_axis = {each["axis"]: each for each in found["axes"]}
+def test_a_world_without_factors_has_no_gap(worlds: Path, gap: Gap) -> None:
+    code, report = gap("none", "--reference", str(worlds / "ref.json"))
+    assert (code, report["verdict"]["outcome"]) == (0, "PASS")
+    by_axis = {entry["axis"]: entry for entry in report["axes"]}
     assert list(by_axis) == ["visual", "task", "dynamics", "delay"]
     assert by_axis["visual"]["gap"] == by_axis["task"]["gap"] == 0
-    assert abs(found["verdict"]["gap"]) < 1
+    assert abs(report["verdict"]["gap"]) < 1
 
 
 @pytest.mark.parametrize(
-    ("name", "worst", "calm"),
+    ("name", "worst", "unaffected"),
     [("lights", {"visual", "task"}, {"dynamics", "delay"}), ("robot", {"delay"}, {"visual"})],
 )
-def test_each_axis_answers_to_its_own_factor(
-    worlds: Path, gap: Gap, name: str, worst: set[str], calm: set[str]
+def test_each_axis_responds_to_its_factor(
+    worlds: Path, gap: Gap, name: str, worst: set[str], unaffected: set[str]
 ) -> None:
-    code, found = gap(name, "--reference", str(worlds / "ref.json"))
-    assert (code, found["verdict"]["outcome"]) == (1, "FAIL")
-    assert found["verdict"]["worst"] in worst
-    gaps = {each["axis"]: each["gap"] for each in found["axes"]}
-    assert all(abs(gaps[axis]) < 1 for axis in calm)
+    code, report = gap(name, "--reference", str(worlds / "ref.json"))
+    assert (code, report["verdict"]["outcome"]) == (1, "FAIL")
+    assert report["verdict"]["worst"] in worst
+    gaps = {entry["axis"]: entry["gap"] for entry in report["axes"]}
+    assert all(abs(gaps[axis]) < 1 for axis in unaffected)
     assert all(gaps[axis] > 15 for axis in worst)
 
 
-def test_the_drives_are_those_of_the_factors(worlds: Path, gap: Gap) -> None:
-    code, found = gap("robot")
+def test_the_drives_contain_the_factors(worlds: Path, gap: Gap) -> None:
+    code, report = gap("robot")
     assert code == 3
-    delay = next(each for each in found["axes"] if each["axis"] == "delay")["details"]
+    delay = next(entry for entry in report["axes"] if entry["axis"] == "delay")["details"]
     assert delay["delay"] == pytest.approx(0.08, abs=0.002)
     truth = json.loads((worlds / "robot.s2r" / "drives" / "truth.json").read_text())
     assert truth["values"]["wheels"] > 0
 
 
-def test_wheels_that_no_parameter_follows_move_the_dynamics(worlds: Path, gap: Gap) -> None:
+def test_unmodelled_wheels_affect_the_dynamics(worlds: Path, gap: Gap) -> None:
     gaps = {}
     for name in ("none", "robot"):
-        _, found = gap(name, "--reference", str(worlds / "ref.json"))
-        gaps[name] = next(each for each in found["axes"] if each["axis"] == "dynamics")
+        _, report = gap(name, "--reference", str(worlds / "ref.json"))
+        gaps[name] = next(entry for entry in report["axes"] if entry["axis"] == "dynamics")
     assert gaps["robot"]["gap_low"] > 3
     assert gaps["none"]["gap_high"] < 1
 
 
-def test_details_are_the_figures_of_the_report(
+def test_printed_details_equal_the_report(
     worlds: Path, gap: Gap, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, found = gap("all")
+    _, report = gap("all")
     main(["gap", str(worlds / "all.s2r"), "--details"])
     printed = capsys.readouterr().out
-    details = {each["axis"]: each["details"] for each in found["axes"]}
+    details = {entry["axis"]: entry["details"] for entry in report["axes"]}
     assert f"{details['task']['baseline']:.2f} m for the constant prediction" in printed
     assert f"delay {1000 * details['delay']['delay']:.1f} (" in printed
     assert f"{details['visual']['halves']['fid']['value']:.4g}" in printed
@@ -114,46 +114,46 @@ def test_details_are_the_figures_of_the_report(
         assert f"{row['rmse']:.3f} ({row['rmse_low']:.3f}" in printed
 
 
-def test_without_a_reference_nothing_is_decided(gap: Gap) -> None:
-    code, found = gap("lights")
-    assert (code, found["verdict"]["outcome"]) == (3, "INCONCLUSIVE")
-    assert found["verdict"]["gap"] is None
-    assert all(each["value"] is not None for each in found["axes"])
+def test_without_a_reference_the_outcome_is_inconclusive(gap: Gap) -> None:
+    code, report = gap("lights")
+    assert (code, report["verdict"]["outcome"]) == (3, "INCONCLUSIVE")
+    assert report["verdict"]["gap"] is None
+    assert all(entry["value"] is not None for entry in report["axes"])
 
 
-def test_one_seed_gives_one_text(worlds: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["gap", str(worlds / "all.s2r"), "--json", "--seed", "3"]
+def test_the_output_is_deterministic(worlds: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["gap", str(worlds / "all.s2r"), "--json", "--seed", "3"]
     texts = []
     for _ in range(2):
-        main(words)
+        main(options)
         texts.append(capsys.readouterr().out)
     assert texts[0] == texts[1]
 
 
-def test_a_golden_run_notices_the_lights(gap: Gap, tmp_path: Path) -> None:
+def test_a_golden_run_detects_the_lights(gap: Gap, tmp_path: Path) -> None:
     path = str(tmp_path / "golden.json")
     code, _ = gap("none", "--axis", "task", "--freeze-golden", path)
     assert code == 0
-    code, found = gap("none", "--axis", "task", "--golden", path)
-    assert (code, found["golden"]["outcome"]) == (0, "PASS")
-    code, found = gap("lights", "--axis", "task", "--golden", path)
-    assert (code, found["golden"]["outcome"]) == (1, "FAIL")
+    code, report = gap("none", "--axis", "task", "--golden", path)
+    assert (code, report["golden"]["outcome"]) == (0, "PASS")
+    code, report = gap("lights", "--axis", "task", "--golden", path)
+    assert (code, report["golden"]["outcome"]) == (1, "FAIL")
 
 
-def test_a_store_of_one_axis_is_refused_by_a_reference_of_four(
+def test_a_reference_rejects_a_store_without_its_axes(
     worlds: Path, gap: Gap, tmp_path: Path
 ) -> None:
     copy = tmp_path / "none.s2r"
     shutil.copytree(worlds / "none.s2r", copy)
     shutil.rmtree(copy / "drives")
-    code, found = gap(str(copy.with_suffix("")), "--reference", str(worlds / "ref.json"))
+    code, report = gap(str(copy.with_suffix("")), "--reference", str(worlds / "ref.json"))
     assert code == 2
-    assert "judges delay, which cannot be measured here (no drives" in found["refused"]
-    assert found["refused"].count("\n") == 1
+    assert "judges delay, which cannot be measured here (no drives" in report["refused"]
+    assert report["refused"].count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("options", "code", "expected"),
     [
         (["--reference", "nowhere.json"], 2, "nowhere.json"),
         (["--select", "none"], 2, "no instance"),
@@ -172,13 +172,13 @@ def test_a_store_of_one_axis_is_refused_by_a_reference_of_four(
         (["--axis", "visual", "--select", "seq:0..2", "--freeze", "x.json"], 3, "40"),
     ],
 )
-def test_wrong_requests_are_told_in_one_line(
+def test_invalid_requests_are_reported_in_one_line(
     gap: Gap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    words: list[str], code: int, told: str,
+    options: list[str], code: int, expected: str,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    found_code, found = gap("all", *words)
-    assert found_code == code
-    assert told in found["refused"]
-    assert found["refused"].count("\n") == 1
+    actual_code, report = gap("all", *options)
+    assert actual_code == code
+    assert expected in report["refused"]
+    assert report["refused"].count("\n") == 1
     assert list(tmp_path.glob("*")) == []

@@ -1,4 +1,4 @@
-"""The calibration that ships with the project, held against the real images."""
+"""The packaged calibration compared with the real images."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def declared(name: str) -> Domain:
 def views(real_data: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Depth of every domain, (n, 256, 256) raw values, and the poses (n, 3)."""
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
-    rows = scan.trajectories["traj1"][::EVERY]
+    records = scan.trajectories["traj1"][::EVERY]
     depths = {}
     for name in ("sim", "sim_edit"):
-        files = [cv2.imread(str(row.sources[name].depth), cv2.IMREAD_GRAYSCALE) for row in rows]
+        files = [cv2.imread(str(row.sources[name].depth), cv2.IMREAD_GRAYSCALE) for row in records]
         depths[name] = np.stack(
             [cv2.resize(file, FRAME, interpolation=cv2.INTER_NEAREST_EXACT) for file in files]
         )
-    return depths, np.array([[row.x, row.y, row.heading] for row in rows])
+    return depths, np.array([[row.x, row.y, row.heading] for row in records])
 
 
 def hfov(degrees: float, pitch: float = 0.0) -> Intrinsics:
@@ -51,7 +51,7 @@ def hfov(degrees: float, pitch: float = 0.0) -> Intrinsics:
 
 
 def entropy(record: Domain, depth: np.ndarray, poses: np.ndarray, y_down: bool = True) -> float:
-    """Nats of the 5 cm top-down histogram of points 0.3 .. 1.5 m above the floor."""
+    """Entropy in nats of the 5 cm top-down histogram of points 0.3 .. 1.5 m above the floor."""
     x, y, _, valid = Projector(record, FRAME, y_down, (0.3, 1.5)).points(depth, poses)
     cells = np.floor(x[valid] / 0.05).astype(int) * 100_000 + np.floor(y[valid] / 0.05).astype(int)
     share = np.unique(cells, return_counts=True)[1] / cells.size
@@ -69,8 +69,8 @@ def test_the_declared_camera_of_sim_edit_gives_the_sharpest_map(views) -> None:
     assert entropy(replace(record, forward_offset=0.0), depth, poses) > best
 
 
-def test_sim_depth_lies_where_the_depth_of_sim_edit_lies(views) -> None:
-    """Both render the same scan from the same places; the median error is within one quantum."""
+def test_sim_and_sim_edit_depth_agree(views) -> None:
+    """Both render the same scan from the same poses; the median error is within one quantum."""
     depths, _ = views
     sim, edit = declared("sim"), declared("sim_edit")
     centres = np.arange(4, 256, 8)
@@ -79,16 +79,18 @@ def test_sim_depth_lies_where_the_depth_of_sim_edit_lies(views) -> None:
     metres = raw * sim.depth_scale
     ahead = metres * rays.forward + sim.forward_offset - edit.forward_offset
     up = sim.camera_height + metres * rays.up - edit.camera_height
-    safe = np.maximum(ahead, 0.1)
-    u = edit.depth.cx + edit.depth.fx * metres * rays.right / safe
-    v = edit.depth.cy - edit.depth.fy * up / safe
+    positive_ahead = np.maximum(ahead, 0.1)
+    u = edit.depth.cx + edit.depth.fx * metres * rays.right / positive_ahead
+    v = edit.depth.cy - edit.depth.fy * up / positive_ahead
     inside = (u >= 0) & (u < FRAME[1]) & (v >= 0) & (v < FRAME[0])
-    rows, cols = (np.where(inside, at, 0).astype(int) for at in (v, u))
-    other = depths["sim_edit"][np.arange(len(raw))[:, None, None], rows, cols]
+    row_indices, column_indices = (np.where(inside, at, 0).astype(int) for at in (v, u))
+    other_depth = depths["sim_edit"][
+        np.arange(len(raw))[:, None, None], row_indices, column_indices
+    ]
     valid = inside & (ahead > 0.3)
-    for values, record in ((raw, sim), (other, edit)):
+    for values, record in ((raw, sim), (other_depth, edit)):
         valid &= (values >= record.depth_raw_min) & (values <= record.depth_raw_max)
-    error = (ahead - other * edit.depth_scale)[valid]
+    error = (ahead - other_depth * edit.depth_scale)[valid]
     assert valid.mean() > 0.5
     assert np.median(np.abs(error)) < 0.04
     assert abs(np.median(error)) < 0.01
@@ -104,7 +106,7 @@ def test_match_csv_is_in_recording_order(real_data: Path) -> None:
     assert order == sorted(order)
 
 
-def test_images_have_the_sizes_of_the_calibration_and_grey_depth(real_data: Path) -> None:
+def test_images_have_the_calibrated_sizes_and_grey_depth(real_data: Path) -> None:
     scan = IMPORTERS["sim2realviz"](real_data, ScanOptions(("traj1",)))
     for row in scan.trajectories["traj1"][::60]:
         for images in row.sources.values():

@@ -1,4 +1,4 @@
-"""Cameras that adjustments move: what adds up, what stays and what is refused."""
+"""Camera adjustments: accumulation, unchanged parameters and rejected values."""
 
 from __future__ import annotations
 
@@ -26,43 +26,46 @@ def chain(**values: float) -> list[dict[str, object]]:
     return [{"name": name, "value": value} for name, value in values.items()]
 
 
-def test_nothing_moves_the_very_same_domain() -> None:
-    plain = domain()
+def test_neutral_adjustments_return_the_same_domain() -> None:
+    original = domain()
     for steps in ([], chain(brightness=1.4), chain(camera_height=0.0, camera_fov=0.0)):
-        move = camera_move(steps, plain, WIDTH)
+        move = camera_move(steps, original, WIDTH)
         assert move == UNMOVED
-        assert move.applied(plain) is plain
+        assert move.applied(original) is original
 
 
 @given(
     st.floats(-0.5, 1.0), st.floats(-30, 30), st.floats(-30, 30), st.floats(50, 90),
     st.floats(-0.2, 0.2),
 )  # fmt: skip
-def test_figures_change_by_what_was_asked(
-    up: float, pitch: float, wider: float, now: float, tilt: float
+def test_camera_parameters_change_by_the_adjustments(
+    up: float, pitch: float, hfov_change: float, hfov_before: float, tilt: float
 ) -> None:
-    plain = domain(now, pitch=tilt)
-    steps = chain(camera_height=up, camera_pitch=pitch, camera_fov=wider)
-    made = camera_move(steps, plain, WIDTH).applied(plain)
-    assert made.camera_height == pytest.approx(plain.camera_height + up)
-    assert hfov(made.rgb, WIDTH) == pytest.approx(hfov(plain.rgb, WIDTH) + wider)
-    for lens, before in ((made.rgb, plain.rgb), (made.depth, plain.depth)):
+    original = domain(hfov_before, pitch=tilt)
+    steps = chain(camera_height=up, camera_pitch=pitch, camera_fov=hfov_change)
+    moved = camera_move(steps, original, WIDTH).applied(original)
+    assert moved.camera_height == pytest.approx(original.camera_height + up)
+    assert hfov(moved.rgb, WIDTH) == pytest.approx(hfov(original.rgb, WIDTH) + hfov_change)
+    for lens, before in ((moved.rgb, original.rgb), (moved.depth, original.depth)):
         assert math.degrees(lens.pitch - before.pitch) == pytest.approx(pitch)
-        assert lens.fx / before.fx == pytest.approx(made.rgb.fx / plain.rgb.fx)
+        assert lens.fx / before.fx == pytest.approx(moved.rgb.fx / original.rgb.fx)
         assert lens.fy / lens.fx == pytest.approx(before.fy / before.fx)
         assert (lens.cx, lens.cy) == (before.cx, before.cy)
-    assert (made.depth_scale, made.forward_offset) == (plain.depth_scale, plain.forward_offset)
+    assert (moved.depth_scale, moved.forward_offset) == (
+        original.depth_scale,
+        original.forward_offset,
+    )
 
 
-def test_steps_of_one_name_add_up_and_images_are_passed_over() -> None:
+def test_repeated_camera_adjustments_add_up_and_others_are_ignored() -> None:
     steps = [*chain(camera_height=0.1), *chain(contrast=2.0), *chain(camera_height=0.25)]
     assert camera_move(steps, domain(), WIDTH) == RigOffset(height=pytest.approx(0.35))
-    back = [*chain(camera_fov=5.0), *chain(camera_fov=-5.0)]
-    assert camera_move(back, domain(), WIDTH) == UNMOVED
+    cancelling = [*chain(camera_fov=5.0), *chain(camera_fov=-5.0)]
+    assert camera_move(cancelling, domain(), WIDTH) == UNMOVED
 
 
 @pytest.mark.parametrize(
-    ("steps", "told"),
+    ("steps", "expected"),
     [
         (chain(camera_height=-0.6), "0.60 m above the floor"),
         (chain(camera_fov=100.0), "-67 .. +88 degrees"),
@@ -70,6 +73,6 @@ def test_steps_of_one_name_add_up_and_images_are_passed_over() -> None:
         (chain(camera_pitch=85.0), "at most 80 degrees"),
     ],
 )
-def test_cameras_that_make_no_sense_are_refused(steps: list[dict], told: str) -> None:
-    with pytest.raises(RequestError, match=told.replace("+", r"\+")):
+def test_impossible_cameras_are_rejected(steps: list[dict], expected: str) -> None:
+    with pytest.raises(RequestError, match=expected.replace("+", r"\+")):
         camera_move(steps, domain(), WIDTH)

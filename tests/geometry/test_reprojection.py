@@ -1,4 +1,4 @@
-"""Back-projection against a plain loop and against known walls."""
+"""Back-projection compared with an explicit loop and with known walls."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ BOUNDS = Bounds(-6.0, -5.0, 10.0, 7.0)
 
 def domain(hfov: float = 80.0, pitch: float = 0.0, rgb_pitch: float = -0.1, **changes) -> Domain:
     f = 128 / math.tan(math.radians(hfov) / 2)
-    made = Domain(
+    base = Domain(
         "d", "sim", Intrinsics(240.7, 240.7, 128, 128, rgb_pitch),
         Intrinsics(f, f, 128, 128, pitch), 0.6, -0.047, 10 / 255, 6, 249,
     )  # fmt: skip
-    return replace(made, **changes)
+    return replace(base, **changes)
 
 
-def plain_loop(heat, depth, record: Domain, pose, y_down: bool, ray: str, grid: MapGrid):
+def project_pixel_by_pixel(
+    heat, depth, record: Domain, pose, y_down: bool, ray: str, grid: MapGrid
+):
     """One pixel at a time, from the textbook formulas."""
     cells, values = [], []
     for row in range(SAMPLES):
@@ -77,7 +79,7 @@ def plain_loop(heat, depth, record: Domain, pose, y_down: bool, ray: str, grid: 
 @pytest.mark.parametrize("ray", ["rgb", "depth"])
 @pytest.mark.parametrize("y_down", [True, False])
 @pytest.mark.parametrize("pitch", [0.0, 0.05])
-def test_equals_the_plain_loop(ray: str, y_down: bool, pitch: float) -> None:
+def test_projection_equals_the_explicit_loop(ray: str, y_down: bool, pitch: float) -> None:
     rng = np.random.default_rng(1)
     depth = rng.integers(0, 256, FRAME).astype(np.uint8)
     heat = rng.normal(0, 1, (16, 16)).astype(np.float32)
@@ -87,9 +89,9 @@ def test_equals_the_plain_loop(ray: str, y_down: bool, pitch: float) -> None:
     record = domain(pitch=pitch)
     projector = Projector(record, FRAME, y_down)
     cells, values = projector.project(heat[None], depth[None], pose[None], ray, grid)
-    wanted = plain_loop(heat, depth, record, pose, y_down, ray, grid)
+    expected = project_pixel_by_pixel(heat, depth, record, pose, y_down, ray, grid)
     assert sorted(zip(cells.tolist(), values.tolist(), strict=True)) == pytest.approx(
-        sorted(zip(*wanted, strict=True))
+        sorted(zip(*expected, strict=True))
     )
 
 
@@ -98,7 +100,7 @@ def test_equals_the_plain_loop(ray: str, y_down: bool, pitch: float) -> None:
     x=st.floats(-2, 6), y=st.floats(-2, 4), heading=st.floats(-3.1, 3.1),
     raw=st.integers(20, 80), hfov=st.floats(50, 90),
 )  # fmt: skip
-def test_a_wall_straight_ahead_lies_on_a_line_across(
+def test_a_wall_ahead_is_a_perpendicular_line(
     x: float, y: float, heading: float, raw: int, hfov: float
 ) -> None:
     record = domain(hfov, forward_offset=0.0)
@@ -116,33 +118,37 @@ def test_a_wall_straight_ahead_lies_on_a_line_across(
 @settings(max_examples=60, deadline=None)
 @given(
     pitch=st.floats(-0.3, 0.3), height=st.floats(-0.5, 2.5), low=st.floats(-1, 1),
-    band=st.floats(0.01, 2), first=st.integers(0, 255), more=st.integers(0, 255),
+    band=st.floats(0.01, 2), first=st.integers(0, 255), extra=st.integers(0, 255),
 )  # fmt: skip
-def test_valid_points_are_those_of_valid_depth_within_the_heights(
-    pitch: float, height: float, low: float, band: float, first: int, more: int
+def test_points_are_valid_by_depth_and_height(
+    pitch: float, height: float, low: float, band: float, first: int, extra: int
 ) -> None:
     record = domain(pitch=pitch, camera_height=height, depth_raw_min=first)
-    record = replace(record, depth_raw_max=min(first + more, 255))
+    record = replace(record, depth_raw_max=min(first + extra, 255))
     depth = np.random.default_rng(3).integers(0, 256, (1, *FRAME)).astype(np.uint8)
     heights = low, low + band
-    _, _, above, valid = Projector(record, FRAME, True, heights).points(depth, np.zeros((1, 3)))
+    _, _, point_heights, valid = Projector(record, FRAME, True, heights).points(
+        depth, np.zeros((1, 3))
+    )
     raw = depth[:, 1::2, 1::2]
-    wanted = (raw >= record.depth_raw_min) & (raw <= record.depth_raw_max)
-    wanted &= (above >= heights[0]) & (above <= heights[1])
-    clear = np.minimum(abs(above - heights[0]), abs(above - heights[1])) > 1e-9
-    assert (valid == wanted)[clear].all()
+    expected = (raw >= record.depth_raw_min) & (raw <= record.depth_raw_max)
+    expected &= (point_heights >= heights[0]) & (point_heights <= heights[1])
+    is_unambiguous = (
+        np.minimum(abs(point_heights - heights[0]), abs(point_heights - heights[1])) > 1e-9
+    )
+    assert (valid == expected)[is_unambiguous].all()
 
 
-@pytest.mark.parametrize(("height", "seen"), [(0.6, True), (0.05, False), (2.5, False)])
-def test_a_level_ray_keeps_the_cameras_height(height: float, seen: bool) -> None:
+@pytest.mark.parametrize(("height", "is_visible"), [(0.6, True), (0.05, False), (2.5, False)])
+def test_a_level_ray_has_the_height_of_the_camera(height: float, is_visible: bool) -> None:
     record = domain(camera_height=height)
     level = replace(record, depth=replace(record.depth, cy=127.5))
     depth = np.full((1, *FRAME), 100, np.uint8)
     *_, valid = Projector(level, FRAME, True).points(depth, np.zeros((1, 3)))
-    assert (valid[0, 63] == seen).all()
+    assert (valid[0, 63] == is_visible).all()
 
 
-def test_a_batch_is_its_images_one_after_another() -> None:
+def test_a_batch_equals_its_single_images() -> None:
     rng = np.random.default_rng(7)
     depth = rng.integers(0, 65536, (3, 60, 100)).astype(np.uint16)
     heat = rng.normal(0, 1, (3, 6, 6)).astype(np.float32)
@@ -152,49 +158,49 @@ def test_a_batch_is_its_images_one_after_another() -> None:
         rgb=Intrinsics(60, 60, 50, 30), depth=Intrinsics(40, 40, 50, 30),
     )  # fmt: skip
     projector, grid = Projector(record, (60, 100), False), MapGrid(BOUNDS)
-    together = projector.project(heat, depth, poses, "rgb", grid)
+    batched = projector.project(heat, depth, poses, "rgb", grid)
     single = [
         projector.project(heat[i : i + 1], depth[i : i + 1], poses[i : i + 1], "rgb", grid)
         for i in range(3)
     ]
-    for got, parts in zip(together, zip(*single, strict=True), strict=True):
-        assert got.size > 0
-        assert (got == np.concatenate(parts)).all()
-    none = projector.project(heat[:0], depth[:0], poses[:0], "rgb", grid)
-    assert [part.size for part in none] == [0, 0]
+    for values_found, parts in zip(batched, zip(*single, strict=True), strict=True):
+        assert values_found.size > 0
+        assert (values_found == np.concatenate(parts)).all()
+    empty = projector.project(heat[:0], depth[:0], poses[:0], "rgb", grid)
+    assert [part.size for part in empty] == [0, 0]
 
 
-def test_points_outside_the_bounds_or_nowhere_have_no_cell() -> None:
+def test_points_outside_the_bounds_have_no_cell() -> None:
     grid = MapGrid(BOUNDS, 16)
     x = np.array([-6.0, 9.999, 10.0, -6.001, np.nan, np.inf, 0.0])
     y = np.array([-5.0, 6.999, 0.0, 0.0, 0.0, 0.0, np.nan])
     assert grid.cell(x, y).tolist() == [0, grid.rows * grid.cols - 1, -1, -1, -1, -1, -1]
 
 
-def test_grid_aggregates_are_those_of_a_dictionary() -> None:
+def test_grid_aggregates_equal_explicit_aggregation() -> None:
     rng = np.random.default_rng(5)
     grid = MapGrid(BOUNDS, 20)
-    seen: dict[int, list[float]] = {}
+    values_of_cell: dict[int, list[float]] = {}
     for _ in range(3):
         cells = rng.integers(0, grid.rows * grid.cols, 100)
         values = rng.normal(0, 1, 100)
         grid.add(cells, values)
         for cell, value in zip(cells.tolist(), values.tolist(), strict=True):
-            seen.setdefault(cell, []).append(value)
+            values_of_cell.setdefault(cell, []).append(value)
     planes = dict(zip(AGGREGATES, grid.aggregates(), strict=True))
     for cell in range(grid.rows * grid.cols):
         row, col = divmod(cell, grid.cols)
-        got = seen.get(cell)
-        assert planes["count"][row, col] == len(got or ())
-        if got is None:
+        cell_values = values_of_cell.get(cell)
+        assert planes["count"][row, col] == len(cell_values or ())
+        if cell_values is None:
             assert np.isnan([planes[name][row, col] for name in ("mean", "max", "sum")]).all()
         else:
-            assert planes["mean"][row, col] == pytest.approx(np.mean(got), rel=1e-5)
-            assert planes["max"][row, col] == pytest.approx(max(got), rel=1e-5)
-            assert planes["sum"][row, col] == pytest.approx(sum(got), rel=1e-4, abs=1e-6)
+            assert planes["mean"][row, col] == pytest.approx(np.mean(cell_values), rel=1e-5)
+            assert planes["max"][row, col] == pytest.approx(max(cell_values), rel=1e-5)
+            assert planes["sum"][row, col] == pytest.approx(sum(cell_values), rel=1e-4, abs=1e-6)
 
 
-def test_the_first_of_overlapping_rooms_wins_and_edges_belong() -> None:
+def test_the_first_of_overlapping_rooms_is_used_and_edges_are_inside() -> None:
     rooms = [Room("b", 1, 0, 0, 4, 4), Room("a", 0, 2, 2, 6, 6), Room("a", 2, 8, 8, 9, 9)]
     x = np.array([1.0, 2.0, 3.0, 6.0, 7.0, 9.0, np.nan])
     assert room_codes(x, x, rooms, ["a", "b"]).tolist() == [1, 0, 0, 0, -1, 0, -1]
@@ -202,6 +208,6 @@ def test_the_first_of_overlapping_rooms_wins_and_edges_belong() -> None:
 
 def test_curvature_is_the_heading_change_over_seven_instances() -> None:
     heading = np.radians([170.0, 175, 180, -175, -170, -165, -160, -160])
-    wanted = [15, 20, 25, 30, 25, 20, 15, 10]
-    assert np.allclose(curvature(angles.wrap(heading)), wanted)
+    expected = [15, 20, 25, 30, 25, 20, 15, 10]
+    assert np.allclose(curvature(angles.wrap(heading)), expected)
     assert curvature(np.array([])).size == 0

@@ -1,4 +1,4 @@
-"""Harmonising: equal rigs change nothing, a shifted rig is found, and only change remains."""
+"""Image harmonisation: equal rigs change nothing, and the offset of a moved rig is estimated."""
 
 from __future__ import annotations
 
@@ -43,56 +43,60 @@ def rig(data: WorldData, name: str) -> Domain:
     return Domain(name, name, camera.lens, camera.lens, camera.height, 0.0, 0.001, 1, 10_000)
 
 
-def test_equal_rigs_and_images_stay_as_they_are(data: WorldData) -> None:
-    own = images(data, "sim")[0]
+def test_equal_rigs_and_images_are_unchanged(data: WorldData) -> None:
+    sim_image = images(data, "sim")[0]
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(own, own)
-    inner = made.visible
-    assert inner.mean() > 0.9
-    assert np.abs(made.real - made.sim)[inner].max() < 1.0
-    assert np.abs(made.real_depth - made.sim_depth).max() < 1e-3
+    harmonised = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(
+        sim_image, sim_image
+    )
+    visible = harmonised.visible
+    assert visible.mean() > 0.9
+    assert np.abs(harmonised.real - harmonised.sim)[visible].max() < 1.0
+    assert np.abs(harmonised.real_depth - harmonised.sim_depth).max() < 1e-3
 
 
-def test_a_colour_cast_is_taken_out(data: WorldData) -> None:
+def test_a_colour_cast_is_removed(data: WorldData) -> None:
     rgb, depth, valid = images(data, "sim")[1]
     cast = np.clip(rgb * np.array([0.9, 0.7, 0.5]) + 20, 0, 255).astype(np.uint8)
     sim, real = rig(data, "sim"), rig(data, "real")
-    made = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(
+    harmonised = ImageAlignment(sim, real, FRAME, RigOffset()).sim_view.harmonise(
         (rgb, depth, valid), (cast, depth, valid)
     )
     before = np.abs(cast.astype(float) - rgb).mean()
-    assert np.abs(made.real - made.sim).mean() < 0.15 * before
+    assert np.abs(harmonised.real - harmonised.sim).mean() < 0.15 * before
 
 
-def test_the_true_offset_is_found_and_helps(data: WorldData) -> None:
+def test_the_true_offset_is_estimated_and_reduces_the_misfit(data: WorldData) -> None:
     pairs = list(zip(images(data, "sim"), images(data, "real"), strict=True))
     sim, real = rig(data, "sim"), rig(data, "real")
-    found = calibrate(sim, real, FRAME, pairs)
-    assert found.height == pytest.approx(-0.09, abs=0.03)
-    assert found.zoom == pytest.approx(1.06, abs=0.02)
+    offset = calibrate(sim, real, FRAME, pairs)
+    assert offset.height == pytest.approx(-0.09, abs=0.03)
+    assert offset.zoom == pytest.approx(1.06, abs=0.02)
 
     def misfit(correction: RigOffset) -> float:
         view = ImageAlignment(sim, real, FRAME, correction).sim_view
-        made = [view.harmonise(*pair) for pair in pairs]
-        return float(np.mean([np.abs(m.real - m.sim)[m.visible].mean() for m in made]))
+        harmonised = [view.harmonise(*pair) for pair in pairs]
+        return float(np.mean([np.abs(m.real - m.sim)[m.visible].mean() for m in harmonised]))
 
-    assert misfit(found) < 0.75 * misfit(RigOffset())
+    assert misfit(offset) < 0.75 * misfit(RigOffset())
 
 
-def test_heat_comes_back_to_the_pixel_it_left(data: WorldData) -> None:
-    """Through the sim view and back, a map that lies on surfaces is where it was."""
+def test_warping_to_the_other_view_and_back_restores_the_map(data: WorldData) -> None:
+    """The map lies on surfaces."""
     sim, real = rig(data, "sim"), rig(data, "real")
     aligned = ImageAlignment(sim, real, FRAME, RigOffset(-0.09, 1.06))
-    (_, depth, valid), (_, away, away_valid) = images(data, "sim")[2], images(data, "real")[2]
+    (_, depth, valid), (_, real_depth, real_valid) = images(data, "sim")[2], images(data, "real")[2]
     columns = np.broadcast_to(np.arange(96, dtype=np.float32), FRAME).copy()
-    over = aligned.sim_view.warp_from_other(columns, depth, valid)
-    back = aligned.real_view.warp_from_other(np.nan_to_num(over, nan=-500.0), away, away_valid)
-    good = np.isfinite(back) & (back > 0)
-    assert good.mean() > 0.5
-    assert np.median(np.abs(back - columns)[good]) < 0.6
+    warped = aligned.sim_view.warp_from_other(columns, depth, valid)
+    restored = aligned.real_view.warp_from_other(
+        np.nan_to_num(warped, nan=-500.0), real_depth, real_valid
+    )
+    is_known = np.isfinite(restored) & (restored > 0)
+    assert is_known.mean() > 0.5
+    assert np.median(np.abs(restored - columns)[is_known]) < 0.6
 
 
-def test_crossing_is_its_own_inverse() -> None:
+def test_reprojection_keeps_the_point_in_space() -> None:
     other = replace(RIG, camera_height=0.4, forward_offset=0.1)
     metres = np.full(FRAME, 2.5)
     u, v, depth, inside = Reprojection(RIG, LENS, other, FRAME).targets(metres, LENS)
@@ -100,21 +104,23 @@ def test_crossing_is_its_own_inverse() -> None:
     assert inside[row, col]
     x = (u[row, col] - LENS.cx) / LENS.fx * depth[row, col]
     y = -(v[row, col] - LENS.cy) / LENS.fy * depth[row, col]
-    there = np.array([x, y + 0.4, depth[row, col] + 0.1])
-    here = np.array([(col + 0.5 - 48) / 66 * 2.5, -(row + 0.5 - 48) / 66 * 2.5 + 0.62, 2.5])
-    assert np.allclose(there, here)
+    point_in_other = np.array([x, y + 0.4, depth[row, col] + 0.1])
+    point = np.array([(col + 0.5 - 48) / 66 * 2.5, -(row + 0.5 - 48) / 66 * 2.5 + 0.62, 2.5])
+    assert np.allclose(point_in_other, point)
 
 
 @settings(max_examples=40, deadline=None)
 @given(arrays.arrays(np.uint16, (2, 12, 12), elements=RAW),
        arrays.arrays(np.uint16, (2, 12, 12), elements=RAW))  # fmt: skip
-def test_the_nearer_surface_is_never_farther(own: np.ndarray, other: np.ndarray) -> None:
+def test_the_nearer_surface_is_the_minimum_of_both_depths(
+    first: np.ndarray, second: np.ndarray
+) -> None:
     lens = Intrinsics(8.0, 8.0, 6.0, 6.0, 0.0)
     a = replace(RIG, rgb=lens, depth=lens)
     b = replace(a, domain="real", kind="real")
-    nearer = NearerSurface(a, b, (12, 12))(own, other)
-    assert (nearer <= own).all()
-    known = (own >= 1) & (own <= 10_000)
-    both = known & (other >= 1) & (other <= 10_000)
-    assert np.array_equal(nearer[~both], own[~both])
-    assert np.array_equal(nearer[both], np.minimum(own, other)[both])
+    nearer = NearerSurface(a, b, (12, 12))(first, second)
+    assert (nearer <= first).all()
+    known = (first >= 1) & (first <= 10_000)
+    both = known & (second >= 1) & (second <= 10_000)
+    assert np.array_equal(nearer[~both], first[~both])
+    assert np.array_equal(nearer[both], np.minimum(first, second)[both])

@@ -1,4 +1,4 @@
-"""Every heatmap kind against its formula, written out a second time."""
+"""Every heatmap kind compared with a direct implementation of its formula."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def make_pair(model: LoadedModel) -> PairBatch:
     for name in ("sim", "real"):
         rgb = rng.integers(0, 256, (2, 48, 48, 3)).astype(np.uint8)
         depth = rng.integers(0, 256, (2, 48, 48)).astype(np.uint8)
-        made = backend.forward_all(preprocess(rgb, depth, 10 / 255, model.network.input_size))
+        result = backend.forward_all(preprocess(rgb, depth, 10 / 255, model.network.input_size))
         sides[name] = SideBatch(
-            made.x, rgb, depth, (depth > 5) & (depth < 250), 10 / 255, made.features,
-            made.embedding, made.pose, TRUTH,
+            result.x, rgb, depth, (depth > 5) & (depth < 250), 10 / 255, result.features,
+            result.embedding, result.pose, TRUTH,
         )  # fmt: skip
     lens = Intrinsics(30.0, 30.0, 24.0, 24.0, 0.0)
     rigs = [Domain(side, side, lens, lens, 0.6, 0.0, 10 / 255, 6, 249) for side in ("sim", "real")]
@@ -39,22 +39,22 @@ def make_pair(model: LoadedModel) -> PairBatch:
 
 @pytest.fixture(scope="module")
 def pair() -> PairBatch:
-    return make_pair(networks.small(*networks.local_trunks()["residual"], (36, 36)))
+    return make_pair(networks.small_model(*networks.local_trunks()["residual"], (36, 36)))
 
 
 @pytest.mark.parametrize("name", list(HEATMAP_KINDS))
-def test_outputs_are_as_announced(pair: PairBatch, name: str) -> None:
+def test_outputs_match_their_declaration(pair: PairBatch, name: str) -> None:
     kind = HEATMAP_KINDS[name]
-    made = kind.compute(pair)
-    announced = kind.outputs(pair.model)
-    assert set(made) == {(out.side, out.mode) for out in announced}
-    for out in announced:
-        values = made[out.side, out.mode]
-        assert values.shape == (2, *out.shape)
-        assert len(out.axes) == len(out.shape)
-    again = kind.compute(pair)
-    for key, values in made.items():
-        assert np.array_equal(values, again[key], equal_nan=True)
+    maps = kind.compute(pair)
+    declared = kind.outputs(pair.model)
+    assert set(maps) == {(output.side, output.mode) for output in declared}
+    for output in declared:
+        values = maps[output.side, output.mode]
+        assert values.shape == (2, *output.shape)
+        assert len(output.axes) == len(output.shape)
+    repeated = kind.compute(pair)
+    for key, values in maps.items():
+        assert np.array_equal(values, repeated[key], equal_nan=True)
 
 
 def test_activation_is_gradient_times_features(pair: PairBatch) -> None:
@@ -67,11 +67,11 @@ def test_activation_is_gradient_times_features(pair: PairBatch) -> None:
         value = pose[:, output] if output < 3 else pose_loss(pose, torch.tensor(TRUTH).float())
         value.sum().backward()
         weights = active.grad.mean(dim=(2, 3))
-        wanted = np.einsum("bc,bchw->bhw", weights.numpy(), features.numpy())
-        assert np.allclose(maps[:, output], wanted, atol=1e-4 * np.abs(wanted).max())
+        expected = np.einsum("bc,bchw->bhw", weights.numpy(), features.numpy())
+        assert np.allclose(maps[:, output], expected, atol=1e-4 * np.abs(expected).max())
 
 
-def test_loss_of_a_pose() -> None:
+def test_the_pose_loss_equals_its_formula() -> None:
     pose = torch.tensor([[3.0, 4.0, -3.1]])
     truth = torch.tensor([[0.0, 0.0, 3.1]])
     turn = 2 * np.pi - 6.2
@@ -79,36 +79,36 @@ def test_loss_of_a_pose() -> None:
 
 
 def test_feature_distance_is_cosine_distance_times_l1(pair: PairBatch) -> None:
-    made = HEATMAP_KINDS["feature_distance"].compute(pair)[None, None]
+    maps = HEATMAP_KINDS["feature_distance"].compute(pair)[None, None]
     sim, real = pair.sim.features.numpy(), pair.real.features.numpy()
     for b, r, c in ((0, 0, 0), (1, 5, 7), (0, 17, 17)):
         u, v = sim[b, :, r, c], real[b, :, r, c]
         norms = np.linalg.norm(u) * np.linalg.norm(v)
         cosine = u @ v / norms if norms else 0.0
-        assert made[b, r, c] == pytest.approx((1 - cosine) * np.abs(u - v).mean(), abs=1e-4)
+        assert maps[b, r, c] == pytest.approx((1 - cosine) * np.abs(u - v).mean(), abs=1e-4)
     same = PairBatch(pair.model, pair.backend, pair.sim, pair.sim)
     assert np.abs(HEATMAP_KINDS["feature_distance"].compute(same)[None, None]).max() < 1e-5
 
 
 def test_pixel_difference_ignores_brightness_and_invalid_depth(pair: PairBatch) -> None:
-    made = HEATMAP_KINDS["pixel_difference"].compute(pair)
-    assert np.isfinite(made[None, "rgb"]).all()
-    assert made[None, "rgb"].min() >= 0
+    maps = HEATMAP_KINDS["pixel_difference"].compute(pair)
+    assert np.isfinite(maps[None, "rgb"]).all()
+    assert maps[None, "rgb"].min() >= 0
     dark = (pair.sim.rgb // 2 + 40).astype(np.uint8)
     side = pair.sim
     other = SideBatch(
         side.x, dark, side.depth, np.zeros_like(side.valid), side.depth_scale, side.features,
         side.embedding, side.prediction, side.truth,
     )  # fmt: skip
-    calm = HEATMAP_KINDS["pixel_difference"].compute(
+    darker_maps = HEATMAP_KINDS["pixel_difference"].compute(
         PairBatch(pair.model, pair.backend, side, other)
     )
-    assert calm[None, "rgb"].max() < 0.05
-    assert np.isnan(calm[None, "depth"]).all()
+    assert darker_maps[None, "rgb"].max() < 0.05
+    assert np.isnan(darker_maps[None, "depth"]).all()
 
 
-def test_occlusion_is_the_errors_change_towards_the_gap(pair: PairBatch) -> None:
-    made = HEATMAP_KINDS["occlusion"].compute(pair)
+def test_occlusion_is_the_change_of_the_error_towards_the_gap(pair: PairBatch) -> None:
+    maps = HEATMAP_KINDS["occlusion"].compute(pair)
     backend = pair.backend
     for mode, channels in (("rgb", [0, 1, 2]), ("depth", [3]), ("rgbd", [0, 1, 2, 3])):
         for side, other, sign in (("sim", "real", 1), ("real", "sim", -1)):
@@ -117,16 +117,16 @@ def test_occlusion_is_the_errors_change_towards_the_gap(pair: PairBatch) -> None
             x[:, channels, rows, cols] = pair.side(other).x[:, channels, rows, cols]
             after = backend.forward_all(x.numpy()).pose
             before = pair.side(side).prediction
-            wanted = np.hypot(*(after - TRUTH)[:, :2].T) - np.hypot(*(before - TRUTH)[:, :2].T)
-            assert made[side, mode][:, 0, 1, 5] == pytest.approx(sign * wanted, abs=1e-4)
+            expected = np.hypot(*(after - TRUTH)[:, :2].T) - np.hypot(*(before - TRUTH)[:, :2].T)
+            assert maps[side, mode][:, 0, 1, 5] == pytest.approx(sign * expected, abs=1e-4)
 
 
-def test_a_network_that_is_not_local_is_computed_in_full() -> None:
-    pair = make_pair(networks.small(*networks.foreign_trunks()["group norm"], (24, 24)))
-    made = HEATMAP_KINDS["occlusion"].compute(pair)["real", "rgbd"]
+def test_a_non_local_network_is_computed_in_full() -> None:
+    pair = make_pair(networks.small_model(*networks.nonlocal_trunks()["group norm"], (24, 24)))
+    maps = HEATMAP_KINDS["occlusion"].compute(pair)["real", "rgbd"]
     x = pair.real.x.clone()
     x[:, :, 0:4, 0:4] = pair.sim.x[:, :, 0:4, 0:4]
     after = pair.backend.forward_all(x.numpy()).pose
     before = pair.real.prediction
-    wanted = np.hypot(*(before - TRUTH)[:, :2].T) - np.hypot(*(after - TRUTH)[:, :2].T)
-    assert made[:, 0, 0, 0] == pytest.approx(wanted, abs=1e-5)
+    expected = np.hypot(*(before - TRUTH)[:, :2].T) - np.hypot(*(after - TRUTH)[:, :2].T)
+    assert maps[:, 0, 0, 0] == pytest.approx(expected, abs=1e-5)

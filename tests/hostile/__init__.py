@@ -1,1 +1,1 @@
-"""What a hostile or damaged store, file, name or terminal may not do."""
+"""Hostile and damaged stores, files, names and terminals."""

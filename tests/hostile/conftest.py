@@ -1,4 +1,4 @@
-"""A store whose every free text column is hostile."""
+"""A store in which every free text column is hostile."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from tests.support import hostile
 
 
 @pytest.fixture(scope="session")
-def poisoned_store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store that no test writes to, with a history; see `hostile.HOSTILE`."""
+def hostile_store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with hostile texts and a history, which no test modifies; see `hostile.HOSTILE`."""
     folder = tmp_path_factory.mktemp("poisoned")
     return hostile.with_nights(
-        hostile.poisoned(tiny_store, folder / "bad [ [@click=app.quit]x.s2r")
+        hostile.with_hostile_texts(tiny_store, folder / "bad [ [@click=app.quit]x.s2r")
     )

@@ -1,4 +1,4 @@
-"""Running `s2r` on hostile inputs as a user would, and judging how it ended."""
+"""Run `s2r` on hostile inputs in a subprocess and check how it ended."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-MOST_MEGABYTES = 600
+MAX_MEGABYTES = 600
 
 
 @dataclass(frozen=True)
-class Ended:
+class ProcessResult:
     """Exit code, outputs and peak memory of a process."""
 
     code: int
@@ -27,59 +27,59 @@ class Ended:
     err: str
     megabytes: float
 
-    def refused(self, *words: str) -> None:
-        """It ended with 2, one last line that says all `words`, and little memory."""
+    def assert_rejected(self, *words: str) -> None:
+        """Check for exit code 2, a last line that contains all `words`, and low memory use."""
         assert self.code == 2, (self.code, self.err)
         last = self.err.strip().splitlines()[-1]
         assert last.startswith("s2r: "), self.err
         assert "Traceback" not in self.err
-        for word in words:
-            assert word in last, self.err
-        assert self.megabytes < MOST_MEGABYTES
+        for expected in words:
+            assert expected in last, self.err
+        assert self.megabytes < MAX_MEGABYTES
 
 
-def s2r(folder: Path, *arguments: str | Path, seconds: float = 60) -> Ended:
-    """Run the command in a process of its own; it is killed, and fails, where it hangs."""
+def s2r(folder: Path, *arguments: str | Path, seconds: float = 60) -> ProcessResult:
+    """Run the command in a subprocess; a process that hangs is killed and fails the test."""
     out, err = folder / "stdout.txt", folder / "stderr.txt"
     command = [sys.executable, "-m", "s2rtui", *map(str, arguments)]
     with out.open("wb") as stdout, err.open("wb") as stderr:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr)
-        until, peak = time.monotonic() + seconds, 0.0
+        deadline_time, peak = time.monotonic() + seconds, 0.0
         while process.poll() is None:
             peak = max(peak, _peak(process.pid))
-            if time.monotonic() > until:
+            if time.monotonic() > deadline_time:
                 process.kill()
                 process.wait()
                 raise AssertionError(f"hangs: {' '.join(command)}")
             time.sleep(0.005)
     texts = (file.read_text(errors="replace") for file in (out, err))
-    return Ended(process.returncode, *texts, peak)
+    return ProcessResult(process.returncode, *texts, peak)
 
 
 def _peak(process: int) -> float:
-    """Peak memory in MB; that of wait4 would begin with this process's own."""
+    """Peak memory in MB; `wait4` would include the memory of this process before the exec."""
     try:
         status = Path(f"/proc/{process}/status").read_text()
     except OSError:
         return 0.0
-    found = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:")]
-    return int(found[0]) / 1024 if found else 0.0
+    values = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:")]
+    return int(values[0]) / 1024 if values else 0.0
 
 
 @contextmanager
 def deadline(seconds: int = 20) -> Iterator[None]:
-    """Fail where the block hangs."""
+    """Fail if the block takes longer than `seconds`."""
 
-    def ring(*_: object) -> None:
+    def on_alarm(*_: object) -> None:
         raise AssertionError(f"hangs for {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
+    previous = signal.signal(signal.SIGALRM, on_alarm)
     signal.alarm(seconds)
     try:
         yield
     finally:
         signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGALRM, previous)
 
 
 def limits() -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Work units during whose start somebody presses ctrl+c: it reaches the whole process group."""
+"""Work units whose worker is interrupted by ctrl+c while it starts, with its process group."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if multiprocessing.current_process().name == "SpawnProcess-1":
 
 
 def opener(root: Path, threads: int) -> Callable[[object], None]:
-    """Computes nothing."""
+    """A function that computes nothing."""
     return _nothing
 
 

@@ -7,5 +7,5 @@ from pathlib import Path
 
 
 def opener(root: Path, threads: int) -> Callable[[object], None]:
-    """Computes nothing."""
+    """A function that computes nothing."""
     return lambda unit: None

@@ -1,4 +1,4 @@
-"""ROS bags that are bombs, pipes or programs."""
+"""ROS bags that are decompression bombs, pipes or endless views."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Writer
 from bench.support import robot
 from s2rstore.errors import RequestError
 from s2rtools.motion_logs import read
-from tests.hostile.inputs import MOST_MEGABYTES, deadline, limits, s2r
+from tests.hostile.inputs import MAX_MEGABYTES, deadline, limits, s2r
 from tests.support import bags
 
 
@@ -24,7 +24,7 @@ def topics() -> bags.Topics:
     return {"/odom": (bags.ODOMETRY, log)}
 
 
-class Bombing(Writer):
+class BombWriter(Writer):
     """Writes chunks that inflate to 3 GB."""
 
     def __init__(self, path: Path) -> None:
@@ -34,21 +34,23 @@ class Bombing(Writer):
         self.compressor = lambda data: bz2.compress(data) + 48 * zeros
 
 
-def test_a_chunk_that_inflates_without_end_is_refused(
+def test_a_decompression_bomb_is_rejected(
     tmp_path: Path, topics: bags.Topics, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = tmp_path / "drives" / "one"
     drive.mkdir(parents=True)
     bags.write(drive / "sim.bag", topics)
-    monkeypatch.setattr(bags, "Writer1", Bombing)
+    monkeypatch.setattr(bags, "Writer1", BombWriter)
     bags.write(drive / "real.bag", topics)
     assert (drive / "real.bag").stat().st_size < 100_000
-    ended = s2r(tmp_path, "sysid", tmp_path / "drives", "--out", tmp_path / "out")
-    ended.refused("real.bag", "split it")
-    assert ended.megabytes < MOST_MEGABYTES
+    result = s2r(tmp_path, "sysid", tmp_path / "drives", "--out", tmp_path / "out")
+    result.assert_rejected("real.bag", "split it")
+    assert result.megabytes < MAX_MEGABYTES
 
 
-def test_limits_are_as_they_were_after_a_bag(tmp_path: Path, topics: bags.Topics) -> None:
+def test_resource_limits_are_restored_after_reading_a_bag(
+    tmp_path: Path, topics: bags.Topics
+) -> None:
     before = limits()
     read(bags.write(tmp_path / "a.bag", topics))
     (tmp_path / "b.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
@@ -58,32 +60,32 @@ def test_limits_are_as_they_were_after_a_bag(tmp_path: Path, topics: bags.Topics
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap", "a.csv", "a.tum"])
-def test_a_pipe_as_a_log_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_pipe_in_place_of_a_log_is_rejected(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / name)
     with deadline(), pytest.raises(RequestError, match=f"{name}: a pipe, not a regular file"):
         read(tmp_path / name)
 
 
-def test_a_pipe_or_a_link_inside_a_bag_is_refused(tmp_path: Path, topics: bags.Topics) -> None:
+def test_a_pipe_or_a_link_inside_a_bag_is_rejected(tmp_path: Path, topics: bags.Topics) -> None:
     folder = bags.write(tmp_path / "folder", topics)
-    (inside,) = folder.glob("*.db3")
-    inside.rename(tmp_path / "moved.db3")
-    inside.symlink_to(tmp_path / "moved.db3")
+    (database,) = folder.glob("*.db3")
+    database.rename(tmp_path / "moved.db3")
+    database.symlink_to(tmp_path / "moved.db3")
     with pytest.raises(RequestError, match="outside the bag"):
         read(folder)
-    inside.unlink()
-    os.mkfifo(inside)
+    database.unlink()
+    os.mkfifo(database)
     with deadline(), pytest.raises(RequestError, match="a pipe"):
         read(folder)
 
 
 @pytest.mark.parametrize("table", ["messages", "topics"])
-def test_a_table_that_is_an_endless_view_is_refused(
+def test_an_endless_view_in_place_of_a_table_is_rejected(
     tmp_path: Path, topics: bags.Topics, table: str
 ) -> None:
     folder = bags.write(tmp_path / "folder", topics)
-    (inside,) = folder.glob("*.db3")
-    with sqlite3.connect(inside) as opened:
+    (database,) = folder.glob("*.db3")
+    with sqlite3.connect(database) as opened:
         names = [row[1] for row in opened.execute(f"PRAGMA table_info({table})")]
         opened.execute(f"ALTER TABLE {table} RENAME TO kept")
         endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"

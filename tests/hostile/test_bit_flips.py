@@ -1,4 +1,4 @@
-"""A flipped bit anywhere in a store is found by `verify`, or has no effect on any figure."""
+"""A flipped bit anywhere in a store is detected by `verify` or affects no result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from bench import bit_flips
 from tests.support import tiny
-from tests.support.ingested import ingested
+from tests.support.ingested import build_ingested_store
 
 SAMPLE = 40
 
@@ -17,18 +17,18 @@ SAMPLE = 40
 def store(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flips")
     if request.param == "ingested":
-        return ingested(folder)
+        return build_ingested_store(folder)
     return tiny.build(folder / "t.s2r", n=6, runs=("vanilla",))
 
 
-def test_no_flipped_bit_changes_anything_in_silence(store: Path) -> None:
+def test_no_flipped_bit_changes_results_undetected(store: Path) -> None:
     flips = bit_flips.sampled(store, SAMPLE, seed=1)
-    found = list(bit_flips.outcomes(store, flips))
-    assert [flip for flip, outcome in found if outcome == "silent"] == []
-    assert sum(outcome == "found" for _, outcome in found) > SAMPLE * 0.9
+    outcomes = list(bit_flips.outcomes(store, flips))
+    assert [flip for flip, outcome in outcomes if outcome == "silent"] == []
+    assert sum(outcome == "found" for _, outcome in outcomes) > SAMPLE * 0.9
 
 
-def test_the_file_that_names_the_index_is_held_against_it(store: Path) -> None:
+def test_flipped_bits_of_the_current_file_are_detected(store: Path) -> None:
     flips = list(bit_flips.every_bit(store, lambda path: path == "CURRENT.json"))
-    found = list(bit_flips.outcomes(store, flips[::41]))
-    assert [flip for flip, outcome in found if outcome == "silent"] == []
+    outcomes = list(bit_flips.outcomes(store, flips[::41]))
+    assert [flip for flip, outcome in outcomes if outcome == "silent"] == []

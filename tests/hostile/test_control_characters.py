@@ -1,6 +1,4 @@
-"""Control characters and escape sequences in texts from outside reach no terminal, no error line
-and no figure; a pipe of CSV or JSON holds them as data.
-"""
+"""Control characters in external texts are escaped, except in CSV and JSON written to a pipe."""
 
 from __future__ import annotations
 
@@ -38,11 +36,11 @@ from s2rtui.cli import main
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 from tests.support.hostile import CLIPBOARD, HOSTILE, control_characters
 
-RAW = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
-"""What no terminal may get, whatever the program itself sends there."""
+FORBIDDEN = ("\x1b]52", "\x07", "\x9b", "\x85", "\u202e", "\u2066", "\u2028", "\x7f", "\x1b[31m")
+"""Sequences that must never be written to a terminal."""
 TABLES = (("runs",), ("verify",), ("query", "all", "--columns", "iid,room,traj"),
           ("sql", "SELECT room, what, value FROM room, provenance"),
           ("sql", f'SELECT 1 AS "{CLIPBOARD}", room AS "\u202e" FROM room'),
@@ -50,16 +48,18 @@ TABLES = (("runs",), ("verify",), ("query", "all", "--columns", "iid,room,traj")
           ("gap",), ("doctor",))  # fmt: skip
 
 
-def command(words: tuple[str, ...], store: Path) -> list[str]:
-    """A command line on a store; `doctor` takes none."""
-    return list(words) if words[0] == "doctor" else [words[0], str(store), *words[1:]]
+def command(arguments: tuple[str, ...], store: Path) -> list[str]:
+    """A command line on a store; `doctor` takes no store."""
+    return (
+        list(arguments) if arguments[0] == "doctor" else [arguments[0], str(store), *arguments[1:]]
+    )
 
 
-# --- the function ----------------------------------------------------------------------------
+# --- the escaping functions ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("raw", "shown"),
+    ("raw", "screen_text_of"),
     [
         ("plain [b] ünï ☃ 名", "plain [b] ünï ☃ 名"),
         ("\x1b]0;t\x07", "\\x1b]0;t\\x07"),
@@ -71,36 +71,36 @@ def command(words: tuple[str, ...], store: Path) -> list[str]:
         ("\xa0", "\\xa0"),
     ],
 )
-def test_what_is_not_printable_is_escaped(raw: str, shown: str) -> None:
-    assert printable(raw) == shown
-    assert printable(printable(raw)) == shown
+def test_unprintable_characters_are_escaped(raw: str, screen_text_of: str) -> None:
+    assert printable(raw) == screen_text_of
+    assert printable(printable(raw)) == screen_text_of
 
 
 def test_every_character_is_printable_or_escaped() -> None:
-    everything = "".join(chr(code) for code in range(0x30000))
-    assert printable(everything).isprintable()
-    assert control_characters(printable_lines(everything)) == {"\t"}
+    all_characters = "".join(chr(code) for code in range(0x30000))
+    assert printable(all_characters).isprintable()
+    assert control_characters(printable_lines(all_characters)) == {"\t"}
     assert printable_values({"\x1b": ["\x9b", 1, None]}) == {"\\x1b": ["\\x9b", 1, None]}
 
 
-def test_a_stream_escapes_what_is_written() -> None:
-    beneath = io.StringIO()
-    stream = printable_stream(beneath)
+def test_a_stream_escapes_its_text() -> None:
+    underlying = io.StringIO()
+    stream = printable_stream(underlying)
     print("a\x1b[31m\n\tb\u202e", file=stream)
     assert printable_stream(stream) is stream
-    assert beneath.getvalue() == "a\\x1b[31m\n\tb\\u202e\n"
+    assert underlying.getvalue() == "a\\x1b[31m\n\tb\\u202e\n"
 
 
-# --- where text enters -----------------------------------------------------------------------
+# --- reading -----------------------------------------------------------------------------------
 
 
-def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
-    with s2rstore.open(poisoned_store) as store:
+def test_records_contain_no_control_characters(hostile_store: Path) -> None:
+    with s2rstore.open(hostile_store) as store:
         listed = [store.dataset, store.rooms, store.trajectories, store.domains, store.models,
                   store.runs, store.provenance("dataset"), store.instances.room_names,
                   *(store.arrays(run) for run in store.runs)]  # fmt: skip
-        whole = repr(listed)
-        assert "CLICK" in whole
+        listed_text = repr(listed)
+        assert "CLICK" in listed_text
         texts = [store.dataset.name, *store.instances.room_names, store.runs["vanilla"].created_at,
                  store.runs["vanilla"].sim_adjustments[0]["name"],
                  store.domains["sim"].sources["cameras"],
@@ -110,9 +110,9 @@ def test_records_hold_no_control_characters(poisoned_store: Path) -> None:
     assert control_characters("".join(values)) <= {"\t"}
 
 
-def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
-    found = reader.read(reader.history_path(poisoned_store))
-    night = found.nights[0]
+def test_nights_contain_no_control_characters(hostile_store: Path) -> None:
+    history = reader.read(reader.history_path(hostile_store))
+    night = history.nights[0]
     texts = [night.dataset, night.reason, night.axes[0].axis, str(night.worst), night.name]
     assert all("CLICK" in text for text in texts)
     assert not control_characters("".join(texts))
@@ -121,26 +121,26 @@ def test_nights_hold_no_control_characters(poisoned_store: Path) -> None:
 # --- inside the application ------------------------------------------------------------------
 
 
-def shown(app: S2RApp) -> str:
-    """All text of the screen, and the escape codes of its strips without those of colours."""
+def screen_text_of(app: S2RApp) -> str:
+    """All text of the screen; the escape codes must contain no forbidden sequence."""
     console = Console(file=io.StringIO(), force_terminal=True)
     strips = app.screen._compositor.render_strips()
     text = "".join(segment.text for strip in strips for segment in strip)
     codes = "".join(strip.render(console) for strip in strips)
-    assert not any(raw in codes for raw in RAW if raw != "\x1b[31m")
+    assert not any(raw in codes for raw in FORBIDDEN if raw != "\x1b[31m")
     return text
 
 
 @pytest.mark.parametrize("size", [(80, 24), (150, 44)])
-async def test_every_view_and_screen(
-    poisoned_store: Path, own_things: Path, tmp_path: Path, size: tuple[int, int]
+async def test_views_and_screens_show_no_control_characters(
+    hostile_store: Path, user_data_folder: Path, tmp_path: Path, size: tuple[int, int]
 ) -> None:
-    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
-    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE],
+    entry = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE, trajectories=[HOSTILE])
+    hostile.notebook(user_data_folder, selections={"mine": entry}, history=[HOSTILE],
                      remarks={"3": {"tags": [], "note": HOSTILE}})  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
+    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.load_scheduler.debounce_seconds = 0.001
-    seen = ""
+    screen_text = ""
     async with app.run_test(size=size) as pilot:
         await settle(app, pilot)
         keys = [action.keys[0] for action in ACTIONS
@@ -149,46 +149,48 @@ async def test_every_view_and_screen(
         for key in [*keys, "N", *views, "ctrl+p", "slash"]:
             await pilot.press(key)
             await settle(app, pilot)
-            seen += shown(app)
+            screen_text += screen_text_of(app)
             if app.prompt.is_open:
                 await pilot.press(*'room:"', "tab", "tab", "up", "up")
                 await pilot.pause()
-                seen += shown(app)
+                screen_text += screen_text_of(app)
             while isinstance(app.screen, ModalScreen) or app.prompt.is_open:
                 await pilot.press("escape")
         app.session.select(f"room:{string(HOSTILE + 'right')}")
         app.session.show_message(HOSTILE)
         app.renderer.refresh()
         await pilot.pause()
-        seen += shown(app)
+        screen_text += screen_text_of(app)
         assert app.fault is None
-    assert "\\x1b]52;c;" in seen
-    assert not control_characters(seen)
+    assert "\\x1b]52;c;" in screen_text
+    assert not control_characters(screen_text)
 
 
-async def test_pasted_text_is_escaped(poisoned_store: Path) -> None:
+async def test_pasted_text_is_escaped(hostile_store: Path) -> None:
     from textual import events
 
-    app = S2RApp(Session(poisoned_store), RenderOptions())
+    app = S2RApp(Session(hostile_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await pilot.press("slash")
         app.post_message(events.Paste(f"worst15{CLIPBOARD}\u202e"))
         await pilot.pause()
-        text = shown(app)
+        text = screen_text_of(app)
         assert "\\x1b]52" in text
         assert not control_characters(text)
 
 
-def test_the_bytes_on_a_terminal(poisoned_store: Path, own_things: Path) -> None:
-    book = hostile.saved(f'room:"{HOSTILE}"', run=HOSTILE)
-    hostile.notebook(own_things, selections={"mine": book}, history=[HOSTILE])
-    own_things.joinpath("toured").touch()
-    environment = {"XDG_DATA_HOME": str(own_things.parent), "COLORTERM": "truecolor",
+def test_the_terminal_receives_no_forbidden_sequence(
+    hostile_store: Path, user_data_folder: Path
+) -> None:
+    entry = hostile.saved_entry(f'room:"{HOSTILE}"', run=HOSTILE)
+    hostile.notebook(user_data_folder, selections={"mine": entry}, history=[HOSTILE])
+    user_data_folder.joinpath("toured").touch()
+    environment = {"XDG_DATA_HOME": str(user_data_folder.parent), "COLORTERM": "truecolor",
                    "PYTHONPATH": os.pathsep.join(sys.path)}  # fmt: skip
-    words = [sys.executable, "-m", "s2rtui", "tui", str(poisoned_store), "--run", "vanilla"]
-    screen = Screen(words, (150, 44), environment)
+    arguments = [sys.executable, "-m", "s2rtui", "tui", str(hostile_store), "--run", "vanilla"]
+    screen = Screen(arguments, (150, 44), environment)
     try:
         screen.wait_for("vanilla")
         screen.press("N")
@@ -215,52 +217,52 @@ def test_the_bytes_on_a_terminal(poisoned_store: Path, own_things: Path) -> None
 # --- commands --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("words", TABLES, ids=" ".join)
-def test_tables_words_and_errors(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+@pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
+def test_tables_summaries_and_errors_contain_no_control_characters(
+    hostile_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
 ) -> None:
-    main(command(words, poisoned_store))
-    told = capsys.readouterr()
-    assert told.out + told.err
-    assert not control_characters(told.out.replace("\t", ""))
-    assert not control_characters(told.err)
+    main(command(arguments, hostile_store))
+    output = capsys.readouterr()
+    assert output.out + output.err
+    assert not control_characters(output.out.replace("\t", ""))
+    assert not control_characters(output.err)
 
 
 class Terminal(io.StringIO):
-    """Standard output as a terminal."""
+    """Standard output that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
 
 
 @pytest.mark.parametrize("form", ["table", "csv", "json"])
-@pytest.mark.parametrize("asked", [("query", "all"), ("sql", "SELECT room FROM room")])
-def test_on_a_terminal_every_format_is_escaped(
-    poisoned_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, asked: tuple[str, str]
+@pytest.mark.parametrize("command_line", [("query", "all"), ("sql", "SELECT room FROM room")])
+def test_every_format_is_escaped_on_a_terminal(
+    hostile_store: Path, monkeypatch: pytest.MonkeyPatch, form: str, command_line: tuple[str, str]
 ) -> None:
     out = Terminal()
     monkeypatch.setattr(sys, "stdout", out)
-    assert main([asked[0], str(poisoned_store), asked[1], "--format", form]) == 0
+    assert main([command_line[0], str(hostile_store), command_line[1], "--format", form]) == 0
     assert "1b]52;c;" in out.getvalue()
     assert control_characters(out.getvalue()) <= {"\t"}
 
 
-def test_in_a_pipe_csv_and_json_hold_the_data(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str]
+def test_csv_and_json_in_a_pipe_contain_the_original_text(
+    hostile_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    one = f"room:{string(HOSTILE + 'right')}"
-    for words in (("query", one), ("query", "all", "--columns", "room")):
-        asked = [words[0], str(poisoned_store), *words[1:]]
-        assert main([*asked, "--format", "csv"]) == 0
+    expression = f"room:{string(HOSTILE + 'right')}"
+    for arguments in (("query", expression), ("query", "all", "--columns", "room")):
+        command_line = [arguments[0], str(hostile_store), *arguments[1:]]
+        assert main([*command_line, "--format", "csv"]) == 0
         rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out, newline="")))
         assert f"{HOSTILE}right" in {row["room"] for row in rows}
-        assert main([*asked, "--json"]) == 0
+        assert main([*command_line, "--json"]) == 0
         listed = json.loads(capsys.readouterr().out)
         assert f"{HOSTILE}right" in {row["room"] for row in listed}
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ("query", f"/none{HOSTILE}", "all"),
         ("query", "{store}", f'room:"{HOSTILE}"'),
@@ -280,30 +282,30 @@ def test_in_a_pipe_csv_and_json_hold_the_data(
         ("tui", f"/none{HOSTILE}"),
         (f"{HOSTILE}",),
     ],
-    ids=lambda words: " ".join(words)[:40],
+    ids=lambda arguments: " ".join(arguments)[:40],
 )
-def test_error_lines(
-    poisoned_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+def test_errors_are_one_line_without_control_characters(
+    hostile_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
 ) -> None:
     try:
-        code = main([word.replace("{store}", str(poisoned_store)) for word in words])
+        code = main([word.replace("{store}", str(hostile_store)) for word in arguments])
     except SystemExit as stopped:
         code = int(str(stopped.code))
-    told = capsys.readouterr()
-    assert code == 2, told
-    assert not control_characters(told.err)
-    assert told.err.count("\n") == 1, told.err
+    output = capsys.readouterr()
+    assert code == 2, output
+    assert not control_characters(output.err)
+    assert output.err.count("\n") == 1, output.err
 
 
 # --- identity --------------------------------------------------------------------------------
 
 
-def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
-    with s2rstore.open(poisoned_store) as store:
-        words = evaluation.vocabulary(store)
-        offered = [text for text, _ in complete("room:", words)]
-        assert len(offered) == 2
-        for text, stored in zip(offered, store.stored_rooms.values(), strict=True):
+def test_displayed_room_names_can_be_used_in_expressions(hostile_store: Path) -> None:
+    with s2rstore.open(hostile_store) as store:
+        arguments = evaluation.vocabulary(store)
+        candidates = [text for text, _ in complete("room:", arguments)]
+        assert len(candidates) == 2
+        for text, stored in zip(candidates, store.stored_rooms.values(), strict=True):
             assert text.isprintable()
             for expression in (
                 text,
@@ -311,23 +313,23 @@ def test_rooms_are_typed_as_they_are_shown(poisoned_store: Path) -> None:
                 f"room:{string(stored)}",
                 f"!{text}",
             ):
-                chosen = np.flatnonzero(evaluation.select(store, expression))
+                selected = np.flatnonzero(evaluation.select(store, expression))
                 sql, parameters = evaluation.sql(store, expression)
-                assert chosen.size
-                assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()
+                assert selected.size
+                assert [row[0] for row in store.execute(sql, parameters)] == selected.tolist()
 
 
-def test_names_that_are_shown_alike_are_refused(
-    own_store: Path, capsys: pytest.CaptureFixture[str]
+def test_names_with_equal_display_texts_are_rejected(
+    store_copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
+    hostile.edit(store_copy, ("UPDATE room SET room = ? WHERE room = 'right'", ["a\x1b"]),
                  ("UPDATE room SET room = ? WHERE room <> ?", ["a\\x1b", "a\x1b"]))  # fmt: skip
-    assert main(["query", str(own_store), "all"]) == 2
-    told = capsys.readouterr().err
-    assert "two rooms are both displayed as" in told
-    assert told.count("\n") == 1
+    assert main(["query", str(store_copy), "all"]) == 2
+    output = capsys.readouterr().err
+    assert "two rooms are both displayed as" in output
+    assert output.count("\n") == 1
     with pytest.raises(RequestError, match="displayed as"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
 @pytest.mark.parametrize(
@@ -337,70 +339,70 @@ def test_names_that_are_shown_alike_are_refused(
      ("zarr_array", "path"), ("zarr_array", "dtype"), ("zarr_array", "mode"),
      ("run", "key"), ("prediction", "split"), ("domain", "kind")],
 )  # fmt: skip
-async def test_names_that_are_more_than_text(
+async def test_hostile_identifiers_are_rejected_or_escaped(
     tiny_store: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     table: str,
     column: str,
 ) -> None:
-    store = copied(tiny_store, tmp_path / "bad.s2r")
+    store = copy_store(tiny_store, tmp_path / "bad.s2r")
     hostile.edit(store, (f'UPDATE "{table}" SET "{column}" = ?', [HOSTILE]))
-    for words in (["runs"], ["query", "all"], ["show", "instance"], ["verify"]):
-        code = main([words[0], str(store), *words[1:]])
-        told = capsys.readouterr()
-        assert code in (0, 1, 2), (words, told.err)
-        assert not control_characters(told.out + told.err)
+    for arguments in (["runs"], ["query", "all"], ["show", "instance"], ["verify"]):
+        code = main([arguments[0], str(store), *arguments[1:]])
+        output = capsys.readouterr()
+        assert code in (0, 1, 2), (arguments, output.err)
+        assert not control_characters(output.out + output.err)
 
 
 # --- files -----------------------------------------------------------------------------------
 
 
-def test_figures_draw_no_control_characters(
-    poisoned_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_figures_contain_no_control_characters(
+    hostile_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from matplotlib.text import Text
 
-    drawn: list[str] = []
-    put = Text.set_text
+    drawn_texts: list[str] = []
+    original = Text.set_text
 
     def set_text(self: Text, text: object) -> None:
-        drawn.append(str(text))
-        put(self, text)
+        drawn_texts.append(str(text))
+        original(self, text)
 
     monkeypatch.setattr(Text, "set_text", set_text)
     for view in ("overview", "map", "rooms", "instance", "list", "history"):
         out = tmp_path / f"{view}.svg"
-        words = ["export", str(poisoned_store), "--view", view, "--run", "vanilla"]
-        code = main([*words, "--room-names", "--select", "worst15", "--out", str(out)])
+        arguments = ["export", str(hostile_store), "--view", view, "--run", "vanilla"]
+        code = main([*arguments, "--room-names", "--select", "worst15", "--out", str(out)])
         assert code == 0 or view == "history"
-    assert any("CLICK" in text for text in drawn)
-    assert not control_characters("".join(drawn))
+    assert any("CLICK" in text for text in drawn_texts)
+    assert not control_characters("".join(drawn_texts))
 
 
-def test_a_dollar_in_a_name_is_no_formula(own_store: Path, tmp_path: Path) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = '$\\frac$' || room", []),
+def test_a_dollar_sign_in_a_name_starts_no_formula(store_copy: Path, tmp_path: Path) -> None:
+    hostile.edit(store_copy, ("UPDATE room SET room = '$\\frac$' || room", []),
                  ("UPDATE instance SET room = '$\\frac$' || room", []))  # fmt: skip
     for view in ("rooms", "map", "overview", "errors", "umap", "orientation", "instance", "list"):
         out = tmp_path / f"{view}.png"
-        words = ["export", str(own_store), "--view", view, "--out", str(out), "--room-names"]
-        assert main([*words, "--select", 'room:"$\\\\frac$right"']) == 0, view
+        arguments = ["export", str(store_copy), "--view", view, "--out", str(out), "--room-names"]
+        assert main([*arguments, "--select", 'room:"$\\\\frac$right"']) == 0, view
 
 
-def test_a_report_holds_no_control_characters(poisoned_store: Path, tmp_path: Path) -> None:
+def test_a_report_contains_no_control_characters(hostile_store: Path, tmp_path: Path) -> None:
     out = tmp_path / "r.html"
-    assert main(["report", str(poisoned_store), "--run", "vanilla", "--select", "worst15",
+    assert main(["report", str(hostile_store), "--run", "vanilla", "--select", "worst15",
                  "--title", HOSTILE, "--out", str(out)]) == 0  # fmt: skip
     text = out.read_text(encoding="utf-8")
     assert "CLICK" in text
     assert control_characters(text) <= {"\t"}
 
 
-def test_nothing_raw_in_a_pipe_of_errors(poisoned_store: Path) -> None:
-    """As a user runs it: another process, standard error into a pipe."""
-    words = [sys.executable, "-m", "s2rtui", "query", str(poisoned_store), f'room:"{CLIPBOARD}"']
+def test_piped_errors_contain_no_control_characters(hostile_store: Path) -> None:
+    """Runs in a subprocess with standard error in a pipe."""
+    arguments = [sys.executable, "-m", "s2rtui", "query", str(hostile_store), f'room:"{CLIPBOARD}"']
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(words, capture_output=True, check=False, env=environment)
-    assert done.returncode == 2
-    assert b"\\x1b]52;c;" in done.stderr.replace(b"\\\\", b"\\")
-    assert not control_characters(done.stderr.decode())
+    process = subprocess.run(arguments, capture_output=True, check=False, env=environment)
+    assert process.returncode == 2
+    assert b"\\x1b]52;c;" in process.stderr.replace(b"\\\\", b"\\")
+    assert not control_characters(process.stderr.decode())

@@ -1,4 +1,4 @@
-"""TOML and JSON from outside: nested, huge, doubled or no files at all."""
+"""External TOML and JSON files that are deeply nested, huge, ambiguous or not regular files."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ LONG_KEY = ".".join("a" * 20_000) + " = 1"
 
 
 def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
-    """A manifest and the header that is to be given with it."""
+    """A manifest and the header file for it."""
     path = folder / f"header{suffix}"
     path.write_text(text)
     return pairs.manifest(folder / "data", n=2), path
 
 
 @pytest.mark.parametrize(
-    ("suffix", "text", "word"),
+    ("suffix", "text", "expected"),
     [
         (".json", DEEP_JSON, "nested too deeply"),
         (".toml", DEEP_TOML, "nested too deeply"),
@@ -39,34 +39,42 @@ def header(folder: Path, text: str, suffix: str) -> tuple[Path, Path]:
     ],
     ids=["deep json", "deep toml", "dotted", "inline", "twice", "digits", "list", "large"],
 )
-def test_a_header_is_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, text: str, word: str
+def test_an_invalid_header_is_rejected_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, text: str, expected: str
 ) -> None:
     manifest, path = header(tmp_path, text, suffix)
-    words = ["ingest", "csv", str(manifest), "--header", str(path), "--store", str(tmp_path / "s")]
+    arguments = [
+        "ingest",
+        "csv",
+        str(manifest),
+        "--header",
+        str(path),
+        "--store",
+        str(tmp_path / "s"),
+    ]
     with deadline():
-        assert main(words) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"s2r: {path}")
-    assert word in told
-    assert len(told.splitlines()) == 1
+        assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"s2r: {path}")
+    assert expected in error
+    assert len(error.splitlines()) == 1
 
 
-def test_long_keys_take_neither_time_nor_memory(tmp_path: Path) -> None:
+def test_long_keys_use_little_time_and_memory(tmp_path: Path) -> None:
     manifest, path = header(tmp_path, LONG_KEY, ".toml")
-    ended = s2r(
+    result = s2r(
         tmp_path, "ingest", "csv", manifest, "--header", path, "--store", tmp_path / "s", seconds=30
     )
-    ended.refused("a key of more than")
+    result.assert_rejected("a key of more than")
 
 
-def test_a_pipe_as_any_document_is_refused(
+def test_a_pipe_in_place_of_a_document_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pipe = tmp_path / "pipe.json"
     os.mkfifo(pipe)
     manifest = pairs.manifest(tmp_path / "data", n=2)
-    for words in (
+    for arguments in (
         ("ingest", "csv", manifest, "--header", pipe, "--store", tmp_path / "s"),
         ("ingest", "csv", pipe, "--store", tmp_path / "s"),
         ("nightly", pipe),
@@ -75,23 +83,23 @@ def test_a_pipe_as_any_document_is_refused(
         ("gap", tiny_store, "--features", pipe),
     ):
         with deadline():
-            assert main([str(word) for word in words]) == 2
+            assert main([str(expected) for expected in arguments]) == 2
         assert f"{pipe}: a pipe, not a regular file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--golden", "--reference", "--features"])
-def test_nested_files_of_a_gap_are_refused(
+def test_deeply_nested_gap_files_are_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], option: str
 ) -> None:
     path = tmp_path / "deep.json"
     path.write_text(DEEP_JSON)
     assert main(["gap", str(tiny_store), option, str(path)]) == 2
-    told = capsys.readouterr().err
-    assert str(path) in told
-    assert len(told.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert str(path) in error
+    assert len(error.splitlines()) == 1
 
 
-def test_a_huge_sparse_file_is_refused_unread(tmp_path: Path) -> None:
+def test_a_huge_sparse_file_is_rejected_unread(tmp_path: Path) -> None:
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
         file.truncate(1 << 40)
@@ -116,10 +124,10 @@ def test_only_regular_files_are_opened(tmp_path: Path, kind: str) -> None:
         input_files.read_json(path)
 
 
-def test_dotted_numbers_and_texts_are_no_long_keys(tmp_path: Path) -> None:
+def test_dotted_numbers_and_strings_are_accepted(tmp_path: Path) -> None:
     path = tmp_path / "x.toml"
-    words = ", ".join("1.5" for _ in range(500))
+    numbers = ", ".join("1.5" for _ in range(500))
     lines = "1.2.3\n" * 99
     dots = "a. b. " * 200
-    path.write_text(f'x = [{words}]\ny = "{dots}"\nz."a.b".c = """\n{lines}"""\n')
+    path.write_text(f'x = [{numbers}]\ny = "{dots}"\nz."a.b".c = """\n{lines}"""\n')
     assert input_files.read_toml(path)["z"]["a.b"]["c"].startswith("1.2.3")

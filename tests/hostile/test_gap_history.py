@@ -1,4 +1,4 @@
-"""Nights whose clock was reset, and how one is taken back."""
+"""Nights with a wrong clock date, and their withdrawal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RESET = datetime.date(1970, 1, 1)
 @pytest.fixture
 def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
     shutil.copytree(tiny_store, tmp_path / "lab.s2r")
-    return nights.written(tmp_path, tmp_path / "lab.s2r")
+    return nights.write_config(tmp_path, tmp_path / "lab.s2r")
 
 
 @pytest.fixture
@@ -30,71 +30,71 @@ def week(config: NightlyConfig) -> nights.Week:
     return nights.Week(config, {}, from_day=99)
 
 
-def reset(week: nights.Week) -> None:
-    """A night of a clock that was reset, admitted by hand."""
+def measure_reset_night(week: nights.Week) -> None:
+    """A night dated by a reset clock, admitted with `far`."""
     nightly(week.config, RESET, week.measure, week.estimate, nights.clock(), far=True)
 
 
 @pytest.mark.parametrize("date", ["1970-01-01", "2000-01-01", "2026-09-01"])
-def test_a_date_far_from_the_newest_night_is_refused(
+def test_a_date_far_from_the_newest_night_is_rejected(
     week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
 ) -> None:
     week.night(1)
     before = week.config.history.read_bytes()
     assert main(["nightly", str(week.config.source), "--night", date]) == 2
-    told = capsys.readouterr().err
-    assert f"night {date} is far from the newest, {nights.day(1)}" in told
-    assert "--far-night" in told
+    error = capsys.readouterr().err
+    assert f"night {date} is far from the newest, {nights.day(1)}" in error
+    assert "--far-night" in error
     assert week.config.history.read_bytes() == before
 
 
-def test_the_first_real_night_after_a_wrong_one_is_refused_with_a_way_out(
+def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(
     week: nights.Week,
 ) -> None:
-    reset(week)
+    measure_reset_night(week)
     with pytest.raises(RequestError, match="--withdraw 1970-01-01"):
         week.night(1)
 
 
-def test_nights_of_the_month_before_can_be_filled_in(week: nights.Week) -> None:
+def test_nights_of_the_preceding_month_can_be_added(week: nights.Week) -> None:
     week.night(20)
     assert week.night(1).new
 
 
-def test_a_withdrawn_night_dates_no_evidence(
+def test_a_withdrawn_night_no_longer_dates_evidence(
     week: nights.Week, capsys: pytest.CaptureFixture[str]
 ) -> None:
     week.night(1)
-    reset(week)
-    poisoned = week.night(2, new_log=False)
-    assert (poisoned.night.outcome, poisoned.night.evidence_since) == ("INCONCLUSIVE", RESET)
+    measure_reset_night(week)
+    undated = week.night(2, new_log=False)
+    assert (undated.night.outcome, undated.night.evidence_since) == ("INCONCLUSIVE", RESET)
     assert main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"]) == 0
     assert "1970-01-01: withdrawn from lab" in capsys.readouterr().out
-    again = week.night(2, new_log=False)
-    assert again.new
-    assert (again.night.outcome, again.night.evidence_since) == ("PASS", nights.day(1))
-    found = stored.read(week.config.history)
-    assert [night.night for night in found.of_configuration("lab")] == [
+    repeated = week.night(2, new_log=False)
+    assert repeated.new
+    assert (repeated.night.outcome, repeated.night.evidence_since) == ("PASS", nights.day(1))
+    history = stored.read(week.config.history)
+    assert [night.night for night in history.of_configuration("lab")] == [
         nights.day(1),
         nights.day(2),
     ]
-    assert len({night.id for night in found.nights}) == len(found.nights)
+    assert len({night.id for night in history.nights}) == len(history.nights)
     assert not week.night(2, new_log=False).new
 
 
-def test_what_was_withdrawn_stays_on_record(week: nights.Week) -> None:
+def test_a_withdrawn_night_stays_recorded(week: nights.Week) -> None:
     week.night(1)
-    reset(week)
+    measure_reset_night(week)
     main(["nightly", str(week.config.source), "--withdraw", "1970-01-01"])
     with duckdb.connect(str(week.config.history), read_only=True) as connection:
-        kept = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
-        seen = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
-    assert [(row[0], row[1]) for row in kept] == [("lab", RESET)]
-    assert kept[0][2].endswith("Z")
-    assert seen == [(nights.day(1),)]
+        withdrawn = connection.execute("SELECT name, night, withdrawn_at FROM withdrawn").fetchall()
+        visible = connection.execute("SELECT DISTINCT night FROM gap ORDER BY night").fetchall()
+    assert [(row[0], row[1]) for row in withdrawn] == [("lab", RESET)]
+    assert withdrawn[0][2].endswith("Z")
+    assert visible == [(nights.day(1),)]
 
 
-def test_the_latest_reports_and_metrics_are_those_of_the_newest_night_left(
+def test_latest_refers_to_the_newest_remaining_night(
     week: nights.Week,
 ) -> None:
     week.night(1)
@@ -105,7 +105,7 @@ def test_the_latest_reports_and_metrics_are_those_of_the_newest_night_left(
     assert (week.config.reports / day / "report.json").is_file()
 
 
-def test_a_withdrawn_id_is_never_used_again(week: nights.Week) -> None:
+def test_a_withdrawn_id_is_never_reused(week: nights.Week) -> None:
     week.night(1)
     last = week.night(2).night.id
     main(["nightly", str(week.config.source), "--withdraw", str(nights.day(2))])
@@ -113,7 +113,7 @@ def test_a_withdrawn_id_is_never_used_again(week: nights.Week) -> None:
 
 
 @pytest.mark.parametrize("date", ["2026-11-30", "yesterday"])
-def test_a_night_that_is_not_there_cannot_be_withdrawn(
+def test_a_missing_night_cannot_be_withdrawn(
     week: nights.Week, capsys: pytest.CaptureFixture[str], date: str
 ) -> None:
     week.night(1)

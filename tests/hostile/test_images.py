@@ -1,4 +1,4 @@
-"""Images are judged by their headers before they are decoded, and damage inside them is found."""
+"""Images are checked by their headers before decoding, and damaged image data is detected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from s2rtui.cli import main
 from tests.hostile.inputs import jpeg, png, s2r
 from tests.support import pairs
 
-COLOURS, _ = pairs.pictures(1.0, 2.0, 0.5, 3)
+IMAGE, _ = pairs.render_pair(1.0, 2.0, 0.5, 3)
 
 
 @pytest.fixture
@@ -28,18 +28,18 @@ def manifest(tmp_path: Path) -> Path:
     return pairs.manifest(tmp_path / "data", n=4)
 
 
-def ingested(manifest: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    """What ingest says of four pairs of which one may be left out."""
+def ingest_output(manifest: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """The messages of an ingest of four pairs, of which one may be skipped."""
     store = manifest.parent.parent / "s.s2r"
     code = main(["ingest", "csv", str(manifest), "--store", str(store), "--size", "32"])
-    told = capsys.readouterr()
-    assert code == 0, told.err
+    output = capsys.readouterr()
+    assert code == 0, output.err
     with s2rstore.open(store) as opened:
-        return f"{len(opened.instances)} kept\n{told.err}"
+        return f"{len(opened.instances)} kept\n{output.err}"
 
 
-def bomb(width: int, height: int, left_out: int = 0) -> bytes:
-    """A PNG of one colour that declares a size; the last bytes of its pixels may be left out."""
+def bomb(width: int, height: int, missing_bytes: int = 0) -> bytes:
+    """A single-colour PNG of the declared size; the last bytes of its pixel data may be missing."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         body = kind + data
@@ -48,24 +48,24 @@ def bomb(width: int, height: int, left_out: int = 0) -> bytes:
     encoder = zlib.compressobj(9)
     line = bytes(1 + width)
     data = b"".join(encoder.compress(line) for _ in range(height)) + encoder.flush()
-    data = data[: len(data) - left_out]
+    data = data[: len(data) - missing_bytes]
     header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
     parts = chunk(b"IHDR", header) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
-def test_a_bomb_is_refused_by_its_header(tmp_path: Path, manifest: Path) -> None:
+def test_a_decompression_bomb_is_skipped_by_its_header(tmp_path: Path, manifest: Path) -> None:
     arguments = ("ingest", "csv", manifest, "--size", "32", "--store")
-    harmless = s2r(tmp_path, *arguments, tmp_path / "harmless.s2r")
+    baseline = s2r(tmp_path, *arguments, tmp_path / "harmless.s2r")
     (manifest.parent / "sim" / "0_rgb.png").write_bytes(bomb(12_000, 12_000))
-    ended = s2r(tmp_path, *arguments, tmp_path / "s.s2r")
-    assert ended.code == 0, ended.err
-    assert "wrong size: 1" in ended.err
-    assert "12000x12000, expected 64x48" in ended.err
-    assert ended.megabytes < harmless.megabytes + 12_000 * 12_000 * 3 / 2**20 / 2
+    result = s2r(tmp_path, *arguments, tmp_path / "s.s2r")
+    assert result.code == 0, result.err
+    assert "wrong size: 1" in result.err
+    assert "12000x12000, expected 64x48" in result.err
+    assert result.megabytes < baseline.megabytes + 12_000 * 12_000 * 3 / 2**20 / 2
 
 
-def test_a_declared_size_beyond_all_cameras_is_refused(
+def test_an_implausible_camera_size_is_rejected(
     manifest: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     header = manifest.with_suffix(".toml")
@@ -76,7 +76,7 @@ def test_a_declared_size_beyond_all_cameras_is_refused(
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "device"])
-def test_what_is_no_file_is_left_out(
+def test_an_image_that_is_not_a_regular_file_is_skipped(
     tmp_path: Path, manifest: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
     path = manifest.parent / "sim" / "0_rgb.png"
@@ -87,42 +87,42 @@ def test_what_is_no_file_is_left_out(
         path.mkdir()
     else:
         path.symlink_to("/dev/zero")
-        ended = s2r(tmp_path, "ingest", "csv", manifest, "--store", tmp_path / "s.s2r")
-        ended.refused("leads out")
+        result = s2r(tmp_path, "ingest", "csv", manifest, "--store", tmp_path / "s.s2r")
+        result.assert_rejected("leads out")
         return
-    assert "3 kept" in ingested(manifest, capsys)
+    assert "3 kept" in ingest_output(manifest, capsys)
 
 
-def flipped(content: bytes) -> bytes:
-    """Random bytes in the middle of the compressed data."""
+def with_random_bytes(content: bytes) -> bytes:
+    """Replace bytes in the middle of the compressed data by random ones."""
     middle, noise = len(content) // 2, np.random.default_rng(3).bytes(256)
     return content[:middle] + noise + content[middle + 256 :]
 
 
-def cut(content: bytes) -> bytes:
-    """Half of the file with its end marker put back."""
+def truncated(content: bytes) -> bytes:
+    """The first half of the file followed by an end marker."""
     return content[: len(content) // 2] + b"\xff\xd9"
 
 
 @pytest.mark.parametrize("options", [(), (cv2.IMWRITE_JPEG_PROGRESSIVE, 1),
                                      (cv2.IMWRITE_JPEG_RST_INTERVAL, 2)])  # fmt: skip
-@pytest.mark.parametrize("harm", [flipped, cut])
-def test_a_jpeg_damaged_inside_is_left_out(
-    manifest: Path, capsys: pytest.CaptureFixture[str], harm, options: tuple[int, ...]
+@pytest.mark.parametrize("damage_image", [with_random_bytes, truncated])
+def test_a_jpeg_with_damaged_data_is_skipped(
+    manifest: Path, capsys: pytest.CaptureFixture[str], damage_image, options: tuple[int, ...]
 ) -> None:
     path = manifest.parent / "sim" / "0_rgb.png"
-    path.write_bytes(harm(jpeg(COLOURS, *options)))
-    told = ingested(manifest, capsys)
-    assert "damaged image: 1\n  sim/0_rgb.png" in told
-    assert "3 kept" in told
+    path.write_bytes(damage_image(jpeg(IMAGE, *options)))
+    output = ingest_output(manifest, capsys)
+    assert "damaged image: 1\n  sim/0_rgb.png" in output
+    assert "3 kept" in output
 
 
-def encodings() -> list[bytes]:
-    """Whole JPEGs of many kinds."""
+def jpeg_variants() -> list[bytes]:
+    """Valid JPEGs of many kinds."""
     rng = np.random.default_rng(7)
-    made = []
+    contents = []
     noise = rng.integers(0, 256, (45, 70, 3), np.uint8)
-    for array in (COLOURS, noise, np.full((8, 9, 3), 255, np.uint8)):
+    for array in (IMAGE, noise, np.full((8, 9, 3), 255, np.uint8)):
         for mode in ("RGB", "L", "CMYK"):
             for options in (
                 {"quality": 20}, {"quality": 98, "subsampling": 0}, {"progressive": True},
@@ -131,81 +131,81 @@ def encodings() -> list[bytes]:
             ):  # fmt: skip
                 file = io.BytesIO()
                 Image.fromarray(array).convert(mode).save(file, "JPEG", **options)
-                made.append(file.getvalue())
-    return made
+                contents.append(file.getvalue())
+    return contents
 
 
-def test_whole_jpegs_of_all_kinds_are_accepted() -> None:
+def test_valid_jpegs_of_all_kinds_are_accepted() -> None:
     from s2rtools.datasets.jpeg_entropy import check_jpeg
 
-    for content in encodings():
+    for content in jpeg_variants():
         check_jpeg(content)
 
 
-def test_nearly_all_damages_of_a_jpeg_are_found() -> None:
-    """A changed amplitude is another valid picture, so not all can be."""
+def test_most_damage_of_a_jpeg_is_detected() -> None:
+    """A changed amplitude gives another valid image, so not all damage can be detected."""
     from s2rtools.datasets.jpeg_entropy import check_jpeg
 
     rng = np.random.default_rng(1)
-    content = jpeg(cv2.resize(COLOURS, (320, 240)))
+    content = jpeg(cv2.resize(IMAGE, (320, 240)))
     start = content.index(b"\xff\xda") + 20
-    found = 0
+    detected = 0
     for _ in range(200):
-        at = int(rng.integers(start, len(content) - 300))
-        harmed = content[:at] + rng.bytes(256) + content[at + 256 :]
+        offset = int(rng.integers(start, len(content) - 300))
+        damaged = content[:offset] + rng.bytes(256) + content[offset + 256 :]
         try:
-            check_jpeg(harmed)
+            check_jpeg(damaged)
         except ValueError:
-            found += 1
-    assert found >= 190
+            detected += 1
+    assert detected >= 190
 
 
-def test_a_png_whose_checksum_does_not_fit_is_left_out(
+def test_a_png_with_a_wrong_checksum_is_skipped(
     manifest: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = manifest.parent / "sim" / "0_rgb.png"
     content = bytearray(path.read_bytes())
     content[content.index(b"IDAT") + 100] ^= 1
     path.write_bytes(content)
-    assert "damaged image: 1\n  sim/0_rgb.png chunk IDAT" in ingested(manifest, capsys)
+    assert "damaged image: 1\n  sim/0_rgb.png chunk IDAT" in ingest_output(manifest, capsys)
 
 
 def animated(array: np.ndarray, kind: str) -> bytes:
     file = io.BytesIO()
-    pictures = [Image.fromarray(array), Image.fromarray(array[::-1].copy())]
-    pictures[0].save(file, kind, save_all=True, append_images=pictures[1:])
+    images = [Image.fromarray(array), Image.fromarray(array[::-1].copy())]
+    images[0].save(file, kind, save_all=True, append_images=images[1:])
     return file.getvalue()
 
 
 @pytest.mark.parametrize("kind", ["PNG", "TIFF", "WEBP", "GIF"])
-def test_a_file_of_several_images_is_left_out(
+def test_a_file_with_several_images_is_skipped(
     manifest: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    (manifest.parent / "sim" / "0_rgb.png").write_bytes(animated(COLOURS, kind))
-    assert "unreadable image: 1\n  sim/0_rgb.png" in ingested(manifest, capsys)
+    (manifest.parent / "sim" / "0_rgb.png").write_bytes(animated(IMAGE, kind))
+    assert "unreadable image: 1\n  sim/0_rgb.png" in ingest_output(manifest, capsys)
 
 
 @pytest.mark.parametrize("suffix", [".bmp", ".ppm", ".tiff", ".webp", ".jpg", ".png"])
-def test_usual_formats_are_read_whatever_their_name(
+def test_common_formats_are_read_regardless_of_the_suffix(
     manifest: Path, capsys: pytest.CaptureFixture[str], suffix: str
 ) -> None:
-    content = bytes(cv2.imencode(suffix, COLOURS[..., ::-1])[1])
+    content = bytes(cv2.imencode(suffix, IMAGE[..., ::-1])[1])
     (manifest.parent / "sim" / "0_rgb.png").write_bytes(content)
-    assert "4 kept" in ingested(manifest, capsys)
+    assert "4 kept" in ingest_output(manifest, capsys)
 
 
-def test_colours_of_16_bits_are_stored_with_8_and_reported(
+def test_16_bit_colours_are_converted_to_8_bits_and_reported(
     manifest: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wide = COLOURS.astype(np.uint16) * 257
+    wide = IMAGE.astype(np.uint16) * 257
     (manifest.parent / "sim" / "0_rgb.png").write_bytes(png(wide[..., ::-1]))
-    told = ingested(manifest, capsys)
-    assert "4 kept" in told
-    assert "colours of more than 8 bits: 1\n  sim/0_rgb.png 16 bits; stored with 8" in told
+    output = ingest_output(manifest, capsys)
+    assert "4 kept" in output
+    assert "colours of more than 8 bits: 1\n  sim/0_rgb.png 16 bits; stored with 8" in output
 
 
 @pytest.mark.parametrize(("width", "height"), [(60_000, 1), (1, 60_000), (20_000, 20_000)])
-def test_a_floor_plan_of_no_plausible_size_is_refused(
+def test_a_floor_plan_of_implausible_size_is_rejected(
     manifest: Path, capsys: pytest.CaptureFixture[str], width: int, height: int
 ) -> None:
     header = manifest.with_suffix(".toml")
@@ -213,10 +213,10 @@ def test_a_floor_plan_of_no_plausible_size_is_refused(
     (manifest.parent / "plan.png").write_bytes(bomb(width, height))
     store = manifest.parent / "s.s2r"
     assert main(["ingest", "csv", str(manifest), "--store", str(store)]) == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert "plan.png" in told
-    assert "floor plan" in told
-    assert f"{width}x{height}" in told
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert "plan.png" in error
+    assert "floor plan" in error
+    assert f"{width}x{height}" in error
 
 
 def test_a_floor_plan_bomb_in_a_store_is_not_decoded(tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_a_floor_plan_bomb_in_a_store_is_not_decoded(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "1e300", "-inf", "0.0"])
-def test_bounds_of_no_extent_or_no_number_are_refused(
+def test_empty_or_non_finite_bounds_are_rejected(
     manifest: Path, capsys: pytest.CaptureFixture[str], value: str
 ) -> None:
     header = manifest.with_suffix(".toml")
@@ -237,9 +237,9 @@ def test_bounds_of_no_extent_or_no_number_are_refused(
     assert "bounds" in capsys.readouterr().err
 
 
-def test_a_floor_plan_that_cannot_be_decoded_is_named(tmp_path: Path) -> None:
+def test_an_undecodable_floor_plan_is_named(tmp_path: Path) -> None:
     path = tmp_path / "floor_plan.png"
-    path.write_bytes(bomb(64, 64, left_out=10))
+    path.write_bytes(bomb(64, 64, missing_bytes=10))
     floor_plan_pixels.cache_clear()
     with pytest.raises(RequestError, match=r"floor_plan\.png: the floor plan is damaged"):
         floor_plan_pixels(str(path))

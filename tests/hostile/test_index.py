@@ -1,4 +1,4 @@
-"""An index that somebody edited runs nothing, reads nothing else, and is refused in one line."""
+"""A manipulated index runs no code, reads no other file and is rejected in one line."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index.transaction import edit
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
-CODE = {
+CODE_STATEMENTS = {
     "view that reads a file": (
         "DROP TABLE provenance",
         "CREATE VIEW provenance AS SELECT 'x' AS what, filename AS key, content AS value "
@@ -54,31 +54,31 @@ CODE = {
 }
 
 
-@pytest.mark.parametrize("statements", CODE.values(), ids=CODE.keys())
-def test_an_index_that_holds_code_is_refused_and_never_copied(
-    own_store: Path, statements: tuple[str, ...], capsys
+@pytest.mark.parametrize("statements", CODE_STATEMENTS.values(), ids=CODE_STATEMENTS.keys())
+def test_an_index_with_code_is_rejected_and_never_copied(
+    store_copy: Path, statements: tuple[str, ...], capsys
 ) -> None:
-    index = edited(own_store, statements)
+    index = edited(store_copy, statements)
     with pytest.raises(RequestError, match=layout.INDEX):
-        s2rstore.open(own_store)
-    with pytest.raises(RequestError), edit(own_store):
+        s2rstore.open(store_copy)
+    with pytest.raises(RequestError), edit(store_copy):
         pytest.fail("a generation was begun from a hostile index")
-    adds = ["run", "add", "more", "--model", "vanilla", "--store", str(own_store)]
-    for command in (adds, ["runs", str(own_store)], ["sql", str(own_store), "SELECT 1"]):
+    add_command = ["run", "add", "more", "--model", "vanilla", "--store", str(store_copy)]
+    for command in (add_command, ["runs", str(store_copy)], ["sql", str(store_copy), "SELECT 1"]):
         assert main(command) == 2
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        assert printed.err.count("\n") == 1
-        assert "root:" not in printed.err
-    assert list((own_store / layout.INDEX).iterdir()) == [
-        path for path in (own_store / layout.INDEX).iterdir() if path.name <= index.name
+        output = capsys.readouterr()
+        assert output.out == ""
+        assert output.err.count("\n") == 1
+        assert "root:" not in output.err
+    assert list((store_copy / layout.INDEX).iterdir()) == [
+        path for path in (store_copy / layout.INDEX).iterdir() if path.name <= index.name
     ]
 
 
-def test_a_log_beside_the_index_changes_nothing(own_store: Path) -> None:
-    current = layout.read_current(own_store)
-    index = own_store / current.index
-    copy = own_store.parent / index.name
+def test_a_write_ahead_log_beside_the_index_is_rejected(store_copy: Path) -> None:
+    current = layout.read_current(store_copy)
+    index = store_copy / current.index
+    copy = store_copy.parent / index.name
     copy.write_bytes(index.read_bytes())
     connection = duckdb.connect(str(copy), config={"checkpoint_threshold": "1TB"})
     connection.execute("PRAGMA disable_checkpoint_on_shutdown")
@@ -87,10 +87,10 @@ def test_a_log_beside_the_index_changes_nothing(own_store: Path) -> None:
     connection.close()
     index.with_name(f"{index.name}.wal").write_bytes(log)
     with pytest.raises(RequestError, match="write-ahead log"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
-ROWS = {
+INVALID_ROWS = {
     "adjustments that are no JSON": "UPDATE run SET sim_adjustments = '[{' WHERE run = 'vanilla'",
     "adjustments that are nested": "UPDATE run SET sim_adjustments = repeat('[', 60000)",
     "adjustments that are no list": "UPDATE run SET real_adjustments = '{}'",
@@ -126,34 +126,34 @@ ROWS = {
 }
 
 
-@pytest.mark.parametrize("statements", ROWS.values(), ids=ROWS.keys())
-def test_rows_that_make_no_sense_are_one_line(own_store: Path, statements: str, capsys) -> None:
-    edited(own_store, statements.split("; "))
+@pytest.mark.parametrize("statements", INVALID_ROWS.values(), ids=INVALID_ROWS.keys())
+def test_invalid_rows_are_rejected_in_one_line(store_copy: Path, statements: str, capsys) -> None:
+    edited(store_copy, statements.split("; "))
     for command in (["runs"], ["query", "worst15"], ["show", "rooms"], ["sql", "SELECT 1"]):
-        arguments = [command[0], str(own_store), *command[1:]]
+        arguments = [command[0], str(store_copy), *command[1:]]
         assert main(arguments) == 2, command
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        assert printed.err.count("\n") == 1
-    assert main(["verify", str(own_store)]) == 1
+        output = capsys.readouterr()
+        assert output.out == ""
+        assert output.err.count("\n") == 1
+    assert main(["verify", str(store_copy)]) == 1
 
 
-MANY = {
+EXCESSIVE_ROWS = {
     "rooms": "INSERT INTO room SELECT 'r' || i, i + 2, i, 0, i + 1, 1 FROM range(5000) t(i)",
     "runs": "INSERT INTO run SELECT run.* FROM run, range(10000)",
 }
 
 
-@pytest.mark.parametrize("statement", MANY.values(), ids=MANY.keys())
-def test_more_rows_than_a_screen_could_show_are_one_line(
-    own_store: Path, statement: str, capsys
+@pytest.mark.parametrize("statement", EXCESSIVE_ROWS.values(), ids=EXCESSIVE_ROWS.keys())
+def test_excessive_row_counts_are_rejected_in_one_line(
+    store_copy: Path, statement: str, capsys
 ) -> None:
-    edited(own_store, [statement])
-    assert main(["runs", str(own_store)]) == 2
+    edited(store_copy, [statement])
+    assert main(["runs", str(store_copy)]) == 2
     assert "rows, at most" in capsys.readouterr().err
 
 
-ORDER = {
+INCONSISTENT_TRAJECTORIES = {
     "an instance of another trajectory": "UPDATE instance SET trajectory = 'b' WHERE iid = 3",
     "an instance that ends another trajectory":
         "UPDATE instance SET trajectory = 'b' WHERE iid = 24",
@@ -161,27 +161,29 @@ ORDER = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("statement", ORDER.values(), ids=ORDER.keys())
-def test_frames_are_never_those_of_another_instance(own_store: Path, statement: str) -> None:
-    edited(own_store, [statement])
-    assert main(["verify", str(own_store)]) == 1
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="verify"):
+@pytest.mark.parametrize(
+    "statement", INCONSISTENT_TRAJECTORIES.values(), ids=INCONSISTENT_TRAJECTORIES.keys()
+)
+def test_frames_of_inconsistent_trajectories_are_rejected(store_copy: Path, statement: str) -> None:
+    edited(store_copy, [statement])
+    assert main(["verify", str(store_copy)]) == 1
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="verify"):
         store.frame(30, "sim")
 
 
-NAMES = {
+DANGLING_NAMES = {
     "a room that is not there": "UPDATE instance SET room = 'nowhere' WHERE iid = 3",
     "a domain that is not there": "UPDATE run SET sim_domain = 'nowhere' WHERE run = 'vanilla'",
 }
 
 
-@pytest.mark.parametrize("statement", NAMES.values(), ids=NAMES.keys())
-def test_verify_finds_names_without_a_row(own_store: Path, statement: str) -> None:
-    edited(own_store, [statement])
-    assert main(["verify", str(own_store)]) == 1
+@pytest.mark.parametrize("statement", DANGLING_NAMES.values(), ids=DANGLING_NAMES.keys())
+def test_verify_detects_dangling_names(store_copy: Path, statement: str) -> None:
+    edited(store_copy, [statement])
+    assert main(["verify", str(store_copy)]) == 1
 
 
-ARRAYS = {
+INVALID_ARRAYS = {
     "a shape that is no JSON": "UPDATE zarr_array SET shape = '[40'",
     "a shape of texts": """UPDATE zarr_array SET shape = '["40"]'""",
     "a shape of 10^18 rows": "UPDATE zarr_array SET shape = '[1000000000000000000]'",
@@ -194,25 +196,25 @@ ARRAYS = {
 }
 
 
-@pytest.mark.parametrize("statement", ARRAYS.values(), ids=ARRAYS.keys())
-def test_records_of_arrays_that_make_no_sense_are_one_line(
-    own_store: Path, statement: str, tmp_path: Path, capsys
+@pytest.mark.parametrize("statement", INVALID_ARRAYS.values(), ids=INVALID_ARRAYS.keys())
+def test_invalid_array_records_are_rejected_in_one_line(
+    store_copy: Path, statement: str, tmp_path: Path, capsys
 ) -> None:
-    edited(own_store, [statement])
+    edited(store_copy, [statement])
     out = tmp_path / "out.png"
-    arguments = ["export", str(own_store), "--view", "instance", "--heat", "activation"]
+    arguments = ["export", str(store_copy), "--view", "instance", "--heat", "activation"]
     assert main([*arguments, "--out", str(out)]) == 2
-    printed = capsys.readouterr()
-    assert printed.err.count("\n") == 1
-    assert "\x1b" not in printed.err
+    output = capsys.readouterr()
+    assert output.err.count("\n") == 1
+    assert "\x1b" not in output.err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("name", ["md:x", "~", "a'b", "*", "[a]", "s3:"])
-def test_a_store_may_have_an_odd_name(
+def test_a_store_may_have_an_unusual_name(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:
-    copied(tiny_store, tmp_path / name)
+    copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert main(["verify", name]) == 0
     assert main(["run", "add", "more", "--model", "vanilla", "--store", name]) == 0
@@ -222,14 +224,14 @@ def test_a_store_may_have_an_odd_name(
 
 
 @pytest.mark.parametrize("name", ["a?b", "a?access_mode=read_write", "\\a", "a\\b"])
-def test_a_name_that_duckdb_cannot_open_is_no_damage(
+def test_a_name_that_duckdb_cannot_open_is_rejected_with_advice(
     tiny_store: Path, tmp_path: Path, name: str, monkeypatch, capsys
 ) -> None:
-    copied(tiny_store, tmp_path / name)
+    copy_store(tiny_store, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     add = ["run", "add", "more", "--model", "vanilla", "--store", name]
     for command in (["verify", name], ["runs", name], ["sql", name, "SELECT 1"], add):
         assert main(command) == 2
-        printed = capsys.readouterr()
-        assert "rename" in printed.err
-        assert printed.out == ""
+        output = capsys.readouterr()
+        assert "rename" in output.err
+        assert output.out == ""

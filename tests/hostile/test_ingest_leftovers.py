@@ -1,4 +1,4 @@
-"""What interrupted ingests leave, and who removes it."""
+"""Leftovers of interrupted ingests and their removal."""
 
 from __future__ import annotations
 
@@ -27,75 +27,75 @@ def arguments(manifest: Path, store: Path) -> list[str]:
     return ["ingest", "csv", str(manifest), "--store", str(store), "--size", "32"]
 
 
-def dead() -> int:
-    """The number of a process that has ended."""
+def ended_process_id() -> int:
+    """The id of a process that has ended."""
     process = subprocess.Popen(["true"])
     process.wait()
     return process.pid
 
 
-def leftover(store: Path, host: str, process: int) -> Path:
+def make_leftover(store: Path, host: str, process: int) -> Path:
     folder = store.with_name(f".{store.name}.building-{host}-{process}")
     (folder / "frames.zarr").mkdir(parents=True)
     return folder
 
 
-def test_what_a_dead_process_left_is_removed_and_told(
+def test_leftovers_of_an_ended_process_are_removed_and_reported(
     manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     store = tmp_path / "s.s2r"
-    left = leftover(store, socket.gethostname(), dead())
+    building = make_leftover(store, socket.gethostname(), ended_process_id())
     assert main(arguments(manifest, store)) == 0
-    assert not left.exists()
-    assert f"{left}: removed; an interrupted ingest" in capsys.readouterr().err
+    assert not building.exists()
+    assert f"{building}: removed; an interrupted ingest" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("host", "living"), [("another-host", False), (None, True)])
-def test_what_may_belong_to_a_living_process_stays_and_is_told(
+@pytest.mark.parametrize(("host", "is_running"), [("another-host", False), (None, True)])
+def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
     manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], host: str | None,
-    living: bool,
+    is_running: bool,
 ) -> None:  # fmt: skip
     store = tmp_path / "s.s2r"
-    number = os.getppid() if living else dead()
-    left = leftover(store, host or socket.gethostname(), number)
+    process_id = os.getppid() if is_running else ended_process_id()
+    building = make_leftover(store, host or socket.gethostname(), process_id)
     assert main(arguments(manifest, store)) == 0
-    assert left.exists()
-    told = capsys.readouterr().err
-    assert f"process {number}" in told
-    assert f"rm -r {left}" in told
+    assert building.exists()
+    error = capsys.readouterr().err
+    assert f"process {process_id}" in error
+    assert f"rm -r {building}" in error
 
 
-def started(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], Path]:
-    """An ingest in the midst of its work, and the folder that it builds in."""
+def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], Path]:
+    """A running ingest and its building folder."""
     process = subprocess.Popen(
         [sys.executable, "-m", "s2rtui", *arguments(manifest, store)], stderr=subprocess.PIPE
     )
-    until = time.monotonic() + 60
-    while time.monotonic() < until:
-        found = list(store.parent.glob(f".{store.name}.building-*"))
-        if found:
-            return process, found[0]
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        folders = list(store.parent.glob(f".{store.name}.building-*"))
+        if folders:
+            return process, folders[0]
         assert process.poll() is None
         time.sleep(0.002)
     raise AssertionError("does not begin")
 
 
-def test_an_interrupted_ingest_keeps_nothing_and_says_so(tmp_path: Path) -> None:
+def test_an_interrupted_ingest_removes_its_files_and_reports_it(tmp_path: Path) -> None:
     manifest, store = pairs.manifest(tmp_path / "data", n=150), tmp_path / "s.s2r"
-    process, folder = started(manifest, store)
+    process, folder = start_ingest(manifest, store)
     process.send_signal(signal.SIGINT)
-    told = process.communicate(timeout=60)[1].decode()
+    error = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 130
-    assert told.strip().endswith("s2r was not created")
+    assert error.strip().endswith("s2r was not created")
     assert not store.exists()
     assert not folder.exists()
 
 
-def test_a_killed_ingest_leaves_nothing_that_looks_like_a_store(
+def test_a_killed_ingest_leaves_no_valid_store(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     manifest, store = pairs.manifest(tmp_path / "data", n=150), tmp_path / "s.s2r"
-    process, folder = started(manifest, store)
+    process, folder = start_ingest(manifest, store)
     process.kill()
     process.communicate(timeout=60)
     assert not store.exists()

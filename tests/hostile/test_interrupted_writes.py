@@ -1,4 +1,4 @@
-"""What killed writes leave is told and removed; what cannot be read or written is named."""
+"""Leftovers of killed writes are reported and removed; unreadable or unwritable files are named."""
 
 from __future__ import annotations
 
@@ -15,57 +15,57 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors import run_units
 
-LEFT = (
+LEFTOVERS = (
     "frames.zarr/sim/a/rgb/c/0/0/0/0.0123456789abcdef0123456789abcdef.partial",
     "runs.zarr/vanilla/key0/activation.real/zarr.0123456789abcdef0123456789abcdef.partial",
     "index/.building-99999999.duckdb",
     ".CURRENT.json.99999999",
     ".CURRENT.json.0123456789abcdef.partial",
 )
-GONE = 2**22 + 1
-"""A process number that Linux gives to none by default."""
+UNUSED_PROCESS_ID = 2**22 + 1
+"""A process id beyond the default maximum of Linux."""
 
 
-def test_leftovers_are_told_and_removed(own_store: Path) -> None:
-    for path in LEFT:
-        (own_store / path).write_bytes(b"half")
-    beside = own_store.with_name(f".{own_store.name}.building-{GONE}")
-    (beside / "frames.zarr").mkdir(parents=True)
-    report = check(own_store)
+def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
+    for path in LEFTOVERS:
+        (store_copy / path).write_bytes(b"half")
+    building = store_copy.with_name(f".{store_copy.name}.building-{UNUSED_PROCESS_ID}")
+    (building / "frames.zarr").mkdir(parents=True)
+    report = check(store_copy)
     assert report.damages == ()
-    for path in (*LEFT, beside.name):
+    for path in (*LEFTOVERS, building.name):
         assert any(path in note and "prune" in note for note in report.notes)
-    pruned = prune(own_store)
-    assert {*LEFT, f"../{beside.name}"} <= set(pruned.paths)
-    assert not any((own_store / path).exists() for path in LEFT)
-    assert not beside.exists()
-    assert not [note for note in check(own_store).notes if "killed" in note]
+    pruned = prune(store_copy)
+    assert {*LEFTOVERS, f"../{building.name}"} <= set(pruned.paths)
+    assert not any((store_copy / path).exists() for path in LEFTOVERS)
+    assert not building.exists()
+    assert not [note for note in check(store_copy).notes if "killed" in note]
 
 
-def test_an_ingest_that_never_finished_is_removed_without_a_store(tmp_path: Path) -> None:
-    beside = tmp_path / f".s.s2r.building-{GONE}"
-    (beside / "frames.zarr").mkdir(parents=True)
-    assert prune(tmp_path / "s.s2r").paths == (f"../{beside.name}",)
-    assert not beside.exists()
+def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> None:
+    building = tmp_path / f".s.s2r.building-{UNUSED_PROCESS_ID}"
+    (building / "frames.zarr").mkdir(parents=True)
+    assert prune(tmp_path / "s.s2r").paths == (f"../{building.name}",)
+    assert not building.exists()
 
 
-def test_what_is_wrong_with_the_current_file_is_said(own_store: Path) -> None:
-    current = own_store / "CURRENT.json"
+def test_errors_of_the_current_file_are_explained(store_copy: Path) -> None:
+    current = store_copy / "CURRENT.json"
     content = current.read_bytes()
     current.unlink()
     current.mkdir()
     with pytest.raises(RequestError, match="a folder, not a regular file"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
     current.rmdir()
     current.write_bytes(content + b" " * 10**6)
     with pytest.raises(RequestError, match="at most"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
     current.write_bytes(b"{")
     with pytest.raises(RequestError, match="damaged"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
-_FULL = """
+_FULL_DISK_SCRIPT = """
 import resource, signal, sys
 from argparse import Namespace
 from pathlib import Path
@@ -85,17 +85,17 @@ raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 """
 
 
-def test_a_full_disk_names_the_file_of_the_store(own_store: Path) -> None:
+def test_a_full_disk_names_the_file_of_the_store(store_copy: Path) -> None:
     assert resource.RLIMIT_FSIZE is not None
-    command = [sys.executable, "-c", _FULL, str(own_store)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert str(own_store / "runs.zarr/vanilla/key9/large/c/0/0/0") in done.stderr
-    assert "standard output" not in done.stderr
-    assert not [note for note in check(own_store).notes if "killed" in note]
+    command = [sys.executable, "-c", _FULL_DISK_SCRIPT, str(store_copy)]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert process.returncode == 2
+    assert str(store_copy / "runs.zarr/vanilla/key9/large/c/0/0/0") in process.stderr
+    assert "standard output" not in process.stderr
+    assert not [note for note in check(store_copy).notes if "killed" in note]
 
 
-_KILLED = """
+_KILLED_WORKER_SCRIPT = """
 import multiprocessing, os, signal
 from pathlib import Path
 from s2rstore.errors import S2RError
@@ -115,18 +115,18 @@ if __name__ == "__main__":
 """
 
 
-def test_a_killed_worker_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_killed_worker_is_reported_in_one_line(tmp_path: Path) -> None:
     assert callable(run_units)
-    (tmp_path / "killed.py").write_text(_KILLED)
+    (tmp_path / "killed.py").write_text(_KILLED_WORKER_SCRIPT)
     command = [sys.executable, str(tmp_path / "killed.py")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.stdout.startswith("2 ")
-    assert "worker" in done.stdout
-    assert done.stderr == ""
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert process.stdout.startswith("2 ")
+    assert "worker" in process.stdout
+    assert process.stderr == ""
 
 
-def test_a_folder_in_place_of_a_lock_is_named(own_store: Path) -> None:
-    (own_store / "ledger" / "compute.lock").unlink(missing_ok=True)
-    (own_store / "ledger" / "compute.lock").mkdir()
-    with pytest.raises(RequestError, match=rf"{own_store}: the compute lock cannot be opened"):
-        prune(own_store)
+def test_a_folder_in_place_of_a_lock_is_named(store_copy: Path) -> None:
+    (store_copy / "ledger" / "compute.lock").unlink(missing_ok=True)
+    (store_copy / "ledger" / "compute.lock").mkdir()
+    with pytest.raises(RequestError, match=rf"{store_copy}: the compute lock cannot be opened"):
+        prune(store_copy)

@@ -1,4 +1,4 @@
-"""A symbolic link, a pipe or a device inside a store leads nowhere."""
+"""Symbolic links, pipes and devices inside a store are rejected."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SHARD = "frames.zarr/sim/a/rgb/c/0/0/0/0"
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
 
 
-def _moved_out(root: Path, relative: str, outside: Path) -> Path:
-    """Move a part of a store elsewhere and leave a link to it."""
+def _replace_by_link(root: Path, relative: str, outside: Path) -> Path:
+    """Move a part of a store outside and replace it by a link."""
     outside.mkdir(exist_ok=True)
     target = outside / Path(relative).name
     (root / relative).rename(target)
@@ -34,7 +34,7 @@ def _moved_out(root: Path, relative: str, outside: Path) -> Path:
     return target
 
 
-def _index(root: Path) -> str:
+def _index_name(root: Path) -> str:
     return layout.read_current(root).index
 
 
@@ -52,23 +52,25 @@ def _read(root: Path) -> None:
         "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c/0/0/0/0",
     ],
 )  # fmt: skip
-def test_no_link_is_read_through(own_store: Path, tmp_path: Path, relative: str) -> None:
-    _moved_out(own_store, relative, tmp_path / "outside")
+def test_links_inside_a_store_are_not_followed(
+    store_copy: Path, tmp_path: Path, relative: str
+) -> None:
+    _replace_by_link(store_copy, relative, tmp_path / "outside")
     with pytest.raises(RequestError, match="symbolic link"):
-        _read(own_store)
-    found = verify(own_store)
-    assert any("symbolic link" in damage.what for damage in found)
+        _read(store_copy)
+    damages = verify(store_copy)
+    assert any("symbolic link" in damage.what for damage in damages)
 
 
-def test_the_published_index_may_not_be_a_link(own_store: Path, tmp_path: Path) -> None:
-    _moved_out(own_store, _index(own_store), tmp_path / "outside")
-    assert verify(own_store)
-    with pytest.raises(RequestError, match="symbolic link"), edit(own_store) as draft:
+def test_a_linked_index_is_rejected(store_copy: Path, tmp_path: Path) -> None:
+    _replace_by_link(store_copy, _index_name(store_copy), tmp_path / "outside")
+    assert verify(store_copy)
+    with pytest.raises(RequestError, match="symbolic link"), edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
 
 
-def test_a_store_that_is_reached_by_a_link_is_read(own_store: Path, tmp_path: Path) -> None:
-    (tmp_path / "link.s2r").symlink_to(own_store)
+def test_a_store_can_be_opened_through_a_link(store_copy: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.s2r").symlink_to(store_copy)
     _read(tmp_path / "link.s2r")
     assert verify(tmp_path / "link.s2r") == []
 
@@ -102,98 +104,98 @@ def _nested(root: Path, outside: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "harm", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
+    "add_link", [_keys, _key, _models, _runs, _building, _nested], ids=lambda f: f.__name__
 )
 def test_prune_removes_nothing_outside(
-    own_store: Path, tmp_path: Path, harm: Callable[[Path, Path], None]
+    store_copy: Path, tmp_path: Path, add_link: Callable[[Path, Path], None]
 ) -> None:
     outside = tmp_path / "outside"
-    inner = outside / "folder" / "sub"
-    inner.mkdir(parents=True)
-    for folder in (inner, inner.parent):
+    subfolder = outside / "folder" / "sub"
+    subfolder.mkdir(parents=True)
+    for folder in (subfolder, subfolder.parent):
         (folder / "file").write_text("kept")
     (outside / "file.safetensors").write_text("kept")
     for number in range(3):
-        with edit(own_store) as draft:
+        with edit(store_copy) as draft:
             draft.set_provenance("n", {"number": number})
-    harm(own_store, outside)
-    prune(own_store, keep=1)
-    for folder in (inner, inner.parent):
+    add_link(store_copy, outside)
+    prune(store_copy, keep=1)
+    for folder in (subfolder, subfolder.parent):
         assert (folder / "file").read_text() == "kept"
     assert (outside / "file.safetensors").read_text() == "kept"
 
 
-@pytest.mark.parametrize("what", ["link", "pipe", "folder", "other content"])
+@pytest.mark.parametrize("replacement", ["link", "pipe", "folder", "other content"])
 @pytest.mark.parametrize("generation", ["published", "old"])
-def test_prune_removes_nothing_where_an_index_cannot_be_read(
-    own_store: Path, tmp_path: Path, what: str, generation: str
+def test_prune_removes_nothing_if_an_index_is_unreadable(
+    store_copy: Path, tmp_path: Path, replacement: str, generation: str
 ) -> None:
-    published = own_store / layout.read_current(own_store).index
+    published = store_copy / layout.read_current(store_copy).index
     index = published if generation == "published" else published.with_name("index-000001.duckdb")
-    kept = index.rename(tmp_path / "kept.duckdb")
-    if what == "link":
-        index.symlink_to(kept)
-    elif what == "pipe":
+    moved_index = index.rename(tmp_path / "kept.duckdb")
+    if replacement == "link":
+        index.symlink_to(moved_index)
+    elif replacement == "pipe":
         os.mkfifo(index)
-    elif what == "folder":
+    elif replacement == "folder":
         index.mkdir()
     else:
         index.write_bytes(b"no index")
-    before = sorted((own_store / "runs.zarr").rglob("*"))
+    before = sorted((store_copy / "runs.zarr").rglob("*"))
     with deadline(), pytest.raises(RequestError, match=index.name):
-        prune(own_store)
-    assert sorted((own_store / "runs.zarr").rglob("*")) == before
-    assert kept.exists()
+        prune(store_copy)
+    assert sorted((store_copy / "runs.zarr").rglob("*")) == before
+    assert moved_index.exists()
 
 
-def test_prune_names_the_links_that_it_leaves(own_store: Path, tmp_path: Path) -> None:
-    _keys(own_store, tmp_path)
-    pruned = prune(own_store)
+def test_prune_reports_the_links_that_it_keeps(store_copy: Path, tmp_path: Path) -> None:
+    _keys(store_copy, tmp_path)
+    pruned = prune(store_copy)
     assert pruned.links == ("runs.zarr/x",)
-    assert (own_store / "runs.zarr" / "x").is_symlink()
+    assert (store_copy / "runs.zarr" / "x").is_symlink()
 
 
-def test_nothing_is_written_through_a_link(own_store: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_through_a_link(store_copy: Path, tmp_path: Path) -> None:
     outside = tmp_path / "outside"
-    _moved_out(own_store, "runs.zarr/vanilla", outside)
+    _replace_by_link(store_copy, "runs.zarr/vanilla", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
         stored_array.create(
-            own_store / "runs.zarr/vanilla/new/a", stored_array.plan_layout(4, (2,), "float32", 4)
+            store_copy / "runs.zarr/vanilla/new/a", stored_array.plan_layout(4, (2,), "float32", 4)
         )
     rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):
-        stored_array.write_shard(own_store / ARRAY, 0, rows)
+        stored_array.write_shard(store_copy / ARRAY, 0, rows)
     assert sorted(outside.rglob("*")) == before
 
 
 def test_the_ledger_and_locks_are_not_written_through_links(
-    own_store: Path, tmp_path: Path
+    store_copy: Path, tmp_path: Path
 ) -> None:
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "lock").write_text("a secret that a lock would overwrite")
-    lock = own_store / "ledger" / "compute.lock"
+    lock = store_copy / "ledger" / "compute.lock"
     lock.unlink(missing_ok=True)
     lock.symlink_to(outside / "lock")
     with pytest.raises(RequestError, match="symbolic link"):
-        prune(own_store)
+        prune(store_copy)
     assert "secret" in (outside / "lock").read_text()
     lock.unlink()
-    _moved_out(own_store, "ledger", outside)
+    _replace_by_link(store_copy, "ledger", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
-        Ledger(own_store).add("unit", [(SHARD, 16)])
+        Ledger(store_copy).add("unit", [(SHARD, 16)])
     assert sorted(outside.rglob("*")) == before
 
 
 @pytest.mark.parametrize(
     "relative", ["CURRENT.json", SHARD, f"{ARRAY}/zarr.json", "ledger/a.jsonl"]
 )
-def test_a_pipe_is_refused_and_nobody_waits_for_it(own_store: Path, relative: str) -> None:
-    (own_store / relative).unlink(missing_ok=True)
-    os.mkfifo(own_store / relative)
-    command = [sys.executable, "-m", "s2rtui", "verify", str(own_store)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 1
-    assert "pipe" in done.stdout
+def test_a_pipe_is_rejected_without_blocking(store_copy: Path, relative: str) -> None:
+    (store_copy / relative).unlink(missing_ok=True)
+    os.mkfifo(store_copy / relative)
+    command = [sys.executable, "-m", "s2rtui", "verify", str(store_copy)]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert process.returncode == 1
+    assert "pipe" in process.stdout

@@ -1,4 +1,4 @@
-"""A manifest chooses no file outside of its folder."""
+"""A manifest cannot refer to files outside its folder."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def replace(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-def moved_out(manifest: Path, name: str) -> Path:
-    """A picture of the data set that now lies outside of its folder."""
+def move_outside(manifest: Path, name: str) -> Path:
+    """Move an image of the data set out of its folder."""
     target = manifest.parent.parent / "elsewhere" / Path(name).name
     target.parent.mkdir(exist_ok=True)
     (manifest.parent / name).rename(target)
@@ -35,16 +35,16 @@ def moved_out(manifest: Path, name: str) -> Path:
 
 
 def absolute(manifest: Path) -> None:
-    replace(manifest, "sim/0_rgb.png", str(moved_out(manifest, "sim/0_rgb.png")))
+    replace(manifest, "sim/0_rgb.png", str(move_outside(manifest, "sim/0_rgb.png")))
 
 
-def above(manifest: Path) -> None:
-    moved_out(manifest, "sim/0_rgb.png")
+def relative_to_parent(manifest: Path) -> None:
+    move_outside(manifest, "sim/0_rgb.png")
     replace(manifest, "sim/0_rgb.png", "../elsewhere/0_rgb.png")
 
 
 def linked(manifest: Path) -> None:
-    target = moved_out(manifest, "sim/0_rgb.png")
+    target = move_outside(manifest, "sim/0_rgb.png")
     (manifest.parent / "sim" / "0_rgb.png").symlink_to(target)
 
 
@@ -54,29 +54,29 @@ def linked_folder(manifest: Path) -> None:
     folder.symlink_to(manifest.parent.parent / "elsewhere")
 
 
-@pytest.mark.parametrize("harm", [absolute, above, linked, linked_folder])
-def test_a_row_that_leads_outside_is_refused_with_its_line(
-    manifest: Path, capsys: pytest.CaptureFixture[str], harm
+@pytest.mark.parametrize("redirect", [absolute, relative_to_parent, linked, linked_folder])
+def test_a_row_with_an_outside_path_is_rejected_with_its_line_number(
+    manifest: Path, capsys: pytest.CaptureFixture[str], redirect
 ) -> None:
-    harm(manifest)
+    redirect(manifest)
     assert ingest(manifest) == 2
-    told = capsys.readouterr().err
-    assert f"{manifest}:2: rgb" in told
-    assert "--allow-outside" in told
+    error = capsys.readouterr().err
+    assert f"{manifest}:2: rgb" in error
+    assert "--allow-outside" in error
     assert not (manifest.parent.parent / "s.s2r").exists()
 
 
-@pytest.mark.parametrize("harm", [absolute, above, linked, linked_folder])
-def test_allowed_folders_outside_are_named(
-    manifest: Path, capsys: pytest.CaptureFixture[str], harm
+@pytest.mark.parametrize("redirect", [absolute, relative_to_parent, linked, linked_folder])
+def test_allowed_outside_folders_are_reported(
+    manifest: Path, capsys: pytest.CaptureFixture[str], redirect
 ) -> None:
-    harm(manifest)
+    redirect(manifest)
     assert ingest(manifest, "--allow-outside") == 0
     elsewhere = manifest.parent.parent.resolve() / "elsewhere"
     assert f"read from outside the data folder: {elsewhere} (" in capsys.readouterr().err
 
 
-def test_a_link_that_stays_inside_is_followed(manifest: Path) -> None:
+def test_a_link_inside_the_folder_is_followed(manifest: Path) -> None:
     folder = manifest.parent
     (folder / "sim" / "0_rgb.png").rename(folder / "kept.png")
     (folder / "sim" / "0_rgb.png").symlink_to(folder / "kept.png")
@@ -84,11 +84,11 @@ def test_a_link_that_stays_inside_is_followed(manifest: Path) -> None:
 
 
 @pytest.mark.parametrize("link", [False, True])
-def test_a_floor_plan_outside_is_refused(
+def test_an_outside_floor_plan_is_rejected(
     manifest: Path, capsys: pytest.CaptureFixture[str], link: bool
 ) -> None:
     header = manifest.with_suffix(".toml")
-    target = moved_out(manifest, "sim/0_rgb.png")
+    target = move_outside(manifest, "sim/0_rgb.png")
     name = "plan.png" if link else str(target)
     if link:
         (manifest.parent / name).symlink_to(target)
@@ -97,28 +97,32 @@ def test_a_floor_plan_outside_is_refused(
     assert f"{header}: floor_plan" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("what", ["image", "folder", "match.csv", "map.jpg"])
-def test_links_out_of_the_sim2realviz_layout_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str
+@pytest.mark.parametrize("moved_part", ["image", "folder", "match.csv", "map.jpg"])
+def test_outside_links_in_the_sim2realviz_layout_are_rejected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], moved_part: str
 ) -> None:
     header = pairs.sim2realviz(tmp_path / "data", n=4)
     sim = tmp_path / "data" / "traj1" / "sim"
-    if what == "map.jpg":
+    if moved_part == "map.jpg":
         moved = tmp_path / "data" / "map.jpg"
         (tmp_path / "secret.jpg").write_bytes(next(sim.glob("*_rgb.jpeg")).read_bytes())
     else:
-        names = {"image": next(sim.glob("*_rgb.jpeg")), "folder": sim, "match.csv": sim / what}
-        moved = names[what]
+        names = {
+            "image": next(sim.glob("*_rgb.jpeg")),
+            "folder": sim,
+            "match.csv": sim / moved_part,
+        }
+        moved = names[moved_part]
         moved.rename(tmp_path / "secret.jpg")
     moved.symlink_to(tmp_path / "secret.jpg")
-    words = "--header", str(header)
-    assert ingest(tmp_path / "data", *words, layout="sim2realviz") == 2
+    options = "--header", str(header)
+    assert ingest(tmp_path / "data", *options, layout="sim2realviz") == 2
     assert "leads out of this folder" in capsys.readouterr().err
-    assert ingest(tmp_path / "data", *words, "--allow-outside", layout="sim2realviz") == 0
+    assert ingest(tmp_path / "data", *options, "--allow-outside", layout="sim2realviz") == 0
 
 
 @pytest.mark.parametrize(
-    ("content", "word"),
+    ("content", "expected"),
     [
         (b"trajectory,seq\n\0\0\0\n", "NUL"),
         (b"a," * 5000 + b"\n", "columns"),
@@ -128,14 +132,14 @@ def test_links_out_of_the_sim2realviz_layout_are_refused(
     ],
     ids=["nul", "columns", "line", "field", "encoding"],
 )
-def test_what_is_no_csv_is_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, word: str
+def test_an_invalid_csv_file_is_rejected_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes, expected: str
 ) -> None:
     (tmp_path / "data").mkdir()
     path = tmp_path / "data" / "m.csv"
     path.write_bytes(content)
     assert ingest(path) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"s2r: {path}")
-    assert word in told
-    assert len(told.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"s2r: {path}")
+    assert expected in error
+    assert len(error.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""No text from outside is parsed as markup: not by Textual, not by rich, not by matplotlib."""
+"""External texts are never parsed as markup by Textual, rich or matplotlib."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import hostile
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 SOURCES = Path(s2rtui.__file__).parent
 WIDGETS = {"Static", "Label", "Button", "Checkbox", "Link", "OptionList", "SelectionList"}
@@ -33,28 +33,28 @@ BAD_NAMES = ("[/", "[ @click=app.quit]CLICK", "[b", "[link=file:///]x[/link]")
 
 @pytest.fixture
 def no_foreign_markup(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Parsed markup that comes from a store: a list that must stay empty."""
-    found: list[str] = []
-    parsed = Content.from_markup
+    """Records markup from a store that is parsed; the list must stay empty."""
+    foreign: list[str] = []
+    original = Content.from_markup
 
     def from_markup(markup: str | Content, **variables: object) -> Content:
         if any(sign in str(markup) for sign in ("CLICK", "[/ ", "@click")):
-            found.append(str(markup))
-        return parsed(markup, **variables)
+            foreign.append(str(markup))
+        return original(markup, **variables)
 
-    def rendered(markup: str, *options: object, **named: object) -> rich.text.Text:
+    def recording_render(markup: str, *options: object, **keywords: object) -> rich.text.Text:
         if any(sign in markup for sign in ("CLICK", "[/ ", "@click")):
-            found.append(markup)
+            foreign.append(markup)
         return rich.text.Text(markup)
 
     monkeypatch.setattr(Content, "from_markup", staticmethod(from_markup))
-    monkeypatch.setattr(rich.markup, "render", rendered)
-    monkeypatch.setattr(rich.text, "render", rendered, raising=False)
-    return found
+    monkeypatch.setattr(rich.markup, "render", recording_render)
+    monkeypatch.setattr(rich.text, "render", recording_render, raising=False)
+    return foreign
 
 
 def calls() -> Iterator[tuple[str, str, ast.Call]]:
-    """Place, name and call of all calls in the application."""
+    """The location, name and node of every call in the application."""
     for path in sorted(SOURCES.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         uses_textual = any(
@@ -66,60 +66,62 @@ def calls() -> Iterator[tuple[str, str, ast.Call]]:
                 name = node.func.attr if isinstance(node.func, ast.Attribute) else (
                     node.func.id if isinstance(node.func, ast.Name) else ""
                 )  # fmt: skip
-                place = f"{path.relative_to(SOURCES)}:{node.lineno}"
-                yield place, name if uses_textual or name != "update" else "", node
+                location = f"{path.relative_to(SOURCES)}:{node.lineno}"
+                yield location, name if uses_textual or name != "update" else "", node
 
 
-def is_off(call: ast.Call) -> bool:
-    """Whether a call says `markup=False`."""
+def disables_markup(call: ast.Call) -> bool:
+    """Whether a call has `markup=False`."""
     return any(
-        word.arg == "markup" and isinstance(word.value, ast.Constant) and word.value.value is False
-        for word in call.keywords
+        keyword.arg == "markup"
+        and isinstance(keyword.value, ast.Constant)
+        and keyword.value.value is False
+        for keyword in call.keywords
     )
 
 
 def is_content(call: ast.Call) -> bool:
-    """Whether the first argument of a call is made by `Content`, not by its markup parser."""
-    first = call.args[0] if call.args else None
-    if not isinstance(first, ast.Call):
+    """Whether the first argument of a call is built by `Content` without its markup parser."""
+    argument = call.args[0] if call.args else None
+    if not isinstance(argument, ast.Call):
         return False
-    made = ast.unparse(first.func)
-    return made in ("Content", "Content.assemble", "dict", "dict.fromkeys")
+    function = ast.unparse(argument.func)
+    return function in ("Content", "Content.assemble", "dict", "dict.fromkeys")
 
 
-def test_no_widget_takes_a_string_with_markup_on() -> None:
-    wrong = []
-    for place, name, call in calls():
-        if (name in WIDGETS or (name == "notify" and call.args)) and not is_off(call):
-            wrong.append(f"{place}: {name} without markup=False")
+def test_no_widget_receives_a_string_with_markup_enabled() -> None:
+    violations = []
+    for location, name, call in calls():
+        if (name in WIDGETS or (name == "notify" and call.args)) and not disables_markup(call):
+            violations.append(f"{location}: {name} without markup=False")
         if name in TEXTS and not is_content(call):
-            wrong.append(f"{place}: {name} of a string")
+            violations.append(f"{location}: {name} of a string")
         if name == "update" and call.args and not is_content(call):
-            wrong.append(f"{place}: update with a string")
+            violations.append(f"{location}: update with a string")
         if name in ("from_markup", "print_markup", "rprint"):
-            wrong.append(f"{place}: {name}")
-        if name == "TextColumn" and not is_off(call):
-            wrong.append(f"{place}: TextColumn without markup=False")
-        if ast.unparse(call.func).endswith("console.print") and not is_off(call):
-            wrong.append(f"{place}: console.print without markup=False")
-    assert not wrong
+            violations.append(f"{location}: {name}")
+        if name == "TextColumn" and not disables_markup(call):
+            violations.append(f"{location}: TextColumn without markup=False")
+        if ast.unparse(call.func).endswith("console.print") and not disables_markup(call):
+            violations.append(f"{location}: console.print without markup=False")
+    assert not violations
 
 
-def test_no_widget_has_a_title_or_a_tooltip_that_is_markup() -> None:
+def test_no_widget_sets_a_title_or_tooltip() -> None:
     attributes = {"tooltip", "border_title", "border_subtitle", "title", "sub_title"}
-    wrong = []
+    violations = []
     for path in sorted(SOURCES.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         if "from textual" not in text:
             continue
         for node in ast.walk(ast.parse(text)):
             targets = node.targets if isinstance(node, ast.Assign) else ()
-            wrong += [f"{path.name}:{t.lineno} {t.attr}" for t in targets
+            violations += [f"{path.name}:{t.lineno} {t.attr}" for t in targets
                       if isinstance(t, ast.Attribute) and t.attr in attributes]  # fmt: skip
-    assert not wrong
+    assert not violations
 
 
-async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
+async def press_all_keys(app: S2RApp, pilot: Pilot[None]) -> None:
     """Press every key of the registry, and leave each screen that opens."""
     for action in ACTIONS:
         if action.name in ("quit", "report", "adjust", "save_run"):
@@ -133,18 +135,18 @@ async def drive(app: S2RApp, pilot: Pilot[None]) -> None:
             await pilot.press("escape")
 
 
-async def test_the_whole_application_parses_no_markup_of_a_store(
-    poisoned_store: Path, own_things: Path, tmp_path: Path, no_foreign_markup: list[str]
+async def test_the_application_parses_no_markup_of_a_store(
+    hostile_store: Path, user_data_folder: Path, tmp_path: Path, no_foreign_markup: list[str]
 ) -> None:
-    book = hostile.saved(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
-    hostile.notebook(own_things, selections={"[ @click=app.quit]CLICK": book, "[b": book},
+    entry = hostile.saved_entry(f'room:"{hostile.MARKUP}"', run=hostile.MARKUP)
+    hostile.notebook(user_data_folder, selections={"[ @click=app.quit]CLICK": entry, "[b": entry},
                      remarks={"3": {"tags": ["[/", "CLICK"], "note": hostile.MARKUP}},
                      history=[hostile.MARKUP])  # fmt: skip
-    app = S2RApp(Session(poisoned_store, "vanilla", Notebook), RenderOptions(), tmp_path)
+    app = S2RApp(Session(hostile_store, "vanilla", Notebook), RenderOptions(), tmp_path)
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(150, 44)) as pilot:
         await settle(app, pilot)
-        await drive(app, pilot)
+        await press_all_keys(app, pilot)
         await pilot.press("ctrl+p")
         await pilot.pause()
         await pilot.press(*"CLICK")
@@ -158,10 +160,10 @@ async def test_the_whole_application_parses_no_markup_of_a_store(
 
 
 @pytest.mark.parametrize("name", BAD_NAMES)
-async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> None:
-    hostile.edit(own_store, ("UPDATE room SET room = ? || room", [name]),
+async def test_a_room_name_is_not_an_action(store_copy: Path, name: str) -> None:
+    hostile.edit(store_copy, ("UPDATE room SET room = ? || room", [name]),
                  ("UPDATE instance SET room = ? || room", [name]))  # fmt: skip
-    app = S2RApp(Session(own_store), RenderOptions())
+    app = S2RApp(Session(store_copy), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
         await settle(app, pilot)
@@ -178,14 +180,14 @@ async def test_a_room_is_text_and_not_an_action(own_store: Path, name: str) -> N
         assert app.fault is None
 
 
-async def test_names_of_a_folder_a_tag_and_a_saved_selection(
+async def test_names_of_folders_tags_and_selections_are_not_markup(
     tiny_store: Path, tmp_path: Path
 ) -> None:
-    store = copied(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
-    book = Notebook("0" * 64)
+    store = copy_store(tiny_store, tmp_path / "[ [@click=app.quit].s2r")
+    notebook = Notebook("0" * 64)
     for name in BAD_NAMES:
-        book.save(name, SavedSelection("worst15", 1, "vanilla", 6))
-    book.toggle_tag([3], "[ tag")
+        notebook.save(name, SavedSelection("worst15", 1, "vanilla", 6))
+    notebook.toggle_tag([3], "[ tag")
     app = S2RApp(Session(store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 44)) as pilot:
@@ -201,7 +203,7 @@ async def test_names_of_a_folder_a_tag_and_a_saved_selection(
     assert app.fault is None
 
 
-async def test_a_bar_shows_pieces_as_they_are() -> None:
+async def test_a_bar_shows_its_texts_verbatim() -> None:
     content = Bar("status")
     content.show("[b]a[/b]", ("[ @click=app.quit]", "bold"), "\x1b[31m")
     shown = content.visual

@@ -1,4 +1,4 @@
-"""A shard that is not there is an error that names it, for every reader."""
+"""A missing shard is an error that names the array, for every reader."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ N, WIDTH = 40, 8
 
 
 @pytest.fixture
-def embedded(own_store: Path) -> Path:
+def store_with_embeddings(store_copy: Path) -> Path:
     """A store with embeddings of both sides of a run, in shards of 16 rows."""
     rng = np.random.default_rng(0)
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         for side in ("sim", "real"):
             relative = f"vanilla/key0/embedding.{side}"
-            path = own_store / "runs.zarr" / relative
+            path = store_copy / "runs.zarr" / relative
             stored_array.create(path, stored_array.plan_layout(N, (WIDTH,), "float32", 16))
             rows = rng.normal(size=(N, WIDTH)).astype(np.float32)
             for shard in range(3):
                 block = rows[16 * shard : 16 * shard + 16]
                 file = stored_array.write_shard(path, shard, block)
-                name = file.relative_to(own_store).as_posix()
-                Ledger(own_store).add(f"{relative}:{shard}", [(name, len(block))])
+                name = file.relative_to(store_copy).as_posix()
+                Ledger(store_copy).add(f"{relative}:{shard}", [(name, len(block))])
             draft.insert_row(
                 "zarr_array",
                 {"run": "vanilla", "kind": "embedding", "side": side, "path": relative,
                  "dtype": "float32", "shape": [N, WIDTH], "axes": ["iid", "feature"],
                  "scale": 1.0, "zero": 0.0, "unit": ""},
             )  # fmt: skip
-    return own_store
+    return store_copy
 
 
-@pytest.mark.parametrize("gone", ["c/1/0", "c"])
-def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
+@pytest.mark.parametrize("missing", ["c/1/0", "c"])
+def test_every_reader_names_the_missing_shard(store_with_embeddings: Path, missing: str) -> None:
     for side in ("sim", "real"):
-        path = embedded / f"runs.zarr/vanilla/key0/embedding.{side}" / gone
+        path = store_with_embeddings / f"runs.zarr/vanilla/key0/embedding.{side}" / missing
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    with s2rstore.open(embedded) as store:
+    with s2rstore.open(store_with_embeddings) as store:
         _, sim = store.array("vanilla", "embedding", "sim")
         _, real = store.array("vanilla", "embedding", "real")
         readers = (
@@ -67,9 +67,9 @@ def test_every_reader_names_what_is_missing(embedded: Path, gone: str) -> None:
                 read()
 
 
-def test_rows_of_other_shards_are_read(embedded: Path) -> None:
-    (embedded / "runs.zarr/vanilla/key0/embedding.sim/c/1/0").unlink()
-    with s2rstore.open(embedded) as store:
+def test_rows_of_other_shards_can_be_read(store_with_embeddings: Path) -> None:
+    (store_with_embeddings / "runs.zarr/vanilla/key0/embedding.sim/c/1/0").unlink()
+    with s2rstore.open(store_with_embeddings) as store:
         _, array = store.array("vanilla", "embedding", "sim")
         assert array[:16].shape == (16, WIDTH)
         assert array[32:].shape == (8, WIDTH)

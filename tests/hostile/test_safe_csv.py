@@ -1,4 +1,4 @@
-"""`--safe-csv`: cells that a spreadsheet would run as a formula are text."""
+"""The `--safe-csv` option: cells that a spreadsheet would execute as formulas become text."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ FORMULA = '=HYPERLINK("http://evil", "x")'
 
 
 @pytest.fixture
-def formula_store(own_store: Path) -> Path:
+def formula_store(store_copy: Path) -> Path:
     return hostile.edit(
-        own_store,
+        store_copy,
         ("UPDATE room SET room = ? || room", [FORMULA]),
         ("UPDATE instance SET room = ? || room", [FORMULA]),
         ("UPDATE dataset SET name = ?", [f"a,{FORMULA}"]),
@@ -31,23 +31,23 @@ def formula_store(own_store: Path) -> Path:
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "\n=1", "＝1"])
-def test_text_that_could_run(text: str) -> None:
+def test_formulas_are_prefixed(text: str) -> None:
     ((cell, *_),) = csv.reader(io.StringIO(csv_text((text,), [], safe=True), newline=""))
     assert cell == f"'{text}"
 
 
-def test_numbers_stay_numbers() -> None:
+def test_numbers_are_unchanged() -> None:
     row = (-1, -0.5, Decimal("-2.5"), None, True, "plain", "a=b")
     written = csv_text(("a", "b", "c", "d", "e", "f", "g"), [row], safe=True)
     assert written.splitlines()[1] == '-1,-0.5,-2.5,"",True,"plain","a=b"'
 
 
-def test_without_the_option_nothing_is_changed() -> None:
+def test_without_the_option_text_is_unchanged() -> None:
     assert csv_text(("=a",), [("=1",), (None,)]) == '=a\n=1\n""\n'
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ("query", "all", "--with-expression"),
         ("query", "all", "--columns", "iid,room"),
@@ -55,16 +55,16 @@ def test_without_the_option_nothing_is_changed() -> None:
         ("show", "rooms"),
         ("runs",),
     ],
-    ids=lambda words: words[0],
+    ids=lambda arguments: arguments[0],
 )
-def test_of_commands(
-    formula_store: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+def test_commands_write_safe_csv(
+    formula_store: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
 ) -> None:
-    asked = [words[0], str(formula_store), *words[1:], "--format", "csv", "--safe-csv"]
-    assert main(asked) == 0
+    command = [arguments[0], str(formula_store), *arguments[1:], "--format", "csv", "--safe-csv"]
+    assert main(command) == 0
     text = capsys.readouterr().out
     cells = [cell for row in csv.reader(io.StringIO(text)) for cell in row]
-    assert (FORMULA in text.replace('""', '"')) == (words[0] != "runs")
+    assert (FORMULA in text.replace('""', '"')) == (arguments[0] != "runs")
     for cell in cells:
         assert cell[:1] not in ("=", "@")
         assert cell[:1] not in ("+", "-") or _number(cell)
@@ -79,7 +79,9 @@ def _number(cell: str) -> bool:
 
 
 @pytest.mark.parametrize("safe", [False, True])
-async def test_of_the_application(formula_store: Path, tmp_path: Path, safe: bool) -> None:
+async def test_the_application_writes_safe_csv(
+    formula_store: Path, tmp_path: Path, safe: bool
+) -> None:
     app = S2RApp(Session(formula_store), RenderOptions(), tmp_path)
     app.export.safe_csv = safe
     app.load_scheduler.debounce_seconds = 0.001

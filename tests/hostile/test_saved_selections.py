@@ -1,6 +1,4 @@
-"""Saved selections that refer to each other, deep and large expressions, and notebooks that are not
-what they should be: one line, soon.
-"""
+"""Recursive selections, extreme expressions and invalid notebooks are rejected in one line."""
 
 from __future__ import annotations
 
@@ -25,7 +23,7 @@ from s2rtui.session import Session
 from s2rtui.user_data.notebook import Notebook
 from tests.support import hostile
 
-DEEP = 3000
+DEPTH = 3000
 CHAINS = {
     "and": ("@s{next} & gap > {i}", "all"),
     "without": ("gap > {i} - @s{next}", "all"),
@@ -35,7 +33,7 @@ CHAINS = {
     "doubling or": ("gap > {i} | @s{next} - @s{next}", "worst15"),
     "circle": ("@s{next}", "@s0"),
 }
-NESTED = {
+EXTREME_EXPRESSIONS = {
     "parentheses": "(" * 100_000,
     "balanced": "(" * 5000 + "all" + ")" * 5000,
     "not": "!" * 100_000 + "all",
@@ -50,30 +48,32 @@ NESTED = {
 }
 
 
-def chain(kind: str, deep: int = DEEP) -> dict[str, str]:
+def chain(kind: str, depth: int = DEPTH) -> dict[str, str]:
     """Expressions by name; the first is `s0`."""
     link, last = CHAINS[kind]
-    made = {f"s{i}": link.format(i=i, next=i + 1) for i in range(deep)}
-    return {**made, f"s{deep}": last}
+    links = {f"s{i}": link.format(i=i, next=i + 1) for i in range(depth)}
+    return {**links, f"s{depth}": last}
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-def test_of_a_query(
-    tiny_store: Path, own_things: Path, capsys: pytest.CaptureFixture[str], kind: str
+def test_a_query_of_chained_selections_is_rejected(
+    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    made = {name: hostile.saved(text) for name, text in chain(kind).items()}
-    hostile.notebook(own_things, selections=made)
-    for words in (["@s0"], ["@s0", "--count"], ["worst15 & !@s0"]):
-        assert main(["query", str(tiny_store), *words]) == 2
-        told = capsys.readouterr().err
-        assert "@s0" in told
-        assert told.count("\n") == 1
+    entries = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
+    hostile.notebook(user_data_folder, selections=entries)
+    for arguments in (["@s0"], ["@s0", "--count"], ["worst15 & !@s0"]):
+        assert main(["query", str(tiny_store), *arguments]) == 2
+        error = capsys.readouterr().err
+        assert "@s0" in error
+        assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-async def test_inside_the_application(tiny_store: Path, own_things: Path, kind: str) -> None:
-    made = {name: hostile.saved(text) for name, text in chain(kind).items()}
-    hostile.notebook(own_things, selections=made)
+async def test_the_application_rejects_chained_selections(
+    tiny_store: Path, user_data_folder: Path, kind: str
+) -> None:
+    entries = {name: hostile.saved_entry(text) for name, text in chain(kind).items()}
+    hostile.notebook(user_data_folder, selections=entries)
     app = S2RApp(Session(tiny_store, notebooks=Notebook), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     async with app.run_test(size=(160, 40)) as pilot:
@@ -94,13 +94,13 @@ def test_a_name_is_expanded_once(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         texts = {**chain("doubling", 8), "s8": "gap > 1"}
         saved: dict[str, Node] = {name: parse(text) for name, text in texts.items()}
-        words = evaluation.vocabulary(store, saved)
-        node = expand(parse("@s0"), words)
+        vocabulary = evaluation.vocabulary(store, saved)
+        node = expand(parse("@s0"), vocabulary)
         assert getattr(node, "left", None) is getattr(node, "right", node)
         assert to_text(node).count("gap > 1") == 2**8
 
 
-def test_expressions_up_to_the_limits_are_evaluated_alike(tiny_store: Path) -> None:
+def test_large_expressions_are_evaluated_equally_by_numpy_and_sql(tiny_store: Path) -> None:
     links = {f"s{i}": f"@s{i + 1} | ids({i % 40})" for i in range(95)}
     long = {f"t{i}": " | ".join(f"sim.error > {i}.{j:03d}" for j in range(MAX_TERMS // 6 - 10))
             for i in range(6)}  # fmt: skip
@@ -115,23 +115,23 @@ def test_expressions_up_to_the_limits_are_evaluated_alike(tiny_store: Path) -> N
             "!@r0 - @s3",
             "!!!@s1",
         ):
-            chosen = np.flatnonzero(evaluation.select(store, expression, saved=saved))
+            selected = np.flatnonzero(evaluation.select(store, expression, saved=saved))
             sql, parameters = evaluation.sql(store, expression, saved=saved)
-            assert [row[0] for row in store.execute(sql, parameters)] == chosen.tolist()
+            assert [row[0] for row in store.execute(sql, parameters)] == selected.tolist()
 
 
-@pytest.mark.parametrize("name", NESTED)
-def test_expressions_that_no_person_writes(
+@pytest.mark.parametrize("name", EXTREME_EXPRESSIONS)
+def test_extreme_expressions_give_one_line(
     tiny_store: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    assert main(["query", str(tiny_store), NESTED[name]]) in (0, 2)
-    told = capsys.readouterr()
-    assert "fault" not in told.err
-    assert told.err.count("\n") == 1
-    assert len(told.err) < 2000
+    assert main(["query", str(tiny_store), EXTREME_EXPRESSIONS[name]]) in (0, 2)
+    output = capsys.readouterr()
+    assert "fault" not in output.err
+    assert output.err.count("\n") == 1
+    assert len(output.err) < 2000
 
 
-def test_negated_terms_are_not_nested() -> None:
+def test_nesting_of_negations_is_limited() -> None:
     assert parse(" & ".join(["!all"] * 150))
     with pytest.raises(ExpressionError, match="within each other"):
         parse("!" * 101 + "all")
@@ -147,7 +147,7 @@ def test_negated_terms_are_not_nested() -> None:
     ["../../../../tmp/x", "/tmp/evil", "", "0" * 15, "0" * 65, "A" * 64, "g" * 64, "0" * 20 + "\n",
      "00000000/0000000", ".." * 8, None, 5],
 )  # fmt: skip
-def test_a_hash_is_a_hash(own_things: Path, text: object) -> None:
+def test_an_invalid_hash_is_rejected(user_data_folder: Path, text: object) -> None:
     with pytest.raises(RequestError, match="hexadecimal"):
         layout.checked_hash(text, "hash")
     with pytest.raises(RequestError, match="hexadecimal"):
@@ -157,14 +157,14 @@ def test_a_hash_is_a_hash(own_things: Path, text: object) -> None:
     assert layout.checked_hash("0123456789abcdef", "hash") == "0123456789abcdef"
 
 
-def test_a_store_whose_hash_is_a_path(
-    own_store: Path, own_things: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_store_whose_hash_is_a_path_is_rejected(
+    store_copy: Path, user_data_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    hostile.edit(own_store, ("UPDATE dataset SET hash = '../../../x'", []))
-    assert main(["query", str(own_store), "all"]) == 2
+    hostile.edit(store_copy, ("UPDATE dataset SET hash = '../../../x'", []))
+    assert main(["query", str(store_copy), "all"]) == 2
     assert "hexadecimal" in capsys.readouterr().err
     with pytest.raises(RequestError, match="hexadecimal"):
-        Session(own_store, notebooks=Notebook)
+        Session(store_copy, notebooks=Notebook)
     assert not list(tmp_path.glob("x*"))
 
 
@@ -198,8 +198,8 @@ def _nested(path: Path) -> None:
 
 
 def _deep_rest(path: Path) -> None:
-    deep = "[" * 900 + "]" * 900
-    path.write_text(f'{{"version": 1, "dataset": "{"0" * 64}", "other": {deep}}}')
+    depth = "[" * 900 + "]" * 900
+    path.write_text(f'{{"version": 1, "dataset": "{"0" * 64}", "other": {depth}}}')
 
 
 def _number(path: Path) -> None:
@@ -211,34 +211,36 @@ def _bytes(path: Path) -> None:
 
 
 def _odd(path: Path) -> None:
-    huge = {"tags": ["a"], "note": "x"}
-    remarks = {str(10**30): huge, "-1": huge, "٣": huge, "1": {"tags": "a", "note": 5}}
+    remark = {"tags": ["a"], "note": "x"}
+    remarks = {str(10**30): remark, "-1": remark, "٣": remark, "1": {"tags": "a", "note": 5}}
     content = {"version": 1, "dataset": "0" * 64, "remarks": remarks, "history": [None, {}],
-               "selections": {"a": hostile.saved("all", count=1e400), "b": None}}  # fmt: skip
+               "selections": {"a": hostile.saved_entry("all", count=1e400), "b": None}}  # fmt: skip
     path.write_text(json.dumps(content))
 
 
 @pytest.mark.parametrize(
-    "make",
+    "make_file",
     [_fifo, _folder, _link, _dangling, _loop, _huge, _nested, _deep_rest, _number, _bytes, _odd],
 )
-def test_a_notebook_that_is_none(
-    tiny_store: Path, own_things: Path, capsys: pytest.CaptureFixture[str], make: object
+def test_an_invalid_notebook_is_rejected(
+    tiny_store: Path, user_data_folder: Path, capsys: pytest.CaptureFixture[str], make_file: object
 ) -> None:
-    own_things.mkdir(parents=True)
-    path = own_things / f"{'0' * 16}.json"
-    make(path)  # type: ignore[operator]
+    user_data_folder.mkdir(parents=True)
+    path = user_data_folder / f"{'0' * 16}.json"
+    make_file(path)  # type: ignore[operator]
     code = main(["query", str(tiny_store), "all", "--count"])
-    told = capsys.readouterr()
-    assert code == (0 if make in (_deep_rest, _odd) else 2)
-    assert told.err.count("\n") == code // 2
-    patient = Notebook("0" * 64, tolerant=True)
-    if make in (_odd, _deep_rest):
-        with contextlib.suppress(RequestError):  # a rest that is nested too deeply to be written
-            patient.note(2, "seen\x1b[31m\u202e")
+    output = capsys.readouterr()
+    assert code == (0 if make_file in (_deep_rest, _odd) else 2)
+    assert output.err.count("\n") == code // 2
+    tolerant = Notebook("0" * 64, tolerant=True)
+    if make_file in (_odd, _deep_rest):
+        with contextlib.suppress(
+            RequestError
+        ):  # unknown sections may be nested too deeply to be written
+            tolerant.note(2, "seen\x1b[31m\u202e")
             assert Notebook("0" * 64).notes.remarks[2].note == "seen\\x1b[31m\\u202e"
     else:
         with pytest.raises(RequestError, match=path.name):
-            patient.note(2, "seen")
-    if make is _link:
+            tolerant.note(2, "seen")
+    if make_file is _link:
         assert "root" in Path("/etc/passwd").read_text()

@@ -1,4 +1,4 @@
-"""`s2r serve` among hostile pages, requests and signals."""
+"""`s2r serve` with hostile pages, requests and signals."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typing import Any
 import pytest
 
 from bench.support.processes import applications_below, is_alive, peak_bytes, wait_until
-from tests.support.serving import Served, StartServer, servers
+from tests.support.serving import ServerProcess, StartServer, servers
 
 aiohttp = pytest.importorskip("aiohttp")
 pytest.importorskip("textual_serve")
 
-LIMIT = 600 << 20
-PROMPT = 2.0
-HUGE = 30_000
+MAX_BYTES = 600 << 20
+PROMPT_SECONDS = 2.0
+HUGE_SIZE = 30_000
 
 
 @pytest.fixture
@@ -34,14 +34,16 @@ def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
         yield start
 
 
-def _asked(server: Served, target: str, *headers: str, method: str = "GET") -> tuple[int, str, str]:
-    """Status, head and body of the answer to a request as it is written here."""
+def _request(
+    server: ServerProcess, target: str, *headers: str, method: str = "GET"
+) -> tuple[int, str, str]:
+    """Status, head and body of the response to a raw request."""
     lines = "".join(f"{line}\r\n" for line in (f"{method} {target} HTTP/1.1", *headers))
     with socket.create_connection(("127.0.0.1", server.port), 10) as connection:
         connection.sendall(f"{lines}Connection: close\r\n\r\n".encode("latin-1"))
         answer = b""
-        while piece := connection.recv(1 << 16):
-            answer += piece
+        while chunk := connection.recv(1 << 16):
+            answer += chunk
     head, _, body = answer.decode("latin-1").partition("\r\n\r\n")
     return int(head.split()[1]), head, body
 
@@ -50,9 +52,9 @@ def test_hosts_are_parsed_strictly(serve: StartServer) -> None:
     server = serve()
     page = f"/?token={server.token}"
     for host in ("127.0.0.1", "localhost", "localhost:9999", "[::1]", f"127.0.0.1:{server.port}"):
-        assert _asked(server, page, f"Host: {host}")[0] == 200, host
+        assert _request(server, page, f"Host: {host}")[0] == 200, host
     for host in ("evil.example", "127.0.0.1.evil.example", "localhost.", "[::2]"):
-        assert _asked(server, page, f"Host: {host}")[0] == 403, host
+        assert _request(server, page, f"Host: {host}")[0] == 403, host
     for host in (
         "evil@127.0.0.1",
         "a b",
@@ -63,35 +65,35 @@ def test_hosts_are_parsed_strictly(serve: StartServer) -> None:
         "user:word@localhost:1",
         "",
     ):
-        assert _asked(server, page, f"Host: {host}")[0] == 400, host
-    assert _asked(server, page)[0] == 400
-    assert _asked(server, page, "Host: localhost", "Host: localhost")[0] == 400
+        assert _request(server, page, f"Host: {host}")[0] == 400, host
+    assert _request(server, page)[0] == 400
+    assert _request(server, page, "Host: localhost", "Host: localhost")[0] == 400
 
 
-def test_pages_of_other_sites_are_refused(serve: StartServer) -> None:
+def test_pages_of_other_origins_are_rejected(serve: StartServer) -> None:
     server = serve()
     page = f"/?token={server.token}"
     for origin in ("null", "https://localhost", "http://localhost:1", "http://evil.example", "x"):
-        status, _, _ = _asked(server, page, "Host: localhost", f"Origin: {origin}")
+        status, _, _ = _request(server, page, "Host: localhost", f"Origin: {origin}")
         assert status == 403, origin
-    assert _asked(server, page, "Host: localhost", "Origin: http://localhost")[0] == 200
+    assert _request(server, page, "Host: localhost", "Origin: http://localhost")[0] == 200
 
 
-def test_without_the_token_nothing_opens(serve: StartServer) -> None:
+def test_requests_without_the_token_are_rejected(serve: StartServer) -> None:
     server, other = serve(), serve()
     assert len(server.token) >= 32
     assert server.token != other.token
     for target in ("/", "/?token=", f"/?token={other.token}", "/ws", "/ws/x", "/ws?token=%ff%00"):
-        status, _, body = _asked(server, target, "Host: localhost")
+        status, _, body = _request(server, target, "Host: localhost")
         assert status == 403, target
         assert body.count("\n") == 1
         assert "the complete URL that `s2r serve` printed" in body
     assert server.applications == []
 
 
-def test_only_the_page_and_its_own_files_are_served(serve: StartServer) -> None:
+def test_only_the_page_and_its_files_are_served(serve: StartServer) -> None:
     server = serve()
-    static = (
+    static_paths = (
         "",
         "/",
         "/js",
@@ -100,12 +102,12 @@ def test_only_the_page_and_its_own_files_are_served(serve: StartServer) -> None:
         "/../server.py",
         "/%2e%2e/server.py",
     )
-    for target in (*(f"/static{rest}" for rest in static), "/download/x", "/x"):
-        assert _asked(server, target, "Host: localhost")[0] == 404, target
-    assert _asked(server, "/", "Host: localhost", method="POST")[0] == 405
-    page = _asked(server, f"/?token={server.token}", "Host: localhost")
+    for target in (*(f"/static{rest}" for rest in static_paths), "/download/x", "/x"):
+        assert _request(server, target, "Host: localhost")[0] == 404, target
+    assert _request(server, "/", "Host: localhost", method="POST")[0] == 405
+    page = _request(server, f"/?token={server.token}", "Host: localhost")
     assert page[0] == 200
-    others = (_asked(server, target, "Host: localhost") for target in ("/page.js", "/x"))
+    others = (_request(server, target, "Host: localhost") for target in ("/page.js", "/x"))
     for _, head, _ in (page, *others):
         assert "X-Content-Type-Options: nosniff" in head
         assert "Referrer-Policy: no-referrer" in head
@@ -114,41 +116,41 @@ def test_only_the_page_and_its_own_files_are_served(serve: StartServer) -> None:
         assert "aiohttp" not in head
 
 
-def test_oversized_requests_are_refused(serve: StartServer) -> None:
+def test_oversized_requests_are_rejected(serve: StartServer) -> None:
     server = serve()
-    assert _asked(server, "/" + "a" * 50_000, "Host: localhost")[0] == 400
-    many = [f"X-{number}: 1" for number in range(2000)]
-    assert _asked(server, "/", "Host: localhost", *many)[0] == 400
+    assert _request(server, "/" + "a" * 50_000, "Host: localhost")[0] == 400
+    headers = [f"X-{number}: 1" for number in range(2000)]
+    assert _request(server, "/", "Host: localhost", *headers)[0] == 400
     assert is_alive(server.process.pid)
 
 
-async def _opened(session: Any, server: Served, size: str = "?width=80&height=24") -> Any:
-    """A page's socket, once its session draws."""
+async def _open_page(session: Any, server: ServerProcess, size: str = "?width=80&height=24") -> Any:
+    """Open a page's socket and wait until its session draws."""
     page = await session.ws_connect(server.socket + size, max_msg_size=1 << 27)
     message = await page.receive(60)
     assert message.type is aiohttp.WSMsgType.BINARY
     return page
 
 
-async def _becomes(holds: Callable[[], bool]) -> bool:
-    """Whether something comes true in time, while this side of the connections goes on."""
-    return await asyncio.to_thread(wait_until, holds, 2 * PROMPT)
+async def _eventually(condition: Callable[[], bool]) -> bool:
+    """Whether a condition becomes true in time, without blocking the connections."""
+    return await asyncio.to_thread(wait_until, condition, 2 * PROMPT_SECONDS)
 
 
-async def _closed(page: Any, patience: float = 30) -> int | None:
-    """The code that a page is closed with."""
-    limit = time.monotonic() + patience
+async def _close_code(page: Any, timeout: float = 30) -> int | None:
+    """The code with which a page is closed."""
+    limit = time.monotonic() + timeout
     while time.monotonic() < limit:
-        message = await page.receive(patience)
+        message = await page.receive(timeout)
         if message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED):
             return int(page.close_code)
     return None
 
 
-async def _heard(page: Any, wanted: str) -> bool:
+async def _receives(page: Any, expected: str) -> bool:
     """Whether a text arrives."""
     async for message in page:
-        if message.type is aiohttp.WSMsgType.TEXT and wanted in message.data:
+        if message.type is aiohttp.WSMsgType.TEXT and expected in message.data:
             return True
     return False
 
@@ -161,117 +163,115 @@ MALFORMED = [
 
 
 @pytest.mark.parametrize("text", MALFORMED, ids=lambda text: text[:30])
-def test_malformed_messages_mean_nothing(text: str) -> None:
+def test_malformed_messages_are_rejected(text: str) -> None:
     from s2rtui.web.protocol import MessageError, read_message
 
     with pytest.raises(MessageError):
         read_message(text)
 
 
-async def test_a_malformed_message_ends_its_own_session_only(serve: StartServer) -> None:
+async def test_a_malformed_message_ends_only_its_session(serve: StartServer) -> None:
     server = serve()
-    malformed = ("no JSON", "[" * 60_000, b"binary")
+    messages = ("no JSON", "[" * 60_000, b"binary")
     async with aiohttp.ClientSession() as session:
-        kept = await _opened(session, server)
+        unaffected = await _open_page(session, server)
         (running,) = server.applications
-        for message in malformed:
+        for message in messages:
             page = await session.ws_connect(server.socket)
             send = page.send_bytes if isinstance(message, bytes) else page.send_str
             await send(message)
-            assert await _closed(page) == aiohttp.WSCloseCode.POLICY_VIOLATION, message
+            assert await _close_code(page) == aiohttp.WSCloseCode.POLICY_VIOLATION, message
         page = await session.ws_connect(server.socket)
         await page.send_str(json.dumps(["stdin", "x" * (1 << 18)]))
-        assert await _closed(page) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
-        await kept.send_str('["stdin", "\\ud800\\u0000"]')
-        await kept.send_str('["ping", "still here"]')
-        assert await _heard(kept, "still here")
-        assert await _becomes(lambda: server.applications == [running])
+        assert await _close_code(page) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+        await unaffected.send_str('["stdin", "\\ud800\\u0000"]')
+        await unaffected.send_str('["ping", "still here"]')
+        assert await _receives(unaffected, "still here")
+        assert await _eventually(lambda: server.applications == [running])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-async def test_a_page_of_any_size_takes_little_memory(serve: StartServer) -> None:
+async def test_a_huge_page_uses_little_memory(serve: StartServer) -> None:
     server = serve()
     async with aiohttp.ClientSession() as session:
-        first = await _opened(session, server, f"?width={HUGE}&height={HUGE}")
-        page = await _opened(session, server)
-        await page.send_str(json.dumps(["resize", {"width": HUGE, "height": HUGE}]))
-        drawn = 0
-        while drawn < 1 << 18:  # a whole large screen
+        first = await _open_page(session, server, f"?width={HUGE_SIZE}&height={HUGE_SIZE}")
+        page = await _open_page(session, server)
+        await page.send_str(json.dumps(["resize", {"width": HUGE_SIZE, "height": HUGE_SIZE}]))
+        received = 0
+        while received < 1 << 18:  # a complete large screen
             message = await page.receive(60)
             assert message.type is aiohttp.WSMsgType.BINARY
-            drawn += len(message.data)
+            received += len(message.data)
         assert len(server.applications) == 2
         for pid in (*server.applications, server.process.pid):
-            assert 0 < peak_bytes(pid) < LIMIT
+            assert 0 < peak_bytes(pid) < MAX_BYTES
         assert not first.closed
         server.process.terminate()
-        began = time.monotonic()
+        start = time.monotonic()
         assert await asyncio.to_thread(server.process.wait, 30) == 0
-        assert time.monotonic() - began < 2 * PROMPT
+        assert time.monotonic() - start < 2 * PROMPT_SECONDS
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-async def test_a_flood_of_keys_takes_little_memory_and_leaves_others_alone(
+async def test_a_flood_of_keys_uses_little_memory_and_does_not_affect_others(
     serve: StartServer,
 ) -> None:
     server = serve()
     async with aiohttp.ClientSession() as session:
-        kept, flooding = await _opened(session, server), await _opened(session, server)
+        unaffected, flooding = await _open_page(session, server), await _open_page(session, server)
         keys = json.dumps(["stdin", "w&c" * 20_000])
         paste = json.dumps(["stdin", "\x1b[200~" + "x" * 60_000])
         for _ in range(300):
             await asyncio.wait_for(flooding.send_str(keys), 60)
             await asyncio.wait_for(flooding.send_str(paste), 60)
-        await kept.send_str('["ping", "still here"]')
-        assert await asyncio.wait_for(_heard(kept, "still here"), 60)
+        await unaffected.send_str('["ping", "still here"]')
+        assert await asyncio.wait_for(_receives(unaffected, "still here"), 60)
         for pid in (*server.applications, server.process.pid):
-            assert 0 < peak_bytes(pid) < LIMIT
+            assert 0 < peak_bytes(pid) < MAX_BYTES
         flooding._response.connection.transport.abort()
-        assert await _becomes(lambda: len(server.applications) == 1)
+        assert await _eventually(lambda: len(server.applications) == 1)
 
 
-async def test_no_race_lets_in_more_pages_than_users(serve: StartServer) -> None:
+async def test_simultaneous_pages_never_exceed_the_number_of_users(serve: StartServer) -> None:
     server = serve("--users", "2")
     async with aiohttp.ClientSession() as session:
-        tries = [session.ws_connect(server.socket) for _ in range(12)]
-        pages = await asyncio.gather(*tries, return_exceptions=True)
+        attempts = [session.ws_connect(server.socket) for _ in range(12)]
+        pages = await asyncio.gather(*attempts, return_exceptions=True)
         refused = [page for page in pages if isinstance(page, aiohttp.WSServerHandshakeError)]
         assert [error.status for error in refused] == [503] * 10
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
-async def test_sessions_end_with_the_server_however_busy_they_are(
-    serve: StartServer, number: int
-) -> None:
+async def test_busy_sessions_end_with_the_server(serve: StartServer, number: int) -> None:
     server = serve("--users", "3")
     async with aiohttp.ClientSession() as session:
-        busy, stopped = await _opened(session, server), await _opened(session, server)
-        await session.ws_connect(server.socket)  # just begun
+        busy, stopped = await _open_page(session, server), await _open_page(session, server)
+        await session.ws_connect(server.socket)  # still starting
         running = server.applications
         assert len(running) >= 2
         await busy.send_str(json.dumps(["resize", {"width": 1000, "height": 500}]))
-        os.kill(running[0], signal.SIGSTOP)  # as one that hears nothing
-        began = time.monotonic()
+        os.kill(running[0], signal.SIGSTOP)  # an unresponsive session
+        start = time.monotonic()
         os.kill(server.process.pid, number)
         await asyncio.to_thread(server.process.wait, 30)
-        assert await _becomes(lambda: not any(is_alive(pid) for pid in running))
-        assert time.monotonic() - began < 2 * PROMPT
+        assert await _eventually(lambda: not any(is_alive(pid) for pid in running))
+        assert time.monotonic() - start < 2 * PROMPT_SECONDS
         assert not stopped.closed
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel must tell of a parent's end")
-def test_a_session_whose_server_is_gone_already_does_not_begin(tiny_store: Path) -> None:
+def test_a_session_does_not_start_after_its_server_has_ended(tiny_store: Path) -> None:
     path = os.pathsep.join(part for part in sys.path if part)
     driver = "textual.drivers.web_driver:WebDriver"
-    served = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1", "PYTHONPATH": path}
-    words = [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
+    variables = {"TEXTUAL_DRIVER": driver, "S2R_SERVER": "1", "PYTHONPATH": path}
+    command = [sys.executable, "-P", "-m", "s2rtui", "tui", "--restricted", str(tiny_store)]
     session = subprocess.Popen(
-        words, env={**os.environ, **served}, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        command, env={**os.environ, **variables}, stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )
     try:
-        drawn, _ = session.communicate(timeout=30) if _ends(session) else (b"still running", b"")
-        assert drawn == b""
+        received, _ = session.communicate(timeout=30) if _ends(session) else (b"still running", b"")
+        assert received == b""
     finally:
         session.kill()
         session.communicate()
@@ -293,4 +293,4 @@ async def test_a_page_that_reads_nothing_ends_with_its_connection(serve: StartSe
         assert b"101" in page.recv(64)
         assert wait_until(lambda: len(applications_below(server.process.pid)) == 1)
         running = server.applications
-    assert wait_until(lambda: not is_alive(running[0]), 2 * PROMPT)
+    assert wait_until(lambda: not is_alive(running[0]), 2 * PROMPT_SECONDS)

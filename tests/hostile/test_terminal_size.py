@@ -1,4 +1,4 @@
-"""A terminal of any size, and any input from it, takes bounded memory, and SIGTERM ends it."""
+"""Terminals of any size use bounded memory, and SIGTERM ends the application."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from bench.support.processes import peak_bytes, wait_until
 from bench.support.screen import Screen
 from s2rtui.cli import main
 
-LIMIT = 600 << 20
-PROMPT = 2.0
+MAX_BYTES = 600 << 20
+PROMPT_SECONDS = 2.0
 OpenScreen = Callable[..., Screen]
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -34,89 +34,89 @@ def command(tiny_store: Path) -> list[str]:
 
 @pytest.fixture
 def open_screen(command: list[str], tmp_path: Path) -> Iterator[OpenScreen]:
-    """Applications on terminals whose bytes are only kept; no tour is shown."""
+    """Starts applications on terminals that only count the bytes; no tour is shown."""
     opened: list[Screen] = []
     (tmp_path / "data" / "s2rtui").mkdir(parents=True)
     (tmp_path / "data" / "s2rtui" / "toured").touch()
     path = os.pathsep.join(part for part in sys.path if part)
     environment = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path / "data")}
 
-    def start(columns: int, rows: int, **more: str) -> Screen:
+    def start_screen(columns: int, rows: int, **more: str) -> Screen:
         opened.append(Screen(command, (80, 24), {**environment, **more}, draws=False))
         opened[-1].resize_terminal(columns, rows)
         return opened[-1]
 
-    yield start
+    yield start_screen
     for screen in opened:
         screen.kill()
         screen.close()
 
 
 def _ends_promptly(screen: Screen) -> bool:
-    began = time.monotonic()
+    start = time.monotonic()
     with suppress(ProcessLookupError):
         os.kill(screen.pid, signal.SIGTERM)
     screen.wait_for_end(30)
-    return time.monotonic() - began < 2 * PROMPT
+    return time.monotonic() - start < 2 * PROMPT_SECONDS
 
 
-def _drawn(screen: Screen, size: int) -> bool:
+def _draws(screen: Screen, size: int) -> bool:
     return screen.wait_for_bytes(size, 60)
 
 
-def test_the_largest_terminal(open_screen: OpenScreen) -> None:
+def test_the_largest_terminal_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(65_535, 65_535)
-    assert _drawn(screen, 1 << 18)
-    assert peak_bytes(screen.pid) < LIMIT
+    assert _draws(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < MAX_BYTES
     assert _ends_promptly(screen)
 
 
-def test_a_size_that_the_environment_names(open_screen: OpenScreen) -> None:
+def test_a_huge_size_in_the_environment_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24, COLUMNS="100000", LINES="100000")
-    assert _drawn(screen, 1 << 18)
-    assert peak_bytes(screen.pid) < LIMIT
+    assert _draws(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < MAX_BYTES
     assert _ends_promptly(screen)
 
 
-def test_a_size_that_the_terminal_reports_in_its_input(open_screen: OpenScreen) -> None:
+def test_a_huge_reported_size_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24)
-    assert _drawn(screen, 4000)
+    assert _draws(screen, 4000)
     screen.press("\x1b[?2048;2$y")
     screen.press("\x1b[48;50000;50000;9;9t")
-    assert _drawn(screen, 1 << 18)
-    assert peak_bytes(screen.pid) < LIMIT
+    assert _draws(screen, 1 << 18)
+    assert peak_bytes(screen.pid) < MAX_BYTES
     assert _ends_promptly(screen)
 
 
-def test_a_paste_without_an_end(open_screen: OpenScreen) -> None:
+def test_an_endless_paste_uses_bounded_memory(open_screen: OpenScreen) -> None:
     screen = open_screen(80, 24)
-    assert _drawn(screen, 4000)
+    assert _draws(screen, 4000)
     screen.press("\x1b[200~")
     for _ in range(300):
         screen.press(b"x" * 4000)
     screen.press("\x1b[201~?")
     before = screen.received
     assert screen.wait_for_bytes(before, 60)
-    assert peak_bytes(screen.pid) < LIMIT
+    assert peak_bytes(screen.pid) < MAX_BYTES
     assert _ends_promptly(screen)
 
 
-def test_a_terminal_that_takes_no_output(command: list[str], tmp_path: Path) -> None:
-    """Its buffer is full, and the event loop waits for it."""
+def test_a_terminal_that_reads_no_output(command: list[str], tmp_path: Path) -> None:
+    """The output buffer is full and blocks the event loop."""
     primary, secondary = os.openpty()
     path = os.pathsep.join(part for part in sys.path if part)
-    names = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "TERM": "xterm-256color"}
+    variables = {"PYTHONPATH": path, "XDG_DATA_HOME": str(tmp_path), "TERM": "xterm-256color"}
     size = {"COLUMNS": "400", "LINES": "200"}
     process = subprocess.Popen(
         command, stdin=secondary, stdout=secondary, stderr=secondary,
-        env={**os.environ, **names, **size},
+        env={**os.environ, **variables, **size},
     )  # fmt: skip
     try:
-        assert wait_until(lambda: _waiting(primary) >= 2048, 60)
-        began = time.monotonic()
+        assert wait_until(lambda: _buffered_bytes(primary) >= 2048, 60)
+        start = time.monotonic()
         process.terminate()
         process.wait(30)
-        assert time.monotonic() - began < 2 * PROMPT
+        assert time.monotonic() - start < 2 * PROMPT_SECONDS
     finally:
         process.kill()
         process.wait()
@@ -124,40 +124,40 @@ def test_a_terminal_that_takes_no_output(command: list[str], tmp_path: Path) -> 
         os.close(secondary)
 
 
-def _waiting(primary: int) -> int:
+def _buffered_bytes(primary: int) -> int:
     """Bytes in the buffer of a terminal."""
     return int(struct.unpack("i", fcntl.ioctl(primary, termios.FIONREAD, bytes(4)))[0])
 
 
 @pytest.mark.parametrize("size", ["100000x100000", "1001x500", "1000x501", "9x9", "0x0", "٣٠x٣٠"])
-def test_sizes_of_snapshots_are_bounded(
+def test_image_sizes_are_limited(
     tiny_store: Path, tmp_path: Path, size: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out.png"
     assert main(["snapshot", str(tiny_store), "--size", size, "--out", str(out)]) == 2
     assert "20x5 to 1000x500" in capsys.readouterr().err
-    words = ["export", str(tiny_store), "--view", "map", "--size", size, "--out", str(out)]
+    arguments = ["export", str(tiny_store), "--view", "map", "--size", size, "--out", str(out)]
     if size in ("100000x100000", "9x9", "0x0"):
-        assert main(words) == 2
+        assert main(arguments) == 2
         assert "8000x8000" in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_the_largest_picture_takes_bounded_memory(tiny_store: Path, tmp_path: Path) -> None:
-    words = ["snapshot", str(tiny_store), "--size", "1000x500"]
+def test_the_largest_image_uses_bounded_memory(tiny_store: Path, tmp_path: Path) -> None:
+    arguments = ["snapshot", str(tiny_store), "--size", "1000x500"]
     path = os.pathsep.join(part for part in sys.path if part)
-    program = [sys.executable, "-P", "-m", "s2rtui", *words]
+    program = [sys.executable, "-P", "-m", "s2rtui", *arguments]
     out = tmp_path / "out.png"
-    # A process between: the largest size of a child counts the one that it was forked from.
-    between = (
+    # An intermediate process, because the peak size of a child includes that of its parent.
+    measuring_script = (
         "import resource, subprocess, sys; code = subprocess.call(sys.argv[1:]);"
         "print(code, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", between, *program, "--out", str(out)],
+    process = subprocess.run(
+        [sys.executable, "-c", measuring_script, *program, "--out", str(out)],
         env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    code, largest = map(int, done.stdout.split()[-2:])
+    code, largest = map(int, process.stdout.split()[-2:])
     assert code == 0
-    assert largest * 1024 < LIMIT
+    assert largest * 1024 < MAX_BYTES
     assert out.stat().st_size > 10_000

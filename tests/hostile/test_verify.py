@@ -1,4 +1,4 @@
-"""`verify` finds every damage, and reports none where there is none."""
+"""`verify` detects every kind of damage and reports none in an intact store."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
-from tests.support.ingested import ingested
+from tests.support.copies import copy_store
+from tests.support.ingested import build_ingested_store
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An ingested store with floor plan, drives and weights, which no test writes to."""
-    return ingested(tmp_path_factory.mktemp("ingested"))
+def intact_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An ingested store with floor plan, drives and weights, which no test modifies."""
+    return build_ingested_store(tmp_path_factory.mktemp("ingested"))
 
 
 @pytest.fixture
-def store(whole: Path, tmp_path: Path) -> Path:
-    return copied(whole, tmp_path / "own.s2r")
+def store(intact_store: Path, tmp_path: Path) -> Path:
+    return copy_store(intact_store, tmp_path / "own.s2r")
 
 
-def test_a_new_store_is_whole(store: Path) -> None:
+def test_a_new_store_has_no_damage(store: Path) -> None:
     assert verify(store) == []
 
 
-WATCHED = (
+CHECKED_FILES = (
     "drives/one/real.csv", "drives/one/sim.csv", "drives/two/untuned.csv",
     "drives/two/commands.csv", "assets/floor_plan.png", "frames.zarr/sim/traj1/rgb/zarr.json",
     "frames.zarr/real/traj1/depth/zarr.json", f"models/{'a' * 64}.safetensors",
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("path", WATCHED)
+@pytest.mark.parametrize("path", CHECKED_FILES)
 @pytest.mark.parametrize("bit", [1, 5])
-def test_a_flipped_bit_is_found(store: Path, path: str, bit: int) -> None:
+def test_a_flipped_bit_is_detected(store: Path, path: str, bit: int) -> None:
     content = bytearray((store / path).read_bytes())
     content[len(content) // 2] ^= 1 << bit
     (store / path).write_bytes(content)
@@ -53,24 +53,24 @@ def test_a_flipped_bit_is_found(store: Path, path: str, bit: int) -> None:
 
 
 @pytest.mark.parametrize(("domain", "image"), [("sim", "rgb"), ("real", "depth")])
-def test_every_flipped_byte_of_metadata_is_found(store: Path, domain: str, image: str) -> None:
+def test_flipped_bytes_of_metadata_are_detected(store: Path, domain: str, image: str) -> None:
     path = store / "frames.zarr" / domain / "traj1" / image / "zarr.json"
     content = path.read_bytes()
-    for at in range(0, len(content), 7):
+    for offset in range(0, len(content), 7):
         flipped = bytearray(content)
-        flipped[at] ^= 1
+        flipped[offset] ^= 1
         path.write_bytes(flipped)
-        assert verify(store), (at, bytes(flipped[at - 10 : at + 10]))
+        assert verify(store), (offset, bytes(flipped[offset - 10 : offset + 10]))
 
 
-@pytest.mark.parametrize("path", WATCHED)
-def test_a_removed_file_is_found(store: Path, path: str) -> None:
+@pytest.mark.parametrize("path", CHECKED_FILES)
+def test_a_removed_file_is_detected(store: Path, path: str) -> None:
     (store / path).unlink()
     assert verify(store)
 
 
 @pytest.mark.parametrize("folder", ["drives", "drives/one", "assets", "models"])
-def test_a_removed_folder_is_found(store: Path, folder: str) -> None:
+def test_a_removed_folder_is_detected(store: Path, folder: str) -> None:
     shutil.rmtree(store / folder)
     assert verify(store)
 
@@ -84,23 +84,23 @@ def test_readers_check_metadata_when_they_open_an_array(store: Path) -> None:
     assert verify(store)
 
 
-def test_the_metadata_of_computed_arrays_is_checked(own_store: Path) -> None:
+def test_the_metadata_of_computed_arrays_is_checked(store_copy: Path) -> None:
     relative = "vanilla/key0/activation.real"
-    path = own_store / "runs.zarr" / relative
-    with s2rstore.open(own_store) as store:
+    path = store_copy / "runs.zarr" / relative
+    with s2rstore.open(store_copy) as store:
         _, array = store.array("vanilla", "activation", "real")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         values = {"metadata_sha256": array.metadata_sha256}
         draft.update("zarr_array", {"path": relative}, values)
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
     document = json.loads((path / "zarr.json").read_text())
     (path / "zarr.json").write_text(json.dumps(document, indent=1))
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="published"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="published"):
         store.heatmap("vanilla", "activation", "real", 0)
-    assert verify(own_store)
+    assert verify(store_copy)
 
 
-def _entries(root: Path, change: Callable[[dict[str, object]], None]) -> None:
+def _change_entries(root: Path, change: Callable[[dict[str, object]], None]) -> None:
     for file in (root / "ledger").glob("*.jsonl"):
         lines = [json.loads(line) for line in file.read_text().splitlines()]
         for line in lines:
@@ -108,34 +108,34 @@ def _entries(root: Path, change: Callable[[dict[str, object]], None]) -> None:
         file.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
-def test_weights_are_checked_whatever_the_ledger_calls_them(store: Path) -> None:
-    _entries(store, lambda entry: entry.update(key="x"))
+def test_weights_are_checked_for_any_ledger_key(store: Path) -> None:
+    _change_entries(store, lambda entry: entry.update(key="x"))
     weights = next((store / "models").iterdir())
     weights.write_bytes(weights.read_bytes()[:-1] + b"\0")
     assert any(damage.where.startswith("models/") for damage in verify(store))
 
 
-def test_a_ledger_that_counts_other_rows_is_found(own_store: Path) -> None:
-    _entries(own_store, lambda entry: entry.update(count=7))
-    assert verify(own_store)
+def test_a_wrong_row_count_in_the_ledger_is_detected(store_copy: Path) -> None:
+    _change_entries(store_copy, lambda entry: entry.update(count=7))
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize(
     "line", ["[]", "[" * 5000, '{"key": 1}', "\0", "null"],
     ids=["list", "nested", "object", "NUL", "null"],
 )  # fmt: skip
-def test_a_ledger_line_that_cannot_be_read_proves_nothing(own_store: Path, line: str) -> None:
-    file = next((own_store / "ledger").glob("*.jsonl"))
+def test_an_unreadable_ledger_line_is_ignored(store_copy: Path, line: str) -> None:
+    file = next((store_copy / "ledger").glob("*.jsonl"))
     lines = file.read_text().splitlines()
     lines[0] = line
     file.write_text("\n".join(lines) + "\n")
-    assert any("no ledger entry" in damage.what for damage in verify(own_store))
+    assert any("no ledger entry" in damage.what for damage in verify(store_copy))
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e6, 1e150])
-def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
-    """As of a model that answers in millimetres."""
-    with edit(own_store) as draft:
+def test_large_predictions_are_not_damage(store_copy: Path, factor: float) -> None:
+    """For example those of a model that predicts millimetres."""
+    with edit(store_copy) as draft:
         run = draft._connection.execute
         run(f"UPDATE prediction SET x = x * {factor}, y = y * {factor}")
         run(
@@ -149,17 +149,19 @@ def test_far_predictions_are_no_damage(own_store: Path, factor: float) -> None:
             "row_number() OVER (PARTITION BY run, side ORDER BY error, iid) AS place "
             "FROM prediction) AS p WHERE p.r = run AND p.s = side AND p.n = iid"
         )
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
-def test_a_loss_that_is_a_little_off_is_damage(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_a_slightly_wrong_loss_is_damage(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE prediction SET loss = loss * 1.000001 WHERE iid = 3")
-    assert any("loss" in damage.what for damage in verify(own_store))
+    assert any("loss" in damage.what for damage in verify(store_copy))
 
 
-def _command(store: Path, *words: str, out: Path | None = None) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "s2rtui", "verify", str(store), *words]
+def _command(
+    store: Path, *options: str, out: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "s2rtui", "verify", str(store), *options]
     if out is None:
         return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     with out.open("w") as file:
@@ -168,32 +170,32 @@ def _command(store: Path, *words: str, out: Path | None = None) -> subprocess.Co
         )
 
 
-@pytest.mark.parametrize("words", [(), ("--json",)])
-def test_a_verdict_that_cannot_be_written_is_an_error(tiny_store: Path, words) -> None:
-    done = _command(tiny_store, *words, out=Path("/dev/full"))
-    assert done.returncode == 2
-    assert "standard output: No space left on device" in done.stderr
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_an_unwritable_verdict_is_an_error(tiny_store: Path, options) -> None:
+    process = _command(tiny_store, *options, out=Path("/dev/full"))
+    assert process.returncode == 2
+    assert "standard output: No space left on device" in process.stderr
 
 
-def test_what_has_no_checksum_is_noted_in_one_line(tiny_store: Path) -> None:
-    done = _command(tiny_store)
-    assert done.returncode == 0
-    (line,) = [line for line in done.stderr.splitlines() if "no checksums" in line]
+def test_missing_checksums_are_noted_in_one_line(tiny_store: Path) -> None:
+    process = _command(tiny_store)
+    assert process.returncode == 0
+    (line,) = [line for line in process.stderr.splitlines() if "no checksums" in line]
     assert "metadata of frames" in line
 
 
-def test_folders_nested_far_too_deeply_are_one_line(own_store: Path, capsys) -> None:
-    above = own_store / "runs.zarr"
+def test_deeply_nested_folders_are_rejected_in_one_line(store_copy: Path, capsys) -> None:
+    folder = store_copy / "runs.zarr"
     for _ in range(60):
-        above = above / "d"
-    above.mkdir(parents=True)
+        folder = folder / "d"
+    folder.mkdir(parents=True)
     for command in ("verify", "prune"):
-        assert main([command, str(own_store)]) == 2
+        assert main([command, str(store_copy)]) == 2
         assert "nested too deeply" in capsys.readouterr().err
 
 
-def test_a_ledger_of_zeros_takes_no_memory(own_store: Path, capsys) -> None:
-    (own_store / "ledger" / "zeros.jsonl").touch()
-    os.truncate(own_store / "ledger" / "zeros.jsonl", 3 << 30)
-    assert main(["verify", str(own_store)]) in (1, 2)
+def test_a_huge_sparse_ledger_is_rejected(store_copy: Path, capsys) -> None:
+    (store_copy / "ledger" / "zeros.jsonl").touch()
+    os.truncate(store_copy / "ledger" / "zeros.jsonl", 3 << 30)
+    assert main(["verify", str(store_copy)]) in (1, 2)
     assert "zeros.jsonl" in "".join(capsys.readouterr())

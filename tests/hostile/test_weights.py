@@ -1,4 +1,4 @@
-"""Weights that lie about themselves, and models that do not do what they should."""
+"""Malicious and damaged weights files, and models that break the expected interface."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def long_header(path: Path) -> None:
     path.write_bytes(struct.pack("<Q", 1 << 60) + b"{}")
 
 
-def cut(path: Path) -> None:
+def truncated(path: Path) -> None:
     from safetensors.torch import save
 
     content = save({k: v.clone() for k, v in build_network("resposenet").state_dict().items()})
@@ -48,13 +48,13 @@ def cut(path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".safetensors", ".pt"])
-@pytest.mark.parametrize("made", [pipe, folder, device, sparse])
-def test_what_is_no_weights_file_is_refused(
+@pytest.mark.parametrize("make_file", [pipe, folder, device, sparse])
+def test_an_invalid_weights_file_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str],
-    made: Callable[[Path], None], suffix: str,
+    make_file: Callable[[Path], None], suffix: str,
 ) -> None:  # fmt: skip
     path = tmp_path / f"w{suffix}"
-    made(path)
+    make_file(path)
     with deadline():
         assert add(tiny_store, path) == 2
     assert capsys.readouterr().err.startswith(f"s2r: {path}: ")
@@ -65,34 +65,34 @@ def add(store: Path, path: Path, *more: str) -> int:
     return main(["model", "add", "--store", str(store), "m", str(path), *arch, *more])
 
 
-@pytest.mark.parametrize("made", [long_header, cut])
-def test_damaged_safetensors_are_refused(
+@pytest.mark.parametrize("make_file", [long_header, truncated])
+def test_damaged_safetensors_are_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str],
-    made: Callable[[Path], None],
+    make_file: Callable[[Path], None],
 ) -> None:  # fmt: skip
     path = tmp_path / "w.safetensors"
-    made(path)
+    make_file(path)
     assert add(tiny_store, path) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"s2r: {path}: not a ")
-    assert len(told.splitlines()) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"s2r: {path}: not a ")
+    assert len(error.splitlines()) == 1
 
 
 def archive(state: dict[str, torch.Tensor], method: int, extra: int = 0) -> bytes:
-    """A weights file packed anew, with another method or with so many zeros more."""
-    plain, made = io.BytesIO(), io.BytesIO()
-    torch.save(state, plain)
-    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(made, "w", method) as target:
+    """A weights file packed with another compression method or with `extra` bytes of zeros."""
+    uncompressed, packed = io.BytesIO(), io.BytesIO()
+    torch.save(state, uncompressed)
+    with zipfile.ZipFile(uncompressed) as source, zipfile.ZipFile(packed, "w", method) as target:
         for entry in source.infolist():
             target.writestr(entry.filename, source.read(entry))
         if extra:
             with target.open("archive/data/999", "w") as entry:
                 for _ in range(extra >> 20):
                     entry.write(bytes(1 << 20))
-    return made.getvalue()
+    return packed.getvalue()
 
 
-def test_a_compressed_archive_is_refused(
+def test_a_compressed_archive_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "w.pt"
@@ -104,7 +104,7 @@ def test_a_compressed_archive_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
+    ("change", "expected"),
     [
         (lambda value: value.to_sparse(), "not a plain tensor"),
         (lambda value: value.to(torch.complex64), "not a plain tensor"),
@@ -115,30 +115,30 @@ def test_a_compressed_archive_is_refused(
     ],
     ids=["sparse", "complex", "integers", "empty", "expanded", "meta"],
 )
-def test_tensors_of_another_kind_are_refused(
-    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], change, word: str
+def test_unexpected_tensors_are_rejected(
+    tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str], change, expected: str
 ) -> None:
     state = build_network("resposenet").state_dict()
     key = next(key for key, value in state.items() if value.ndim == 4)
     path = tmp_path / "w.pt"
     torch.save({**state, key: change(state[key])}, path)
     assert add(tiny_store, path) == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert told.startswith(f"s2r: {path}: ")
-    assert word in told
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith(f"s2r: {path}: ")
+    assert expected in error
 
 
-class Runs:
+class RunsCommand:
     def __reduce__(self) -> tuple[object, tuple[str]]:
         return os.system, ("exit 1",)
 
 
-def test_a_pickle_that_runs_code_or_claims_memory_is_refused(
+def test_a_malicious_or_truncated_pickle_is_rejected(
     tmp_path: Path, tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "w.pt"
     before = limits()
-    for content in (pickle.dumps(Runs()), pickle.dumps(bytearray(1))[:-1]):
+    for content in (pickle.dumps(RunsCommand()), pickle.dumps(bytearray(1))[:-1]):
         path.write_bytes(content)
         assert add(tiny_store, path) == 2
         assert capsys.readouterr().err.startswith(f"s2r: {path}: ")
@@ -146,13 +146,13 @@ def test_a_pickle_that_runs_code_or_claims_memory_is_refused(
 
 
 class OneRow(nn.Module):
-    """Gives one pose for however many images; its author tried it with one."""
+    """Returns one pose regardless of the batch size."""
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return x.mean(dim=(0, 2, 3))[None]
 
 
-class Fails(nn.Module):
+class FailsOnBatches(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         if len(x) > 1:
             raise KeyError("only one image")
@@ -164,27 +164,27 @@ def one_row() -> nn.Module:
 
 
 def fails() -> nn.Module:
-    return Fails()
+    return FailsOnBatches()
 
 
 @pytest.mark.parametrize("factory", ["one_row", "fails"])
-def test_a_model_that_answers_for_another_number_of_images_is_named(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
+def test_a_model_that_does_not_support_batches_is_named(
+    trained_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], factory: str
 ) -> None:
     import shutil
 
     store, path = tmp_path / "s.s2r", tmp_path / "w.safetensors"
-    shutil.copytree(trained, store)
+    shutil.copytree(trained_store, store)
     from safetensors.torch import save_file
 
     save_file({}, path)
     arch = f"tests.hostile.test_weights:{factory}"
-    words = ("--arch", arch, "--trust", "--convention", "cos_sin")
-    assert add(store, path, *words) == 0
+    options = ("--arch", arch, "--trust", "--convention", "cos_sin")
+    assert add(store, path, *options) == 0
     assert main(["run", "add", "--store", str(store), "m", "--model", "m"]) == 0
     capsys.readouterr()
     code = main(["precompute", str(store), "--run", "m", "--trust", "--workers", "1"])
-    told = capsys.readouterr().err
-    assert code == 2, told
-    assert "model 'm'" in told
-    assert "Traceback" not in told
+    error = capsys.readouterr().err
+    assert code == 2, error
+    assert "model 'm'" in error
+    assert "Traceback" not in error

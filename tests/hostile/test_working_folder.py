@@ -1,4 +1,4 @@
-"""A command that is started in somebody else's folder runs nothing that lies there."""
+"""A command started in a folder with malicious modules runs none of them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from bench.support.processes import wait_until
 from tests.support.serving import servers
 
 _LIBRARIES = ("numpy", "duckdb", "textual", "lark", "zarr")
-_STANDARD = ("json", "pickle", "multiprocessing", "concurrent", "signal", "sitecustomize",
+_STANDARD_MODULES = ("json", "pickle", "multiprocessing", "concurrent", "signal", "sitecustomize",
              "usercustomize")  # fmt: skip
-_OWN = ("s2rtui", "s2rstore", "s2rtools")
+_PROJECT = ("s2rtui", "s2rstore", "s2rtools")
 _SCRIPT = "import sys\nfrom s2rtui.cli import main\nsys.exit(main())\n"
 _UNITS = """
 import sys
@@ -31,39 +31,39 @@ if __name__ == "__main__":
 """
 
 
-class Hostile(NamedTuple):
+class HostileFolder(NamedTuple):
     """A folder whose modules write the file `ran` when they are imported."""
 
     folder: Path
     ran: Path
 
-    def command(self, program: Path, *words: str) -> subprocess.CompletedProcess[str]:
-        return self.python(str(program), *words)
+    def command(self, program: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return self.python(str(program), *arguments)
 
-    def python(self, *words: str) -> subprocess.CompletedProcess[str]:
+    def python(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         path = os.pathsep.join(part for part in sys.path if part)
         names = {"PYTHONPATH": path, "XDG_DATA_HOME": str(self.ran.parent / "share")}
         environment = {**os.environ, **names}
         for name in ("PYTHONSAFEPATH", "LD_LIBRARY_PATH"):
             environment.pop(name, None)
         return subprocess.run(
-            [sys.executable, *words], cwd=self.folder, env=environment, text=True,
+            [sys.executable, *arguments], cwd=self.folder, env=environment, text=True,
             capture_output=True, timeout=120,
         )  # fmt: skip
 
 
 @pytest.fixture
-def hostile(tmp_path: Path) -> Iterator[Hostile]:
-    found = Hostile(tmp_path / "hostile", tmp_path / "ran")
-    found.folder.mkdir()
-    for name in (*_LIBRARIES, *_STANDARD):
-        (found.folder / f"{name}.py").write_text(_payload(found.ran))
-    for name in _OWN:
-        (found.folder / name).mkdir()
+def hostile(tmp_path: Path) -> Iterator[HostileFolder]:
+    folder = HostileFolder(tmp_path / "hostile", tmp_path / "ran")
+    folder.folder.mkdir()
+    for name in (*_LIBRARIES, *_STANDARD_MODULES):
+        (folder.folder / f"{name}.py").write_text(_payload(folder.ran))
+    for name in _PROJECT:
+        (folder.folder / name).mkdir()
         for file in ("__init__.py", "__main__.py"):
-            (found.folder / name / file).write_text(_payload(found.ran))
-    yield found
-    assert not found.ran.exists(), found.ran.read_text()
+            (folder.folder / name / file).write_text(_payload(folder.ran))
+    yield folder
+    assert not folder.ran.exists(), folder.ran.read_text()
 
 
 def _payload(ran: Path) -> str:
@@ -72,73 +72,79 @@ def _payload(ran: Path) -> str:
 
 @pytest.fixture
 def program(tmp_path: Path) -> Path:
-    """The `s2r` script, as installing the package writes it."""
+    """The `s2r` script as the package installer writes it."""
     path = tmp_path / "bin" / "s2r"
     path.parent.mkdir()
     path.write_text(_SCRIPT)
     return path
 
 
-def test_the_command_runs_none_of_its_modules(
-    hostile: Hostile, program: Path, tiny_store: Path
+def test_the_command_imports_nothing_from_the_folder(
+    hostile: HostileFolder, program: Path, tiny_store: Path
 ) -> None:
-    done = hostile.command(program, "query", str(tiny_store), "worst15", "--count")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "6\n", "")
+    process = hostile.command(program, "query", str(tiny_store), "worst15", "--count")
+    assert (process.returncode, process.stdout, process.stderr) == (0, "6\n", "")
 
 
-def test_python_m_takes_no_library_from_it(hostile: Hostile, tiny_store: Path) -> None:
-    """What the interpreter itself imports before the program, and the program, are found first."""
-    for name in (*_STANDARD, *_OWN):
+def test_python_m_imports_no_library_from_the_folder(
+    hostile: HostileFolder, tiny_store: Path
+) -> None:
+    """Standard modules and the program are deleted: the interpreter imports those from there."""
+    for name in (*_STANDARD_MODULES, *_PROJECT):
         for file in (hostile.folder / f"{name}.py", hostile.folder / name / "__init__.py"):
             file.unlink(missing_ok=True)
         (hostile.folder / name / "__main__.py").unlink(missing_ok=True)
-    done = hostile.python("-m", "s2rtui", "query", str(tiny_store), "worst15", "--count")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "6\n", "")
+    process = hostile.python("-m", "s2rtui", "query", str(tiny_store), "worst15", "--count")
+    assert (process.returncode, process.stdout, process.stderr) == (0, "6\n", "")
 
 
-def test_worker_processes_run_none_of_its_modules(hostile: Hostile, tmp_path: Path) -> None:
+def test_worker_processes_import_nothing_from_the_folder(
+    hostile: HostileFolder, tmp_path: Path
+) -> None:
     script = tmp_path / "units.py"
     script.write_text(_UNITS)
-    done = hostile.python(str(script))
-    assert done.returncode == 0, done.stderr
-    assert sorted(done.stdout) == sorted("[1, 2]\n")
+    process = hostile.python(str(script))
+    assert process.returncode == 0, process.stderr
+    assert sorted(process.stdout) == sorted("[1, 2]\n")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the names of the libraries are Linux's")
-def test_worker_processes_load_none_of_its_libraries(hostile: Hostile, tmp_path: Path) -> None:
+def test_worker_processes_load_no_library_from_the_folder(
+    hostile: HostileFolder, tmp_path: Path
+) -> None:
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     for name in ("libc.so.6", "libm.so.6", f"libpython{version}.so.1.0"):
         (hostile.folder / name).write_text("not a library")
     script = tmp_path / "units.py"
     script.write_text(_UNITS)
-    done = hostile.python("-P", str(script))
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    process = hostile.python("-P", str(script))
+    assert process.returncode == 0, process.stderr
+    assert process.stderr == ""
 
 
-def test_figures_do_not_follow_its_matplotlibrc(
-    hostile: Hostile, program: Path, tiny_store: Path, tmp_path: Path
+def test_figures_ignore_the_matplotlibrc_of_the_folder(
+    hostile: HostileFolder, program: Path, tiny_store: Path, tmp_path: Path
 ) -> None:
-    pictures = [tmp_path / "before.png", tmp_path / "after.png"]
-    for picture in pictures:
-        words = ("--view", "rooms", "--size", "400x300", "--out", str(picture))
-        done = hostile.command(program, "export", str(tiny_store), *words)
-        assert (done.returncode, done.stderr) == (0, "")
+    images = [tmp_path / "before.png", tmp_path / "after.png"]
+    for image in images:
+        arguments = ("--view", "rooms", "--size", "400x300", "--out", str(image))
+        process = hostile.command(program, "export", str(tiny_store), *arguments)
+        assert (process.returncode, process.stderr) == (0, "")
         (hostile.folder / "matplotlibrc").write_text("text.usetex: True\naxes.linewidth: 5\n")
-    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+    assert images[0].read_bytes() == images[1].read_bytes()
 
 
-def test_compiled_code_does_not_follow_its_numba_settings(
-    hostile: Hostile, program: Path, tmp_path: Path
+def test_numba_ignores_the_settings_of_the_folder(
+    hostile: HostileFolder, program: Path, tmp_path: Path
 ) -> None:
     (hostile.folder / ".numba_config.yaml").write_text("opt: [\n")
-    words = ("world", "--instances", "2", "--size", "16", "--store", str(tmp_path / "w.s2r"))
-    done = hostile.command(program, "ingest", *words)
-    assert done.returncode == 0, done.stderr
+    arguments = ("world", "--instances", "2", "--size", "16", "--store", str(tmp_path / "w.s2r"))
+    process = hostile.command(program, "ingest", *arguments)
+    assert process.returncode == 0, process.stderr
 
 
-async def test_a_served_page_runs_none_of_its_modules(
-    hostile: Hostile, tiny_store: Path, tmp_path: Path
+async def test_a_served_session_imports_nothing_from_the_folder(
+    hostile: HostileFolder, tiny_store: Path, tmp_path: Path
 ) -> None:
     aiohttp = pytest.importorskip("aiohttp")
     pytest.importorskip("textual_serve")

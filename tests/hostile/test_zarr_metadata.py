@@ -1,4 +1,4 @@
-"""Arrays are opened only in the form that the store itself writes."""
+"""Arrays are opened only in the exact format that the store writes."""
 
 from __future__ import annotations
 
@@ -77,11 +77,11 @@ CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name: str) -> None:
-    _change(own_store / ARRAY, CHANGES[name])
+def test_changed_metadata_is_rejected_with_the_array_name(store_copy: Path, name: str) -> None:
+    _change(store_copy / ARRAY, CHANGES[name])
     with pytest.raises(RequestError, match=r"activation\.real"):
-        _read(own_store)
-    assert any("activation.real" in damage.where for damage in verify(own_store))
+        _read(store_copy)
+    assert any("activation.real" in damage.where for damage in verify(store_copy))
 
 
 @pytest.mark.parametrize(
@@ -90,54 +90,54 @@ def test_another_document_is_refused_with_the_arrays_name(own_store: Path, name:
      b'{"zarr_format": 3, "zarr_format": 3}'],
     ids=["empty", "list", "null", "cut", "nested", "NaN", "blank", "repeated key"],
 )  # fmt: skip
-def test_no_document_is_refused(own_store: Path, content: bytes) -> None:
-    (own_store / ARRAY / "zarr.json").write_bytes(content)
+def test_invalid_metadata_is_rejected(store_copy: Path, content: bytes) -> None:
+    (store_copy / ARRAY / "zarr.json").write_bytes(content)
     with pytest.raises(RequestError, match=r"activation\.real"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_an_array_of_format_2_is_not_opened(own_store: Path, tmp_path: Path) -> None:
-    (own_store / ARRAY / "zarr.json").unlink()
+def test_an_array_of_format_2_is_rejected(store_copy: Path, tmp_path: Path) -> None:
+    (store_copy / ARRAY / "zarr.json").unlink()
     document = {
         "zarr_format": 2, "shape": [40, 4, 4, 4], "chunks": [16, 4, 4, 4], "dtype": "<f4",
         "order": "C", "fill_value": 0, "compressor": None, "filters": None,
     }  # fmt: skip
-    (own_store / ARRAY / ".zarray").write_text(json.dumps(document))
+    (store_copy / ARRAY / ".zarray").write_text(json.dumps(document))
     with pytest.raises(RequestError, match="format 2"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_a_shape_beyond_the_limits_is_refused_even_where_the_index_agrees(own_store: Path) -> None:
+def test_an_excessive_shape_is_rejected_even_if_the_index_agrees(store_copy: Path) -> None:
     shape = [40, 4, 100_000, 100_000]
 
-    def grow(document: dict[str, Any]) -> None:
+    def enlarge(document: dict[str, Any]) -> None:
         document["shape"] = shape
         document["chunk_grid"]["configuration"]["chunk_shape"] = [16, *shape[1:]]
         _sharding(document)["chunk_shape"] = [1, *shape[1:]]
 
-    _change(own_store / ARRAY, grow)
+    _change(store_copy / ARRAY, enlarge)
     path = ARRAY.removeprefix("runs.zarr/")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.update("zarr_array", {"path": path}, {"shape": json.dumps(shape)})
     with pytest.raises(RequestError, match="bytes a row"):
-        _read(own_store)
+        _read(store_copy)
 
 
 @pytest.mark.parametrize("column", ["shape", "dtype"])
-def test_what_the_index_says_otherwise_is_refused(own_store: Path, column: str) -> None:
+def test_metadata_that_differs_from_the_index_is_rejected(store_copy: Path, column: str) -> None:
     value = {"shape": "[40, 4, 2, 8]", "dtype": "float64"}[column]
     path = ARRAY.removeprefix("runs.zarr/")
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.update("zarr_array", {"path": path}, {column: value})
     with pytest.raises(RequestError, match="which the index states"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_frames_must_have_the_size_that_the_index_says(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_frames_must_have_the_size_in_the_index(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.update("dataset", {"name": "tiny"}, {"frame_width": 32})
     with (
-        s2rstore.open(own_store) as store,
+        s2rstore.open(store_copy) as store,
         pytest.raises(RequestError, match="which the index states"),
     ):
         store.frame(0, "sim")
@@ -152,18 +152,18 @@ def _cut_chunk(content: bytearray) -> None:
 
 
 def _far_chunk(content: bytearray) -> None:
-    _reindexed(content, 2**62, 100)
+    _reindex(content, 2**62, 100)
 
 
 def _long_chunk(content: bytearray) -> None:
-    _reindexed(content, 0, 2**40)
+    _reindex(content, 0, 2**40)
 
 
-def _no_chunk(content: bytearray) -> None:
-    _reindexed(content, 2**64 - 1, 2**64 - 1)
+def _missing_chunk(content: bytearray) -> None:
+    _reindex(content, 2**64 - 1, 2**64 - 1)
 
 
-def _reindexed(content: bytearray, offset: int, size: int) -> None:
+def _reindex(content: bytearray, offset: int, size: int) -> None:
     import google_crc32c
 
     index = struct.pack("<QQ", offset, size)
@@ -171,56 +171,56 @@ def _reindexed(content: bytearray, offset: int, size: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "harm", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _no_chunk], ids=lambda f: f.__name__
+    "damage", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _missing_chunk], ids=lambda f: f.__name__
 )
-def test_a_chunk_that_lies_is_refused(own_store: Path, harm: Callable[[bytearray], None]) -> None:
-    shard = own_store / ARRAY / "c/0/0/0/0"
+def test_a_damaged_chunk_is_rejected(store_copy: Path, damage: Callable[[bytearray], None]) -> None:
+    shard = store_copy / ARRAY / "c/0/0/0/0"
     content = bytearray(shard.read_bytes())
-    harm(content)
+    damage(content)
     shard.write_bytes(content)
     with pytest.raises(RequestError, match=r"activation\.real.*damaged"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_a_shard_that_is_too_large_is_refused(own_store: Path) -> None:
-    shard = own_store / ARRAY / "c/0/0/0/0"
+def test_a_shard_that_is_too_large_is_rejected(store_copy: Path) -> None:
+    shard = store_copy / ARRAY / "c/0/0/0/0"
     content = shard.read_bytes()
     with shard.open("wb") as file:
         file.truncate(10 * 2**30)
         file.seek(-len(content), 2)
         file.write(content)
     with pytest.raises(RequestError, match=r"activation\.real.*bytes"):
-        _read(own_store)
+        _read(store_copy)
 
 
-def test_a_flipped_bit_of_metadata_without_checksum_changes_nothing_in_silence(
+def test_flipped_metadata_without_checksum_is_rejected_or_has_no_effect(
     tmp_path: Path,
 ) -> None:
-    """As in stores of version 0.1.0: every byte in turn is refused, or has no effect."""
+    """As in stores of version 0.1.0; every byte is changed in turn."""
     root = tiny.build(tmp_path / "t.s2r", n=6, runs=("vanilla",))
-    silent = []
+    undetected = []
     with s2rstore.open(root) as store:
         record, array = store.array("vanilla", "activation", "real")
         frames = store.frames_array("sim", "a", "rgb")
-        found = {frames.path: frames[:], array.path: array[:]}
-    for path, before in found.items():
+        values = {frames.path: frames[:], array.path: array[:]}
+    for path, before in values.items():
         content = (path / "zarr.json").read_bytes()
-        for place in range(len(content)):
+        for position in range(len(content)):
             changed = bytearray(content)
-            changed[place] ^= 1 << place % 8
+            changed[position] ^= 1 << position % 8
             (path / "zarr.json").write_bytes(changed)
             try:
-                with_flip = _opened(root, path, record)
+                after_change = _read_checked(root, path, record)
             except RequestError:
                 continue
-            if with_flip.dtype != before.dtype or not np.array_equal(with_flip, before):
-                silent.append((path.name, place))
+            if after_change.dtype != before.dtype or not np.array_equal(after_change, before):
+                undetected.append((path.name, position))
         (path / "zarr.json").write_bytes(content)
-    assert silent == []
+    assert undetected == []
 
 
-def _opened(root: Path, path: Path, record: Any) -> np.ndarray:
-    """The array's values, where its shape and type are those of the index."""
+def _read_checked(root: Path, path: Path, record: Any) -> np.ndarray:
+    """The array's values if its shape and type are those in the index."""
     array = stored_array.open_read(path, root)
     is_frame = layout.FRAMES in path.parts
     shape, dtype = ((3, 16, 16, 3), "uint8") if is_frame else (record.shape, record.dtype)
@@ -232,28 +232,28 @@ def _opened(root: Path, path: Path, record: Any) -> np.ndarray:
 @settings(max_examples=25, deadline=None)
 @given(
     rows=st.integers(1, 40), shard=st.integers(1, 16),
-    item=st.sampled_from([(), (3,), (2, 5), (40, 40, 3)]),
+    shape=st.sampled_from([(), (3,), (2, 5), (40, 40, 3)]),
     dtype=st.sampled_from(["uint8", "uint16", "float16", "float32", "float64"]),
     seed=st.integers(0, 99),
 )  # fmt: skip
-def test_any_zarr_reader_reads_what_is_written(
-    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, item: tuple[int, ...],
+def test_the_zarr_library_reads_the_written_arrays(
+    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, shape: tuple[int, ...],
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan_layout(rows, item, dtype, shard)
+    plan = stored_array.plan_layout(rows, shape, dtype, shard)
     stored_array.create(path, plan, {"method": "as tested"})
     rng = np.random.default_rng(seed)
-    data = (rng.integers(0, 2, (rows, *item)) * rng.random((rows, *item)) * 200).astype(dtype)
+    data = (rng.integers(0, 2, (rows, *shape)) * rng.random((rows, *shape)) * 200).astype(dtype)
     for number in range(plan.shards):
         stored_array.write_shard(path, number, data[number * shard : (number + 1) * shard])
-    theirs = zarr.open_array(path, mode="r")
-    mine = stored_array.open_read(path)
-    assert (theirs.shape, theirs.dtype, theirs.chunks, theirs.shards) == (
-        mine.shape, mine.dtype, (mine.layout.rows_per_chunk, *item), (shard, *item),
+    by_zarr = zarr.open_array(path, mode="r")
+    by_store = stored_array.open_read(path)
+    assert (by_zarr.shape, by_zarr.dtype, by_zarr.chunks, by_zarr.shards) == (
+        by_store.shape, by_store.dtype, (by_store.layout.rows_per_chunk, *shape), (shard, *shape),
     )  # fmt: skip
-    assert dict(theirs.attrs) == mine.attrs
-    picked = rng.integers(0, rows, 7)
+    assert dict(by_zarr.attrs) == by_store.attrs
+    rows_read = rng.integers(0, rows, 7)
     for selection in (slice(None), slice(1, -1), slice(0, rows, 2), -1, (slice(1, None), ...)):
-        assert np.array_equal(theirs[selection], mine[selection])
-    assert np.array_equal(data[picked], mine.at(picked))
+        assert np.array_equal(by_zarr[selection], by_store[selection])
+    assert np.array_equal(data[rows_read], by_store.at(rows_read))

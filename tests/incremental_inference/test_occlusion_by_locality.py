@@ -1,4 +1,4 @@
-"""Partial recomputation gives what the whole network gives; what is not local is recognised."""
+"""Incremental inference equals full inference, and non-local networks are detected."""
 
 from __future__ import annotations
 
@@ -21,92 +21,94 @@ from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
 
-# Poses are compared relative to how far the patches move them.
+# Poses are compared relative to the change that the patches cause.
 TOLERANCE = 1e-4
 
 
-def both_ways(model: LoadedModel, chosen: list[int] | None = None) -> tuple[np.ndarray, ...]:
-    """Poses (N, P, M, 3) by locality and in full, both directions."""
+def incremental_and_full(
+    model: LoadedModel, patch_indices: list[int] | None = None
+) -> tuple[np.ndarray, ...]:
+    """Poses (N, P, M, 3) by incremental and by full inference, in both directions."""
     height, width = model.network.input_size
     generator = torch.Generator().manual_seed(1)
     x = torch.rand(2, 4, height, width, generator=generator) * 2 - 1
     other = x.flip(0).contiguous()
     backend = Backend(model)
     patches = cut_patches(height, width)
-    if chosen is not None:
-        patches = [patches[i] for i in chosen]
+    if patch_indices is not None:
+        patches = [patches[i] for i in patch_indices]
     graph = LocalGraph(backend.trunk)
     with torch.inference_mode():
         before, local = occlusion._recompute_locally(backend, graph, x, other, patches)
-        again, full = occlusion._recompute_fully(backend, x, other, patches)
-    assert np.allclose(before, again, atol=1e-5)
+        repeated, full = occlusion._recompute_fully(backend, x, other, patches)
+    assert np.allclose(before, repeated, atol=1e-5)
     return local, full, before
 
 
-def check(model: LoadedModel, chosen: list[int] | None = None) -> None:
-    local, full, before = both_ways(model, chosen)
-    moved = np.abs(full - before[:, None, None]).max()
-    assert moved > 1e-3
-    assert np.abs(local - full).max() <= TOLERANCE * max(moved, 1)
+def assert_equal_results(model: LoadedModel, patch_indices: list[int] | None = None) -> None:
+    local, full, before = incremental_and_full(model, patch_indices)
+    change = np.abs(full - before[:, None, None]).max()
+    assert change > 1e-3
+    assert np.abs(local - full).max() <= TOLERANCE * max(change, 1)
 
 
 @pytest.mark.parametrize("name", list(networks.local_trunks()))
 @pytest.mark.parametrize("size", [(36, 36), (37, 45)])
-def test_small_trunks(name: str, size: tuple[int, int]) -> None:
-    check(networks.small(*networks.local_trunks()[name], size))
+def test_small_trunks_are_computed_incrementally(name: str, size: tuple[int, int]) -> None:
+    assert_equal_results(networks.small_model(*networks.local_trunks()[name], size))
 
 
 def test_resposenet_every_patch_mode_and_direction() -> None:
-    check(networks.built("resposenet"))
+    assert_equal_results(networks.build_model("resposenet"))
 
 
 def test_posest_corner_edge_and_inner_patches() -> None:
-    check(networks.built("posest"), [0, 3, 5, 14, 21, 35])
+    assert_equal_results(networks.build_model("posest"), [0, 3, 5, 14, 21, 35])
 
 
-@pytest.mark.parametrize("name", list(networks.foreign_trunks()))
-def test_what_is_not_local_is_recognised(name: str) -> None:
-    model = networks.small(*networks.foreign_trunks()[name], (24, 24))
+@pytest.mark.parametrize("name", list(networks.nonlocal_trunks()))
+def test_non_local_trunks_are_detected(name: str) -> None:
+    model = networks.small_model(*networks.nonlocal_trunks()[name], (24, 24))
     reason = non_local_reason(fold_batch_norm(model.network.trunk))
     assert reason
     outputs = occlusion.Occlusion().outputs(model)
     assert {out.attributes["method"] for out in outputs} == {f"in full: {reason}"}
 
 
-def test_what_is_local_is_marked_so() -> None:
-    outputs = occlusion.Occlusion().outputs(networks.built("resposenet"))
+def test_local_trunks_are_marked() -> None:
+    outputs = occlusion.Occlusion().outputs(networks.build_model("resposenet"))
     assert {out.attributes["method"] for out in outputs} == {"by locality"}
 
 
 @given(st.integers(6, 300), st.integers(6, 300), st.integers(1, 6))
 def test_patches_cover_the_image_once(height: int, width: int, count: int) -> None:
-    seen = np.zeros((height, width), int)
+    coverage = np.zeros((height, width), int)
     for r in cut_patches(height, width, count):
-        seen[r.r0 : r.r1, r.c0 : r.c1] += 1
-    assert (seen == 1).all()
+        coverage[r.r0 : r.r1, r.c0 : r.c1] += 1
+    assert (coverage == 1).all()
 
 
 @settings(max_examples=200)
 @given(
     st.integers(1, 5), st.integers(1, 3), st.integers(0, 2), st.integers(8, 30), st.data(),
 )  # fmt: skip
-def test_reach_is_exactly_the_outputs_that_change(
+def test_affected_outputs_are_exact(
     extent: int, stride: int, padding: int, size: int, data: st.DataObject
 ) -> None:
     window = SlidingWindow(extent, stride, min(padding, extent // 2))
     start = data.draw(st.integers(0, size - 1))
     stop = data.draw(st.integers(start + 1, size))
-    touched = []
+    affected = []
     for output in range(window.output_size(size)):
         first = output * stride - window.padding
         if first < stop and first + extent > start:
-            touched.append(output)
+            affected.append(output)
     low, high = window.affected_outputs(start, stop, size)
-    if touched:
-        assert (low, high) == (touched[0], touched[-1] + 1)
+    if affected:
+        assert (low, high) == (affected[0], affected[-1] + 1)
     else:
         assert low == high
 
 
-def test_regions_join() -> None:
+def test_regions_can_be_united() -> None:
     assert PixelRegion(1, 3, 4, 6).union(PixelRegion(2, 8, 0, 5)) == PixelRegion(1, 8, 0, 6)

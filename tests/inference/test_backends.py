@@ -1,4 +1,4 @@
-"""Folding changes nothing; reduced precision is used only where it stays close."""
+"""Inference backends: batch norm folding and reduced precision."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ def batch(model, n: int = 3) -> np.ndarray:
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
-def test_folding_keeps_the_outputs(architecture: str) -> None:
-    model = networks.built(architecture)
+def test_folding_does_not_change_the_outputs(architecture: str) -> None:
+    model = networks.build_model(architecture)
     x = batch(model, 2)
     with torch.no_grad():
-        wanted = model.convention.decode(model.network(torch.from_numpy(x)).double())
-    made = Backend(model).forward_all(x)
-    assert np.allclose(made.pose, wanted.numpy(), atol=1e-4)
-    assert made.embedding.shape == (2, model.network.embedding_size)
+        expected = model.convention.decode(model.network(torch.from_numpy(x)).double())
+    result = Backend(model).forward_all(x)
+    assert np.allclose(result.pose, expected.numpy(), atol=1e-4)
+    assert result.embedding.shape == (2, model.network.embedding_size)
     names = {type(module).__name__ for module in fold_batch_norm(model.network.trunk).modules()}
     assert "BatchNorm2d" not in names
 
 
 def test_the_default_is_float32_and_deterministic() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
-    chosen = choose_backend(model, x)
-    assert (chosen.name, chosen.precision) == ("torch", "float32")
-    assert (chosen.forward_all(x).pose == choose_backend(model, x).forward_all(x).pose).all()
+    backend = choose_backend(model, x)
+    assert (backend.name, backend.precision) == ("torch", "float32")
+    assert (backend.forward_all(x).pose == choose_backend(model, x).forward_all(x).pose).all()
 
 
-def test_a_backend_that_is_too_far_off_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = networks.built("resposenet")
+def test_an_inaccurate_backend_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = networks.build_model("resposenet")
     x = batch(model)
     monkeypatch.setattr(Bfloat16Backend, "features", lambda self, x: Backend.features(self, x) * 2)
     monkeypatch.setattr(Bfloat16Backend, "__init__", Backend.__init__)
@@ -50,24 +50,27 @@ def test_a_backend_that_is_too_far_off_is_refused(monkeypatch: pytest.MonkeyPatc
         choose_backend(model, x, "torch-bfloat16")
 
 
-def test_auto_takes_only_what_stays_close() -> None:
-    model = networks.built("resposenet")
+def test_auto_selects_only_accurate_backends() -> None:
+    model = networks.build_model("resposenet")
     x = batch(model)
-    chosen = choose_backend(model, x, "auto")
+    backend = choose_backend(model, x, "auto")
     reference = Backend(model).forward_all(x).pose
-    assert np.hypot(*(chosen.forward_all(x).pose - reference)[:, :2].T).max() <= 0.01
+    assert np.hypot(*(backend.forward_all(x).pose - reference)[:, :2].T).max() <= 0.01
 
 
 def test_unknown_and_missing_backends_are_named() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     with pytest.raises(RequestError, match="torch-bfloat16"):
         open_backend(model, "abacus")
 
 
 @pytest.mark.skipif(importlib.util.find_spec("openvino") is None, reason="openvino not installed")
 def test_openvino_gives_the_same_poses() -> None:
-    model = networks.built("resposenet")
+    model = networks.build_model("resposenet")
     x = batch(model)
-    reference, made = Backend(model).forward_all(x), open_backend(model, "openvino").forward_all(x)
-    assert np.allclose(made.pose, reference.pose, atol=0.05)
-    assert made.features.shape == reference.features.shape
+    reference, result = (
+        Backend(model).forward_all(x),
+        open_backend(model, "openvino").forward_all(x),
+    )
+    assert np.allclose(result.pose, reference.pose, atol=0.05)
+    assert result.features.shape == reference.features.shape

@@ -1,4 +1,4 @@
-"""The live model says what precompute would store, and computes no more than what changed."""
+"""The live model gives the results of precompute and computes only what has changed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from s2rtools.precompute.registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
-from tests.support.silent_reporter import Quiet
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -33,12 +33,12 @@ CHAINS = {
 
 
 @pytest.fixture(scope="module")
-def adjusted(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
-    """A store with a run `adjusted` of every kind, beside its plain run that is not computed."""
+def adjusted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """A store with a computed run `adjusted` with all heatmaps and an uncomputed run."""
     path = tmp_path_factory.mktemp("live") / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     add_run(path, "adjusted", "vanilla", None, None, CHAINS)
-    precompute(path, Quiet(), ["adjusted"])
+    precompute(path, SilentReporter(), ["adjusted"])
     with s2rstore.open(path) as store:
         yield store
 
@@ -50,7 +50,7 @@ def live(adjusted: Store) -> Iterator[LiveModel]:
     model.close()
 
 
-def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) -> None:
+def assert_equals_stored(store: Store, run: str, result: LiveResult, live: LiveModel) -> None:
     columns, iid = store.run_columns(run), result.iid
     for side in SIDES:
         shown, stored = result.side(side), columns.side(side)
@@ -58,35 +58,39 @@ def same_as_stored(store: Store, run: str, result: LiveResult, live: LiveModel) 
             assert getattr(shown, name) == pytest.approx(getattr(stored, name)[iid], abs=1e-4)
         assert angles.distance(shown.heading, stored.heading[iid]) < 1e-4
         assert shown.heading_error == pytest.approx(stored.heading_error[iid], abs=1e-4)
-        picture = model_input(store, store.run(run), side, iid)
-        assert (picture.rgb == shown.rgb).all()
-        np.testing.assert_array_equal(picture.depth, shown.depth)
+        image = model_input(store, store.run(run), side, iid)
+        assert (image.rgb == shown.rgb).all()
+        np.testing.assert_array_equal(image.depth, shown.depth)
         for kind, mode in heatmap_choices(store, run):
-            mine = result.heatmap(kind, side, mode)
-            theirs = store.heatmap(run, kind, side, iid, mode)
-            assert mine.shape == theirs.shape
-            np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.nanmax(np.abs(theirs)))
+            live_heat = result.heatmap(kind, side, mode)
+            stored_heat = store.heatmap(run, kind, side, iid, mode)
+            assert live_heat.shape == stored_heat.shape
+            np.testing.assert_allclose(
+                live_heat, stored_heat, atol=2e-3 * np.nanmax(np.abs(stored_heat))
+            )
             grid = live.floor_grid(result, kind, side, mode)
-            wanted = instance_grid(store, run, HeatChoice(kind, mode, side), iid)
-            assert (np.isnan(grid) == np.isnan(wanted)).all()
-            np.testing.assert_allclose(grid, wanted, atol=2e-3 * np.nanmax(np.abs(theirs)))
+            stored_grid = instance_grid(store, run, HeatChoice(kind, mode, side), iid)
+            assert (np.isnan(grid) == np.isnan(stored_grid)).all()
+            np.testing.assert_allclose(
+                grid, stored_grid, atol=2e-3 * np.nanmax(np.abs(stored_heat))
+            )
 
 
 @pytest.mark.parametrize("iid", [0, 21, 39])
-def test_results_are_what_precompute_stores(adjusted: Store, live: LiveModel, iid: int) -> None:
+def test_results_equal_precompute(adjusted: Store, live: LiveModel, iid: int) -> None:
     assert set(live.kinds) == set(HEATMAP_KINDS)
     assert live.kinds[-1] == "occlusion"
     result = live.compute(iid, CHAINS, live.kinds)
     assert result is not None
-    same_as_stored(adjusted, "adjusted", result, live)
+    assert_equals_stored(adjusted, "adjusted", result, live)
     assert (
         result.heatmap("activation", "sim") == result.heatmap("activation", "sim", "loss")
     ).all()
 
 
 @pytest.mark.parametrize("run", ["up", "low", "vanilla"])
-def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -> None:
-    with s2rstore.open(moved_world) as store:
+def test_results_with_moved_cameras_equal_precompute(moved_camera_store: Path, run: str) -> None:
+    with s2rstore.open(moved_camera_store) as store:
         live = LiveModel(store, "vanilla")
         assert live.no_renderer_reason is None
         chains = {side: store.run(run).adjustments(side) for side in SIDES}
@@ -94,37 +98,37 @@ def test_moved_cameras_are_what_precompute_stores(moved_world: Path, run: str) -
         for iid in (1, 6):
             result = live.compute(iid, chains, kinds)
             assert result is not None
-            same_as_stored(store, run, result, live)
+            assert_equals_stored(store, run, result, live)
         live.close()
 
 
-def test_a_run_keeps_its_own_adjustments(adjusted: Store) -> None:
+def test_the_adjustments_of_the_run_are_the_default(adjusted: Store) -> None:
     live = LiveModel(adjusted, "adjusted")
-    own, named = live.compute(5, {}), live.compute(5, CHAINS)
-    assert own is not None
-    assert named is not None
-    assert own.real is named.real
-    plain = live.compute(5, {"sim": [], "real": []})
-    assert plain is not None
-    assert plain.real.x != own.real.x
+    default, explicit = live.compute(5, {}), live.compute(5, CHAINS)
+    assert default is not None
+    assert explicit is not None
+    assert default.real is explicit.real
+    unadjusted = live.compute(5, {"sim": [], "real": []})
+    assert unadjusted is not None
+    assert unadjusted.real.x != default.real.x
     live.close()
 
 
-def test_the_prediction_comes_before_the_heat(live: LiveModel) -> None:
-    found = list(live.steps(3, CHAINS, ("feature_distance", "pixel_difference")))
-    assert [len(result.heat) for result in found] == [0, 2, 6]
-    assert all(result.real is found[0].real for result in found)
+def test_the_prediction_is_given_before_the_heatmaps(live: LiveModel) -> None:
+    results = list(live.steps(3, CHAINS, ("feature_distance", "pixel_difference")))
+    assert [len(result.heat) for result in results] == [0, 2, 6]
+    assert all(result.real is results[0].real for result in results)
 
 
 def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.MonkeyPatch) -> None:
     passes: list[int] = []
-    whole = live._backend.forward_all
+    forward = live._backend.forward_all
     monkeypatch.setattr(
-        live._backend, "forward_all", lambda x: (passes.append(len(x)), whole(x))[1]
+        live._backend, "forward_all", lambda x: (passes.append(len(x)), forward(x))[1]
     )
     reads: list[int] = []
-    read = live._store.frames
-    monkeypatch.setattr(live._store, "frames", lambda *a: (reads.append(1), read(*a))[1])
+    read_frames = live._store.frames
+    monkeypatch.setattr(live._store, "frames", lambda *a: (reads.append(1), read_frames(*a))[1])
     live.compute(7, {"sim": [], "real": []})
     assert (len(passes), len(reads)) == (2, 2)
     for value in (1.1, 1.2, 1.1):
@@ -135,20 +139,22 @@ def test_only_what_changed_is_computed(live: LiveModel, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("after", [0, 1, 2, 3])
-def test_nothing_comes_once_it_is_cancelled(live: LiveModel, after: int) -> None:
-    asked = iter([False] * after)
+def test_cancelled_computations_give_no_more_results(live: LiveModel, after: int) -> None:
+    answers = iter([False] * after)
 
     def cancelled() -> bool:
-        return next(asked, True)
+        return next(answers, True)
 
     kinds = ("feature_distance",)
-    found = list(live.steps(9, {"real": parse_adjustment("real:black")["real"]}, kinds, cancelled))
-    assert len(found) == max(0, after - 2)
-    asked = iter([False] * after)
+    results = list(
+        live.steps(9, {"real": parse_adjustment("real:black")["real"]}, kinds, cancelled)
+    )
+    assert len(results) == max(0, after - 2)
+    answers = iter([False] * after)
     assert live.compute(9, {}, kinds, cancelled) is None
 
 
-def test_wrong_requests_name_what_could_be(live: LiveModel) -> None:
+def test_invalid_requests_list_the_valid_values(live: LiveModel) -> None:
     with pytest.raises(RequestError, match=r"instance 40: the store holds 0 \.\. 39"):
         live.compute(40, {})
     with pytest.raises(RequestError, match="one of activation"):
@@ -156,14 +162,14 @@ def test_wrong_requests_name_what_could_be(live: LiveModel) -> None:
     with pytest.raises(RequestError, match="taken, not rendered"):
         live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 2})})
     assert "not rendered" in str(live.no_renderer_reason)
-    plain = live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 0})})
-    assert plain is not None
+    unadjusted = live.compute(1, {"sim": make_chain("sim", {"camera_pitch": 0})})
+    assert unadjusted is not None
     with pytest.raises(RequestError, match="not computed for these"):
-        plain.heatmap("occlusion", "sim")
+        unadjusted.heatmap("occlusion", "sim")
 
 
-def test_the_callers_store_may_close(adjusted: Store) -> None:
-    with s2rstore.open(adjusted.path) as own:
-        live = LiveModel(own, "vanilla")
+def test_the_store_of_the_caller_may_be_closed(adjusted: Store) -> None:
+    with s2rstore.open(adjusted.path) as opened:
+        live = LiveModel(opened, "vanilla")
     assert live.compute(2, CHAINS, ("activation",)) is not None
     live.close()

@@ -1,4 +1,4 @@
-"""Numpy masks and SQL select the same instances, whatever the expression and the data."""
+"""Numpy masks and SQL select the same instances for arbitrary expressions and data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NUMBERS = st.one_of(
 RUN_NAMES = st.sampled_from([None, None, "vanilla", "dataaug"])
 NUMERIC = st.builds(n.Field, st.sampled_from(sorted(fields.NUMERIC)), RUN_NAMES)
 PLANES = st.sampled_from(sorted(fields.PLANES.values()))
-# Whole metres, so that corners and points of the grid meet.
+# Whole metres, so that corners coincide with grid points.
 CORNERS = st.lists(
     st.tuples(*[st.one_of(st.integers(-2, 11).map(float), NUMBERS)] * 2), min_size=3, max_size=8
 )
@@ -34,7 +34,7 @@ def _between(field: n.Field, a: float, b: float) -> n.Node:
     )  # fmt: skip
 
 
-def _named() -> st.SearchStrategy[n.Node]:
+def _named_strategy() -> st.SearchStrategy[n.Node]:
     values = {
         "rooms": st.sampled_from(["left hall", "right"]),
         "trajectories": st.sampled_from(["a", "b"]),
@@ -64,7 +64,7 @@ LEAVES = st.one_of(
     st.builds(n.Compare, NUMERIC, st.sampled_from(["<", "<=", ">", ">=", "=", "!="]), NUMBERS),
     st.builds(_between, NUMERIC, NUMBERS, NUMBERS),
     st.builds(n.Around, NUMERIC, NUMBERS, NUMBERS.map(abs)),
-    _named(),
+    _named_strategy(),
     st.builds(
         n.Extreme, st.sampled_from(["worst", "best"]), st.integers(0, 100).map(float),
         st.booleans(), NUMERIC,
@@ -99,8 +99,8 @@ EXPRESSIONS = st.recursive(
 
 
 @pytest.fixture(scope="module")
-def holey(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """A store with missing figures and embeddings, ties, points on edges, rooms without a name."""
+def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """A store with missing values and embeddings, ties, points on edges and a missing room."""
     path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48)
     with edit(path) as draft:
         draft._connection.execute(
@@ -129,28 +129,28 @@ def holey(tmp_path_factory: pytest.TempPathFactory) -> Store:
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]),
        view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
-def test_masks_and_sql_agree(
-    holey: Store, node: n.Node, run: str, view: tuple[str, ...] | None
+def test_masks_and_sql_select_the_same_instances(
+    store_with_missing_values: Store, node: n.Node, run: str, view: tuple[str, ...] | None
 ) -> None:
     text = to_text(node)
-    chosen = np.flatnonzero(evaluation.select(holey, text, run, view))
-    query, parameters = evaluation.sql(holey, text, run, view)
+    selected = np.flatnonzero(evaluation.select(store_with_missing_values, text, run, view))
+    query, parameters = evaluation.sql(store_with_missing_values, text, run, view)
     try:
-        found = [row[0] for row in holey.execute(query, parameters)]
+        selected_by_sql = [row[0] for row in store_with_missing_values.execute(query, parameters)]
     except duckdb.Error as error:
         raise AssertionError(f"{text}: {error}") from error
-    assert found == chosen.tolist(), text
+    assert selected_by_sql == selected.tolist(), text
 
 
 @settings(max_examples=300, deadline=None)
 @given(node=EXPRESSIONS)
-def test_text_of_a_tree_parses_to_the_same_tree(node: n.Node) -> None:
+def test_the_text_of_a_tree_parses_to_the_same_tree(node: n.Node) -> None:
     assert parse(to_text(node)) == node
 
 
 @settings(max_examples=300, deadline=None)
 @given(text=st.text(alphabet='worst15&|!-()@%:.,"<>=0123456789 aberlmox+', max_size=30))
-def test_any_text_parses_or_says_where_it_is_wrong(text: str) -> None:
+def test_any_text_parses_or_reports_a_column(text: str) -> None:
     column = 1
     try:
         parse(text)
@@ -161,10 +161,14 @@ def test_any_text_parses_or_says_where_it_is_wrong(text: str) -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(node=EXPRESSIONS)
-def test_complement_is_the_base_population_minus_the_set(holey: Store, node: n.Node) -> None:
+def test_the_complement_is_the_base_population_minus_the_selection(
+    store_with_missing_values: Store, node: n.Node
+) -> None:
     text = to_text(node)
-    chosen, rest = (evaluation.select(holey, e, "vanilla") for e in (text, f"!({text})"))
-    everything = evaluation.select(holey, "all", "vanilla")
-    assert not (chosen & rest).any()
-    assert ((chosen | rest) == everything).all()
-    assert (everything == holey.run_columns("vanilla").valid).all()
+    selected, complement = (
+        evaluation.select(store_with_missing_values, e, "vanilla") for e in (text, f"!({text})")
+    )
+    base = evaluation.select(store_with_missing_values, "all", "vanilla")
+    assert not (selected & complement).any()
+    assert ((selected | complement) == base).all()
+    assert (base == store_with_missing_values.run_columns("vanilla").valid).all()

@@ -1,4 +1,4 @@
-"""The language's words, precedence and messages."""
+"""The selection language: syntax, precedence, error messages and completion."""
 
 from __future__ import annotations
 
@@ -67,9 +67,7 @@ def test_precedence(text: str, explicit: str | None) -> None:
         ("worst15 | lasso", 16, "needs ("),
     ],
 )
-def test_a_wrong_expression_says_where_and_what_could_stand_there(
-    text: str, column: int, hint: str
-) -> None:
+def test_a_syntax_error_reports_its_column_and_a_hint(text: str, column: int, hint: str) -> None:
     with pytest.raises(ExpressionError, match="column") as caught:
         parse(text)
     assert caught.value.column == column
@@ -80,58 +78,60 @@ def test_a_wrong_expression_says_where_and_what_could_stand_there(
     ("text", "hint"),
     [("room:rihgt", "right"), ("traj:c", "a"), ('run("x").gap > 1', "vanilla"), ("@no", "saved")],
 )
-def test_unknown_names_are_refused_with_the_nearest_known(
-    store: Store, text: str, hint: str
-) -> None:
+def test_unknown_names_are_rejected_with_a_suggestion(store: Store, text: str, hint: str) -> None:
     with pytest.raises(ExpressionError, match=hint):
         evaluation.select(store, text)
 
 
-def test_worst15_takes_the_ceiling_of_the_base_population_in_view(store: Store) -> None:
+def test_worst15_rounds_up_within_the_chosen_trajectories(store: Store) -> None:
     errors = store.run_columns("vanilla").real.error
     for view, members in ((None, range(40)), (("a",), range(25)), (("b",), range(25, 40))):
-        wanted = sorted(members, key=lambda i: (-errors[i], i))[: math.ceil(0.15 * len(members))]
-        chosen = np.flatnonzero(evaluation.select(store, "worst15", "vanilla", view))
-        assert chosen.tolist() == sorted(wanted)
+        expected = sorted(members, key=lambda i: (-errors[i], i))[: math.ceil(0.15 * len(members))]
+        selected = np.flatnonzero(evaluation.select(store, "worst15", "vanilla", view))
+        assert selected.tolist() == sorted(expected)
 
 
-def test_headings_turn_around(store: Store) -> None:
+def test_heading_intervals_wrap_around(store: Store) -> None:
     degrees = np.degrees(store.instances.heading)
-    for text, wanted in (
+    for text, expected in (
         ("heading:170+-20", (np.abs((degrees - 170 + 180) % 360 - 180) <= 20)),
         ("heading:150..-150", (degrees >= 150) | (degrees <= -150)),
         ("heading:-180..180", np.ones(40, bool)),
     ):
-        assert (evaluation.select(store, text) == wanted).all(), text
+        assert (evaluation.select(store, text) == expected).all(), text
 
 
-def test_saved_selections_expand_and_may_not_contain_themselves(store: Store) -> None:
-    saved = {"bad": parse("worst15 & @far"), "far": parse("near(5, 4, 3)"), "loop": parse("!@loop")}
+def test_saved_selections_are_expanded_and_recursion_is_rejected(store: Store) -> None:
+    saved_expressions = {
+        "bad": parse("worst15 & @far"),
+        "far": parse("near(5, 4, 3)"),
+        "loop": parse("!@loop"),
+    }
     direct = evaluation.select(store, "worst15 & near(5, 4, 3)")
-    assert (evaluation.select(store, "@bad", saved=saved) == direct).all()
+    assert (evaluation.select(store, "@bad", saved=saved_expressions) == direct).all()
     with pytest.raises(ExpressionError, match="contains itself"):
-        evaluation.select(store, "@loop", saved=saved)
+        evaluation.select(store, "@loop", saved=saved_expressions)
 
 
-def test_another_runs_fields(store: Store) -> None:
+def test_fields_of_another_run_can_be_used(store: Store) -> None:
     other = store.run_columns("dataaug").real.error > 1
     assert (evaluation.select(store, 'run("dataaug").real.error > 1', "vanilla") == other).all()
 
 
-def test_completion_offers_only_what_goes_on() -> None:
-    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
-    assert [line for line, _ in complete("worst15 & room:", words)] == [
+def test_completion_offers_only_matching_terms() -> None:
+    vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
+    assert [line for line, _ in complete("worst15 & room:", vocabulary)] == [
         'worst15 & room:"left hall"',
         "worst15 & room:right",
     ]
-    assert ("@bad", "saved") in complete("@", words)
-    for line, _ in complete("real.", words):
+    assert ("@bad", "saved") in complete("@", vocabulary)
+    for line, _ in complete("real.", vocabulary):
         assert line.startswith("real.")
-    assert to_text(expand(parse("@bad"), words)) == "all"
+    assert to_text(expand(parse("@bad"), vocabulary)) == "all"
 
 
 @pytest.mark.parametrize(
-    ("text", "offered", "withheld"),
+    ("text", "offered", "excluded"),
     [
         ("worst15 & lik", "like(", "lasso("),
         ("sim.", "sim.like(", "real.like("),
@@ -143,24 +143,24 @@ def test_completion_offers_only_what_goes_on() -> None:
         ("all & (", "all", ")"),
     ],
 )
-def test_completion_knows_where_it_stands(text: str, offered: str, withheld: str) -> None:
-    words = Vocabulary(("vanilla",), (), ())
-    lines = [line for line, _ in complete(text, words)]
+def test_completion_depends_on_the_context(text: str, offered: str, excluded: str) -> None:
+    vocabulary = Vocabulary(("vanilla",), (), ())
+    lines = [line for line, _ in complete(text, vocabulary)]
     assert any(line.endswith(offered) for line in lines)
-    assert not any(line.endswith(withheld) for line in lines)
+    assert not any(line.endswith(excluded) for line in lines)
 
 
-def test_completion_leaves_numbers_to_the_user() -> None:
-    words = Vocabulary(("vanilla",), ("left (hall",), ())
+def test_numbers_are_not_completed() -> None:
+    vocabulary = Vocabulary(("vanilla",), ("left (hall",), ())
     for text in ("like(", "like(12, ", "real.lasso(1, 2, ", "ids(3, "):
-        assert complete(text, words) == []
+        assert complete(text, vocabulary) == []
     for text in ("real.error > ", "all & gap <", "heading:90 +- ", "seq:3..", "gap = -"):
-        assert complete(text, words) == []
-    assert complete('room:"left (hall" & hea', words)
+        assert complete(text, vocabulary) == []
+    assert complete('room:"left (hall" & hea', vocabulary)
 
 
 @pytest.mark.parametrize(
-    ("text", "whole"),
+    ("text", "completed"),
     [
         ("room:le", 'room:"left hall"'),
         ('room:"le', 'room:"left hall"'),
@@ -170,26 +170,26 @@ def test_completion_leaves_numbers_to_the_user() -> None:
         ('curved | @"two w', 'curved | @"two words"'),
     ],
 )
-def test_names_with_blanks_are_completed_and_quoted(text: str, whole: str) -> None:
-    saved = {"two words": parse("all"), "other": parse("all")}
-    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), saved)
-    assert [line for line, _ in complete(text, words)] == [whole]
-    parse(whole)
+def test_names_with_spaces_are_completed_and_quoted(text: str, completed: str) -> None:
+    saved_expressions = {"two words": parse("all"), "other": parse("all")}
+    vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), saved_expressions)
+    assert [line for line, _ in complete(text, vocabulary)] == [completed]
+    parse(completed)
 
 
 @pytest.mark.parametrize(
     "text", ["worst15", "worst15 ", "room:right ", 'room:"left hall" ', "near(1, 2, 3)",
              "real.error > 0.8 ", "(all) ", "@bad "],
 )  # fmt: skip
-def test_after_a_whole_term_comes_what_joins_it(text: str) -> None:
-    words = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
-    lines = [line for line, _ in complete(text, words)]
+def test_operators_are_offered_after_a_complete_term(text: str) -> None:
+    vocabulary = Vocabulary(("vanilla",), ("left hall", "right"), ("a",), {"bad": parse("all")})
+    lines = [line for line, _ in complete(text, vocabulary)]
     assert len(lines) == 3
     for line in lines:
         parse(f"{line}all")
 
 
-def test_short_names_of_shapes(store: Store) -> None:
+def test_shapes_have_short_names(store: Store) -> None:
     for short, long in (
         ("umap.sim(0, 0, 3, 3)", "umap.sim.box(0, 0, 3, 3)"),
         ("real.like(3, 4)", "like(3, 4)"),
@@ -199,7 +199,7 @@ def test_short_names_of_shapes(store: Store) -> None:
     assert to_text(parse("umap.sim.box(0, 0, 3, 3)")) == "umap.sim(0, 0, 3, 3)"
 
 
-def test_a_mask_belongs_to_who_asked_for_it(store: Store) -> None:
+def test_a_returned_mask_is_a_copy(store: Store) -> None:
     first = evaluation.select(store, "real.error > 1")
     first[:] = False
     assert evaluation.select(store, "real.error > 1").any()
@@ -208,16 +208,16 @@ def test_a_mask_belongs_to_who_asked_for_it(store: Store) -> None:
         base[0] = False
 
 
-def test_masks_of_one_run_or_view_are_not_anothers(own_store: Path) -> None:
-    asked = [
+def test_cached_masks_are_separate_per_run_and_trajectories(store_copy: Path) -> None:
+    requests = [
         (text, run, view)
         for text in ("worst15", "gap > 0", "seq:3..9", "room:right", "real.lasso(0,0,9,0,5,8)")
         for run in ("vanilla", "dataaug")
         for view in (None, ("a",), ("b",))
     ]
-    with s2rstore.open(own_store) as shared:
-        for text, run, view in [*asked, *asked]:
-            with s2rstore.open(own_store) as fresh:
-                alone = evaluation.select(fresh, text, run, view)
-            assert (evaluation.select(shared, text, run, view) == alone).all()
+    with s2rstore.open(store_copy) as shared:
+        for text, run, view in [*requests, *requests]:
+            with s2rstore.open(store_copy) as separate:
+                expected = evaluation.select(separate, text, run, view)
+            assert (evaluation.select(shared, text, run, view) == expected).all()
         assert 0 < shared.evaluated.nbytes < 2**20

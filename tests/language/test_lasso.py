@@ -1,4 +1,4 @@
-"""What a polygon holds: the even-odd rule, edges counted once, the same in every band."""
+"""Points in polygons: the even-odd rule, edges that belong to one side, and banded evaluation."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from s2rstore.language import ExpressionError, parse
 from s2rstore.language.lasso import MAX_CORNERS, Corners, bands, edges, inside
 
-WHOLE = st.integers(-4, 4).map(float)
+INTEGERS = st.integers(-4, 4).map(float)
 GRID = np.array([(x, y) for x in range(-5, 6) for y in range(-5, 6)], dtype=float)
 
 
-def held(points: np.ndarray, corners: Corners) -> np.ndarray:
+def points_inside(points: np.ndarray, corners: Corners) -> np.ndarray:
     return inside(bands(points[:, 0], points[:, 1]), corners, len(points))
 
 
-def plain(x: np.ndarray, y: np.ndarray, corners: Corners) -> np.ndarray:
-    """The definition, edge by edge."""
+def even_odd_rule(x: np.ndarray, y: np.ndarray, corners: Corners) -> np.ndarray:
+    """The even-odd rule, edge by edge."""
     odd = np.zeros(x.size, dtype=bool)
     for edge in edges(corners):
         right = x < (y - edge.low) / edge.rise * edge.run + edge.x
@@ -27,31 +27,34 @@ def plain(x: np.ndarray, y: np.ndarray, corners: Corners) -> np.ndarray:
     return odd
 
 
-def test_a_square_holds_its_left_and_lowest_edge_only() -> None:
+def test_a_square_contains_only_its_left_and_lower_edge() -> None:
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-    assert sorted(map(tuple, GRID[held(GRID, square)])) == [(0, 0), (0, 1), (1, 0), (1, 1)]
-    assert (held(GRID, square[::-1]) == held(GRID, square)).all()
+    assert sorted(map(tuple, GRID[points_inside(GRID, square)])) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert (points_inside(GRID, square[::-1]) == points_inside(GRID, square)).all()
 
 
-def test_what_is_enclosed_twice_is_outside() -> None:
+def test_points_enclosed_twice_are_outside() -> None:
     star = tuple((float(np.cos(a)), float(np.sin(a))) for a in np.arange(5) * 4 * np.pi / 5)
     points = np.array([(0.0, 0.0), (0.7, 0.0), (0.0, 2.0)])
-    assert held(points, star).tolist() == [False, True, False]
+    assert points_inside(points, star).tolist() == [False, True, False]
 
 
 @settings(max_examples=300, deadline=None)
-@given(corners=st.lists(st.tuples(WHOLE, WHOLE), min_size=3, max_size=9), point=st.integers(0, 120))
-def test_cutting_a_polygon_shares_every_point_out_once(
+@given(
+    corners=st.lists(st.tuples(INTEGERS, INTEGERS), min_size=3, max_size=9),
+    point=st.integers(0, 120),
+)
+def test_adding_a_corner_changes_only_the_points_of_its_triangle(
     corners: list[tuple[float, float]], point: int
 ) -> None:
-    """A corner put between the last and the first adds or takes exactly the triangle's points."""
-    whole = held(GRID, tuple(corners))
-    extra = (float(GRID[point][0]) / 3, float(GRID[point][1]) / 7)
-    triangle = held(GRID, (corners[-1], extra, corners[0]))
-    assert (held(GRID, (*corners, extra)) == (whole ^ triangle)).all()
+    """A corner between the last and the first adds or removes exactly the triangle's points."""
+    enclosed = points_inside(GRID, tuple(corners))
+    new_corner = (float(GRID[point][0]) / 3, float(GRID[point][1]) / 7)
+    triangle = points_inside(GRID, (corners[-1], new_corner, corners[0]))
+    assert (points_inside(GRID, (*corners, new_corner)) == (enclosed ^ triangle)).all()
 
 
-def test_bands_change_nothing() -> None:
+def test_bands_give_the_unbanded_result() -> None:
     rng = np.random.default_rng(3)
     n = 120_000
     x, y = rng.normal(0, 3, n), np.round(rng.normal(0, 3, n), 2)
@@ -61,17 +64,17 @@ def test_bands_change_nothing() -> None:
     assert len(points.starts) > 5
     angles = np.sort(rng.uniform(0, 2 * np.pi, 40))
     radii = rng.uniform(1, 6, 40)
-    wild = tuple(
+    irregular = tuple(
         zip((radii * np.cos(angles)).tolist(), np.round(radii * np.sin(angles), 1), strict=True)
     )
-    for corners in (wild, wild[:3], ((0.0, -9.0), (4.0, 9.0), (4.0, -9.0))):
-        chosen = inside(points, corners, n)
-        assert (chosen == plain(x, y, corners)).all()
-        assert 0 < chosen.sum() < n
+    for corners in (irregular, irregular[:3], ((0.0, -9.0), (4.0, 9.0), (4.0, -9.0))):
+        selected = inside(points, corners, n)
+        assert (selected == even_odd_rule(x, y, corners)).all()
+        assert 0 < selected.sum() < n
 
 
 @pytest.mark.parametrize("n", [0, 1, 40_000])
-def test_points_of_one_height_are_one_band(n: int) -> None:
+def test_points_with_equal_y_form_one_band(n: int) -> None:
     points = bands(np.linspace(0, 1, n), np.full(n, 2.0))
     corners = ((-1.0, 1.0), (2.0, 1.0), (2.0, 3.0), (-1.0, 3.0))
     assert inside(points, corners, n).all()

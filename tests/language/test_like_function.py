@@ -1,4 +1,4 @@
-"""`like`: an instance and those that a run sees alike."""
+"""The `like` function: an instance and its nearest neighbours in the embedding of a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ N = 40
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """Run `vanilla` sees instances on a line: i at (i, 0) real, at (i // 2, 0) sim."""
+    """In run `vanilla` the embedding of instance i is (i, 0) for real and (i // 2, 0) for sim."""
     path = tiny.build(tmp_path_factory.mktemp("like") / "like.s2r", n=N)
     line = np.stack([np.arange(N), np.zeros(N)], axis=1).astype(np.float32)
     real, sim = line.copy(), line // 2
@@ -34,10 +34,10 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "expected"),
     [
         ("like(20, 4)", {18, 19, 20, 21, 22}),
-        ("real.like(20, 1)", {19, 20}),  # 19 and 21 are equally near
+        ("real.like(20, 1)", {19, 20}),  # 19 and 21 are at the same distance
         ("sim.like(20, 3)", {18, 19, 20, 21}),
         ("like(0, 2)", {0, 1, 2}),
         ("like(12, 2)", {10, 12, 14}),  # 11 has no embedding, 13 no prediction
@@ -47,21 +47,23 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
         ('run("vanilla").like(20, 1)', {19, 20}),
     ],
 )
-def test_like_takes_the_instance_and_its_nearest(store: Store, text: str, wanted: set[int]) -> None:
-    assert set(np.flatnonzero(evaluation.select(store, text, "vanilla"))) == wanted
+def test_like_selects_the_instance_and_its_nearest_neighbours(
+    store: Store, text: str, expected: set[int]
+) -> None:
+    assert set(np.flatnonzero(evaluation.select(store, text, "vanilla"))) == expected
     query, parameters = evaluation.sql(store, text, "vanilla")
-    assert {row[0] for row in store.execute(query, parameters)} == wanted
+    assert {row[0] for row in store.execute(query, parameters)} == expected
 
 
-def test_neighbours_are_looked_for_in_view(store: Store) -> None:
-    chosen = np.flatnonzero(evaluation.select(store, "like(24, 3)", "vanilla", ("b",)))
-    assert chosen.tolist() == [25, 26, 27]  # 24 itself is of trajectory a
-    found, distances = nearest_neighbours.neighbours(store, "vanilla", "real", 24, 3)
-    assert found.tolist() == [24, 23, 25, 22]
+def test_neighbours_are_searched_in_the_chosen_trajectories(store: Store) -> None:
+    selected = np.flatnonzero(evaluation.select(store, "like(24, 3)", "vanilla", ("b",)))
+    assert selected.tolist() == [25, 26, 27]  # instance 24 belongs to trajectory a
+    neighbour_iids, distances = nearest_neighbours.neighbours(store, "vanilla", "real", 24, 3)
+    assert neighbour_iids.tolist() == [24, 23, 25, 22]
     assert distances.tolist() == [0, 1, 1, 2]
 
 
-def test_a_run_without_embeddings_says_so(store: Store) -> None:
+def test_a_run_without_embeddings_is_an_error(store: Store) -> None:
     for evaluate in (evaluation.select, evaluation.sql):
         with pytest.raises(
             ExpressionError, match=r"column 10: like: run 'dataaug' has no embeddings"
@@ -71,24 +73,24 @@ def test_a_run_without_embeddings_says_so(store: Store) -> None:
             evaluate(store, "like(40, 4)", "vanilla")
 
 
-def test_embeddings_stand_in_for_components(own_store: Path) -> None:
+def test_embeddings_replace_missing_components(store_copy: Path) -> None:
     rows = np.arange(N * 3, dtype=np.float32).reshape(N, 3)
-    embeddings.add(own_store, "vanilla", {"sim": rows, "real": rows}, "embedding")
-    with s2rstore.open(own_store) as store:
+    embeddings.add(store_copy, "vanilla", {"sim": rows, "real": rows}, "embedding")
+    with s2rstore.open(store_copy) as store:
         assert set(np.flatnonzero(evaluation.select(store, "like(5, 2)"))) == {4, 5, 6}
 
 
-def test_embeddings_of_other_instances_are_refused(own_store: Path) -> None:
-    embeddings.add(own_store, "vanilla", {"real": np.zeros((7, 2), np.float32)})
+def test_embeddings_of_other_instances_are_refused(store_copy: Path) -> None:
+    embeddings.add(store_copy, "vanilla", {"real": np.zeros((7, 2), np.float32)})
     with (
-        s2rstore.open(own_store) as store,
+        s2rstore.open(store_copy) as store,
         pytest.raises(RequestError, match="7 rows; run `s2r verify`"),
     ):
         nearest_neighbours.neighbours(store, "vanilla", "real", 3, 2)
 
 
-def test_near_points_keep_their_order_far_from_the_origin() -> None:
+def test_neighbours_far_from_the_origin_are_ordered_exactly() -> None:
     points = np.full((50, 8), 3000.0, np.float32)
     points[:, 0] += np.arange(50, dtype=np.float32) * np.float32(0.01)
-    found, _ = nearest_neighbours.nearest(points, 20, 6, np.ones(50, bool))
-    assert set(found[1:]) == {17, 18, 19, 21, 22, 23}
+    neighbour_iids, _ = nearest_neighbours.nearest(points, 20, 6, np.ones(50, bool))
+    assert set(neighbour_iids[1:]) == {17, 18, 19, 21, 22, 23}

@@ -1,4 +1,4 @@
-"""Weights files: what is taken, what is refused, and the way through a store."""
+"""Weights files: accepted formats, rejected files, and storage in a store."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def network_state(architecture: str = "resposenet") -> tuple[PoseNetwork, dict[s
 
 
 class Tiny(nn.Module):
-    """A network of unknown insides that gives a tuple, as the paper's does."""
+    """A network without known layers that returns a tuple, as the paper's network does."""
 
     input_size = (8, 8)
 
@@ -41,7 +41,7 @@ class Tiny(nn.Module):
 
 
 class TouchesFile:
-    """Unpickled without care, it makes a file."""
+    """Creates a file when it is unpickled without restrictions."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -50,7 +50,7 @@ class TouchesFile:
         return os.mknod, (self.path,)
 
 
-def through_store(store: Path, weights, convention, trust=False):
+def register_and_load(store: Path, weights, convention, trust=False):
     with edit(store) as draft:
         register_model(store, draft, "added", weights, convention)
     with s2rstore.open(store) as opened:
@@ -68,12 +68,12 @@ WRAPPINGS = {
 
 
 @pytest.mark.parametrize("wrapping", list(WRAPPINGS))
-def test_state_dicts_load_however_they_are_wrapped(own_store, tmp_path, wrapping):
+def test_wrapped_state_dicts_are_loaded(store_copy, tmp_path, wrapping):
     network, state = network_state()
     file = tmp_path / "model.pth"
     torch.save(WRAPPINGS[wrapping](state), file)
     weights = read_weights(file, "resposenet")
-    loaded = through_store(own_store, weights, network.convention)
+    loaded = register_and_load(store_copy, weights, network.convention)
     assert loaded.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
     assert not loaded.network.training
     x = torch.rand(1, 4, 128, 128)
@@ -81,31 +81,31 @@ def test_state_dicts_load_however_they_are_wrapped(own_store, tmp_path, wrapping
         torch.testing.assert_close(loaded.network(x), network(x), rtol=0, atol=0)
 
 
-def test_safetensors_load(own_store, tmp_path):
+def test_safetensors_are_loaded(store_copy, tmp_path):
     network, state = network_state("posest")
     save_file(state, tmp_path / "model.safetensors")
     weights = read_weights(tmp_path / "model.safetensors", "posest")
-    loaded = through_store(own_store, weights, network.convention)
+    loaded = register_and_load(store_copy, weights, network.convention)
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
-def test_a_network_trained_here_comes_back_from_the_store(own_store):
+def test_a_trained_network_is_stored_and_loaded(store_copy):
     network, state = network_state()
-    loaded = through_store(own_store, pack_weights(network), network.convention)
+    loaded = register_and_load(store_copy, pack_weights(network), network.convention)
     torch.testing.assert_close(loaded.network.state_dict(), state, rtol=0, atol=0)
 
 
-def test_a_pickle_that_runs_code_is_refused_and_does_not_run(tmp_path):
-    file, mark = tmp_path / "bad.pth", tmp_path / "ran"
-    torch.save({"state_dict": TouchesFile(str(mark))}, file)
+def test_a_pickle_with_code_is_rejected_without_running_it(tmp_path):
+    file, created_file = tmp_path / "bad.pth", tmp_path / "ran"
+    torch.save({"state_dict": TouchesFile(str(created_file))}, file)
     with pytest.raises(RequestError, match=r"bad\.pth: .*mknod.*refused"):
         read_weights(file, "posest", trust=True)
-    assert not mark.exists()
+    assert not created_file.exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"no tensors", b"PK\x03\x04 broken"])
 @pytest.mark.parametrize("suffix", [".pth", ".safetensors"])
-def test_damaged_files_are_refused_by_name(tmp_path, content, suffix):
+def test_damaged_files_are_rejected_by_name(tmp_path, content, suffix):
     file = tmp_path / f"broken{suffix}"
     file.write_bytes(content)
     with pytest.raises(RequestError, match="broken"):
@@ -126,29 +126,29 @@ def test_wrong_keys_and_shapes_are_named(tmp_path):
         "fc1.weight": {**state, "fc1.weight": torch.zeros(256, 16384)},
         "not finite": {**state, "fc3.bias": torch.full((3,), float("nan"))},
     }
-    for named, changed in cases.items():
-        torch.save(changed, file)
-        with pytest.raises(RequestError, match=named):
+    for message, invalid_state in cases.items():
+        torch.save(invalid_state, file)
+        with pytest.raises(RequestError, match=message):
             read_weights(file, "posest")
 
 
-def test_torchscript_needs_trust_and_then_runs_without_features(own_store, tmp_path):
+def test_torchscript_needs_trust_and_then_runs_without_features(store_copy, tmp_path):
     file = tmp_path / "script.pt"
     network, _ = network_state("posest")
     torch.jit.trace(network, torch.zeros(1, 4, 256, 256)).save(str(file))
     with pytest.raises(RequestError, match="--trust"):
         read_weights(file, "torchscript")
     weights = read_weights(file, "torchscript", trust=True)
-    loaded = through_store(own_store, weights, OutputConvention("degrees"), trust=True)
+    loaded = register_and_load(store_copy, weights, OutputConvention("degrees"), trust=True)
     x = torch.rand(1, 4, 256, 256)
     assert not loaded.network.has_features
     with torch.inference_mode():
         torch.testing.assert_close(loaded.network(x), network(x))
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="--trust"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="--trust"):
         load_model(store, "added")
 
 
-def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp_path):
+def test_factories_need_trust_and_load_their_state_dict(store_copy, tmp_path):
     module, file = Tiny(), tmp_path / "tiny.pth"
     torch.save(module.state_dict(), file)
     factory = f"{__name__}:Tiny"
@@ -156,16 +156,16 @@ def test_factories_need_trust_and_take_weights_by_their_own_names(own_store, tmp
         read_weights(file, factory)
     weights = read_weights(file, factory, trust=True)
     assert weights.input_size == (8, 8)
-    loaded = through_store(own_store, weights, OutputConvention("radians"), trust=True)
+    loaded = register_and_load(store_copy, weights, OutputConvention("radians"), trust=True)
     x = torch.rand(2, 4, 8, 8)
     with torch.inference_mode():
         torch.testing.assert_close(loaded.network(x), module(x)[0])
 
 
-def test_a_convention_that_does_not_fit_the_output_is_refused(own_store):
+def test_a_convention_with_another_output_width_is_rejected(store_copy):
     network, _ = network_state("posest")
     with pytest.raises(RequestError, match="3"):
-        through_store(own_store, pack_weights(network), OutputConvention("cos_sin"))
+        register_and_load(store_copy, pack_weights(network), OutputConvention("cos_sin"))
 
 
 def test_unknown_architectures_list_the_known_ones(tmp_path):

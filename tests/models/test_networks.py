@@ -1,4 +1,4 @@
-"""The built-in architectures: names, shapes, and an independently written forward."""
+"""The built-in architectures: names, shapes and an independent forward pass."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def published_state() -> dict[str, Tensor]:
     return state
 
 
-def plain_posest(state: dict[str, Tensor], x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Features, embedding and output, by functions alone."""
+def functional_posest(state: dict[str, Tensor], x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Features, embedding and output, computed with functions only."""
     for index in CONVOLUTIONS:
         conv, norm = f"conv_head.{index}", f"conv_head.{index + 1}"
         x = F.conv2d(x, state[f"{conv}.weight"], state[f"{conv}.bias"], padding=1)
@@ -59,7 +59,7 @@ def test_posest_loads_published_names_and_computes_the_published_network():
     assert set(network.state_dict()) == set(state)
     x = torch.rand(2, 4, 256, 256, generator=torch.Generator().manual_seed(1)) * 2 - 1
     with torch.inference_mode():
-        features, pooled, output = plain_posest(state, x)
+        features, pooled, output = functional_posest(state, x)
         torch.testing.assert_close(network.trunk(x), features, rtol=1e-4, atol=1e-4)
         embedding = network.embed(network.trunk(x))
         torch.testing.assert_close(embedding, pooled, rtol=1e-4, atol=1e-4)
@@ -69,7 +69,7 @@ def test_posest_loads_published_names_and_computes_the_published_network():
 
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
-def test_three_steps_make_the_forward(architecture):
+def test_the_forward_pass_consists_of_trunk_embedding_and_head(architecture):
     network = build_network(architecture).eval()
     x = torch.rand(2, 4, *network.input_size) * 2 - 1
     with torch.inference_mode():
@@ -91,13 +91,13 @@ def test_networks_can_be_traced(architecture):
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
 def test_trunk_shares_the_networks_parameters(architecture):
     network = build_network(architecture)
-    own = {id(parameter) for parameter in network.parameters()}
-    assert all(id(parameter) in own for parameter in network.trunk.parameters())
+    parameter_ids = {id(parameter) for parameter in network.parameters()}
+    assert all(id(parameter) in parameter_ids for parameter in network.trunk.parameters())
     assert not any(key.startswith("trunk") for key in network.state_dict())
 
 
 @pytest.mark.parametrize("architecture", list(ARCHITECTURES))
-def test_centred_outputs_fall_around_the_centre(architecture):
+def test_centred_outputs_are_near_the_centre(architecture):
     network = build_network(architecture).eval()
     x = torch.rand(8, 4, *network.input_size) * 2 - 1
     network.centre_output((40.0, -30.0), 5.0)
@@ -106,5 +106,5 @@ def test_centred_outputs_fall_around_the_centre(architecture):
     assert (poses[:, :2] - torch.tensor([40.0, -30.0])).abs().max() < 10
 
 
-def test_resposenet_is_small():
+def test_resposenet_has_200_to_300_thousand_parameters():
     assert 200_000 < sum(p.numel() for p in build_network("resposenet").parameters()) < 300_000

@@ -1,4 +1,4 @@
-"""From frames to network input."""
+"""Preprocessing of frames to the network input."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def frames():
     return rgb, rng.integers(0, 256, (3, 16, 16), dtype=np.uint8)
 
 
-def test_equal_sizes_are_scaled_and_nothing_else(frames):
+def test_frames_of_the_input_size_are_only_scaled(frames):
     rgb, depth = frames
     x = preprocess(rgb, depth, 10 / 255, (16, 16))
     assert x.shape == (3, 4, 16, 16)
@@ -25,7 +25,7 @@ def test_equal_sizes_are_scaled_and_nothing_else(frames):
     assert resize_frames(rgb, depth, (16, 16))[0] is rgb
 
 
-def test_halving_takes_area_means(frames):
+def test_halving_averages_areas(frames):
     rgb, depth = frames
     small, small_depth = resize_frames(rgb, depth, (8, 8))
     means = rgb.astype(float).reshape(3, 8, 2, 8, 2, 3).mean(axis=(2, 4))
@@ -37,11 +37,11 @@ def test_halving_takes_area_means(frames):
     )
 
 
-def test_depth_in_millimetres_is_cut_at_ten_metres():
+def test_depth_in_millimetres_is_clipped_at_10_m():
     depth = np.array([[[0, 5000], [10000, 60000]]], dtype=np.uint16)
     x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, (2, 2))
     np.testing.assert_allclose(x[0, 3], [[-1, 0], [1, 1]], atol=1e-6)
 
 
-def test_small_frames_can_grow(frames):
+def test_small_frames_are_enlarged(frames):
     assert preprocess(*frames, 0.04, (20, 24)).shape == (3, 4, 20, 24)

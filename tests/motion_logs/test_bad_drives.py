@@ -1,4 +1,4 @@
-"""Bad logs end both commands with one line that says where, and leave nothing behind."""
+"""Invalid logs end both commands with a one-line error that names the place, and no output."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from s2rtools.motion_logs import csv_reader
 from s2rtools.sysid import Recording, make_drives
 from s2rtui.cli import main
 
-Spoil = Callable[[Path], None]
+Damage = Callable[[Path], None]
 GAP, SYSID = ("gap", "sysid")
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def valid_drives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("good") / "drives"
     make_drives(folder, 3, {"latency": 0.5}, Recording(count=5, seconds=4.0))
     return folder
 
 
-def lines(change: Callable[[list[str]], object], name: str = "real.csv") -> Spoil:
-    """Change the lines of one file in place."""
+def lines(change: Callable[[list[str]], object], name: str = "real.csv") -> Damage:
+    """Modify the lines of one file."""
 
-    def spoil(drive: Path) -> None:
-        found = (drive / name).read_text().splitlines()
-        change(found)
-        (drive / name).write_text("\n".join(found) + "\n")
+    def damage(drive: Path) -> None:
+        file_lines = (drive / name).read_text().splitlines()
+        change(file_lines)
+        (drive / name).write_text("\n".join(file_lines) + "\n")
 
-    return spoil
-
-
-def row(i: int, text: str, name: str = "real.csv") -> Spoil:
-    return lines(lambda found: found.__setitem__(i, text), name)
+    return damage
 
 
-def whole(content: bytes, name: str = "real.csv") -> Spoil:
+def row(i: int, text: str, name: str = "real.csv") -> Damage:
+    return lines(lambda file_lines: file_lines.__setitem__(i, text), name)
+
+
+def replaced(content: bytes, name: str = "real.csv") -> Damage:
     return lambda drive: (drive / name).write_bytes(content) and None
 
 
-def clock(start: float, factor: float) -> Spoil:
-    def spoil(drive: Path) -> None:
+def clock(start: float, factor: float) -> Damage:
+    def damage(drive: Path) -> None:
         log = csv_reader.read(drive / "real.csv")
         csv_reader.write(replace(log, time=start + factor * log.time), drive / "real.csv")
 
-    return spoil
+    return damage
 
 
-def tum(length: float) -> Spoil:
-    """The real log as TUM, with quaternions of this length."""
+def tum(length: float) -> Damage:
+    """Store the real log as TUM, with quaternions of this length."""
 
-    def spoil(drive: Path) -> None:
+    def damage(drive: Path) -> None:
         log = csv_reader.read(drive / "real.csv")
         half, zero = log.heading / 2, np.zeros(log.time.size)
         table = np.stack([log.time, log.x, log.y, zero, zero, zero, length * np.sin(half),
@@ -63,32 +63,32 @@ def tum(length: float) -> Spoil:
         np.savetxt(drive / "real.tum", table)
         (drive / "real.csv").unlink()
 
-    return spoil
+    return damage
 
 
 def run(command: str, drives: Path, store: Path, out: Path) -> int:
-    words = {
+    arguments = {
         GAP: ["gap", str(store), "--drives", str(drives), "--axis", "dynamics", "--axis", "delay",
               "--replicates", "100"],
         SYSID: ["sysid", str(drives), "--seeds", "1", "--evaluations", "10"],
     }  # fmt: skip
-    return main([*words[command], "--out", str(out)])
+    return main([*arguments[command], "--out", str(out)])
 
 
-def spoilt(good: Path, here: Path, spoil: Spoil) -> Path:
-    shutil.copytree(good, here)
-    spoil(here / "drive-00")
-    return here
+def damaged_copy(valid_drives: Path, folder: Path, damage: Damage) -> Path:
+    shutil.copytree(valid_drives, folder)
+    damage(folder / "drive-00")
+    return folder
 
 
-FAULTS: dict[str, tuple[Spoil, str]] = {
+FAULTS: dict[str, tuple[Damage, str]] = {
     "nan": (row(9, "0.18,nan,0,0"), "real.csv:10: x is nan; remove the row"),
     "backward": (row(9, "0.01,0,0,0"), "real.csv:10: the clock runs backward (0.14 s"),
     "twice": (lines(lambda f: f.insert(9, f[8])), "real.csv:10: the clock stands still (0.14 s"),
-    "empty": (whole(b""), "real.csv: empty"),
-    "header only": (whole(b"time,x,y,heading\n"), "real.csv: no rows below the column names"),
+    "empty": (replaced(b""), "real.csv: empty"),
+    "header only": (replaced(b"time,x,y,heading\n"), "real.csv: no rows below the column names"),
     "header again": (row(9, "time,x,y,heading"), "real.csv:10: time is time, not a number"),
-    "no heading": (whole(b"time,x,y\n0,0,0\n1,0,0\n"), "no column heading (rad) or heading_deg"),
+    "no heading": (replaced(b"time,x,y\n0,0,0\n1,0,0\n"), "no column heading (rad) or heading_deg"),
     "no sim": (lambda drive: (drive / "sim.csv").unlink(), "drive-00: no sim.* in it"),
     "zero quaternions": (tum(0.0), "real.tum:1: the quaternion is 0"),
     "inf command": (row(9, "0.4,inf,0", "commands.csv"), "commands.csv:10: left_torque is inf"),
@@ -97,21 +97,23 @@ FAULTS: dict[str, tuple[Spoil, str]] = {
 
 @pytest.mark.parametrize("command", [GAP, SYSID])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_file_that_is_wrong_ends_with_2(
-    good: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+def test_an_invalid_file_exits_with_2(
+    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     command: str, fault: str,
 ) -> None:  # fmt: skip
-    spoil, told = FAULTS[fault]
+    damage, expected = FAULTS[fault]
     out = tmp_path / "out"
-    assert run(command, spoilt(good, tmp_path / "drives", spoil), tiny_store, out) == 2
+    assert (
+        run(command, damaged_copy(valid_drives, tmp_path / "drives", damage), tiny_store, out) == 2
+    )
     error = capsys.readouterr().err.strip()
-    assert told in error
+    assert expected in error
     assert "\n" not in error
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("spoil", "gap", "sysid"),
+    ("damage", "gap", "sysid"),
     [
         (clock(1000.0, 1.0), "(1000 to 1003.98 s) and", "poses from 1000 to 1003.98 s, commands"),
         (lines(lambda f: f.__delitem__(slice(4, None))), "real.csv: 3 poses in 0.04 s",
@@ -121,21 +123,21 @@ def test_a_file_that_is_wrong_ends_with_2(
     ],
     ids=["apart", "three rows", "milliseconds"],
 )  # fmt: skip
-def test_logs_that_do_not_go_together_are_told_apart(
-    good: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    spoil: Spoil, gap: str, sysid: str,
+def test_incompatible_logs_are_reported(
+    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    damage: Damage, gap: str, sysid: str,
 ) -> None:  # fmt: skip
-    drives, out = spoilt(good, tmp_path / "drives", spoil), tmp_path / "out"
-    for command, told, code in ((GAP, gap, 2), (SYSID, sysid, 3)):
+    drives, out = damaged_copy(valid_drives, tmp_path / "drives", damage), tmp_path / "out"
+    for command, expected, code in ((GAP, gap, 2), (SYSID, sysid, 3)):
         assert run(command, drives, tiny_store, out) == code
         error = capsys.readouterr().err.strip()
-        assert told in error
+        assert expected in error
         assert "\n" not in error
         assert not out.exists()
 
 
-def still(drive: Path) -> None:
-    """Both drive straight on at one speed, as they are told."""
+def drive_straight(drive: Path) -> None:
+    """Both logs drive straight at a constant speed."""
     for name in ("real", "sim"):
         log = csv_reader.read(drive / f"{name}.csv")
         zero = np.zeros(log.time.size)
@@ -155,27 +157,27 @@ def millimetres(drive: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("damage", "expected"),
     [
-        (still, "the motion never changes; no time delay can be estimated"),
+        (drive_straight, "the motion never changes; no time delay can be estimated"),
         (degrees, "if these are degrees, name the column heading_deg"),
         (millimetres, "are both logs in metres and seconds?"),
     ],
 )
-def test_doubtful_logs_are_told_beside_the_figures(
-    good: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    spoil: Spoil, told: str,
+def test_doubtful_logs_are_reported_with_the_results(
+    valid_drives: Path, tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    damage: Damage, expected: str,
 ) -> None:  # fmt: skip
-    drives = spoilt(good, tmp_path / "drives", spoil)
-    words = ["--dynamics", "horizons=0.5,1"]
-    command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *words]
+    drives = damaged_copy(valid_drives, tmp_path / "drives", damage)
+    options = ["--dynamics", "horizons=0.5,1"]
+    command = ["gap", str(tiny_store), "--drives", str(drives), "--replicates", "100", *options]
     assert main([*command, "--axis", "dynamics", "--axis", "delay"]) == 3
-    assert told in capsys.readouterr().out
+    assert expected in capsys.readouterr().out
 
 
-def test_quaternions_of_any_length_are_the_same_log(good: Path, tmp_path: Path) -> None:
+def test_quaternions_are_normalized(valid_drives: Path, tmp_path: Path) -> None:
     from s2rtools.motion_logs import read
 
-    drive = spoilt(good, tmp_path / "drives", tum(2.0)) / "drive-00"
-    right = csv_reader.read(good / "drive-00" / "real.csv")
-    assert read(drive / "real.tum").heading == pytest.approx(right.heading, abs=1e-12)
+    drive = damaged_copy(valid_drives, tmp_path / "drives", tum(2.0)) / "drive-00"
+    original = csv_reader.read(valid_drives / "drive-00" / "real.csv")
+    assert read(drive / "real.tum").heading == pytest.approx(original.heading, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Folders of drives, and drives from a store's own odometry."""
+"""Folders of drives, and drives from the odometry of a store."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from s2rtools.motion_logs.rigid_alignment import RigidTransform, fit
 from s2rtools.motion_logs.store_odometry import odometry
 
 
-def put(folder: Path, seed: int, untuned: bool = True) -> Path:
+def write_drive(folder: Path, seed: int, untuned: bool = True) -> Path:
     drive = robot.pair(seed, seconds=5.0, untuned=0.1)
     folder.mkdir(parents=True)
     csv_reader.write(drive.real, folder / "real.csv")
@@ -34,9 +34,9 @@ def put(folder: Path, seed: int, untuned: bool = True) -> Path:
     return folder
 
 
-def test_drives_are_read_by_name_with_what_they_have(tmp_path: Path) -> None:
-    put(tmp_path / "b", 1, untuned=False)
-    put(tmp_path / "a", 2)
+def test_drives_are_read_in_name_order_with_optional_logs(tmp_path: Path) -> None:
+    write_drive(tmp_path / "b", 1, untuned=False)
+    write_drive(tmp_path / "a", 2)
     (tmp_path / "a" / "real.png").write_bytes(b"a picture")
     (tmp_path / "notes.txt").write_text("not a drive")
     (tmp_path / ".cache").mkdir()
@@ -49,12 +49,12 @@ def test_drives_are_read_by_name_with_what_they_have(tmp_path: Path) -> None:
     assert second.commands is None
 
 
-def test_what_is_wrong_with_a_folder_is_named(tmp_path: Path) -> None:
+def test_invalid_folders_are_explained(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match=r"nowhere: no such folder"):
         read_drives(tmp_path / "nowhere")
     with pytest.raises(RequestError, match="no drive in it"):
         read_drives(tmp_path)
-    folder = put(tmp_path / "a", 1)
+    folder = write_drive(tmp_path / "a", 1)
     (folder / "sim.tum").write_text("0 0 0 0 0 0 0 1\n")
     with pytest.raises(RequestError, match=r"a: sim\.csv, sim\.tum; only one sim log is allowed"):
         read_drives(tmp_path)
@@ -64,8 +64,8 @@ def test_what_is_wrong_with_a_folder_is_named(tmp_path: Path) -> None:
         read_drives(tmp_path)
 
 
-def store_of(path: Path, columns: dict[str, np.ndarray], names: list[str]) -> Path:
-    """An index with nothing but instances."""
+def store_of_instances(path: Path, columns: dict[str, np.ndarray], names: list[str]) -> Path:
+    """An index that contains only instances."""
     n = len(names)
     path.mkdir()
     with edit(path) as draft:
@@ -87,8 +87,8 @@ def store_of(path: Path, columns: dict[str, np.ndarray], names: list[str]) -> Pa
 
 
 @pytest.fixture
-def walked(tmp_path: Path) -> Path:
-    """Trajectory a has mirrored odometry and times, b has no odometry."""
+def store_with_odometry(tmp_path: Path) -> Path:
+    """Trajectory a has mirrored odometry and timestamps, b has no odometry."""
     drive = robot.pair(4, seconds=8.0, noise=0.0, turn_noise=0.0)
     log = robot.sampled(robot.drive(drive.commands), 5.0) if drive.commands else drive.real
     odom = RigidTransform(angle=1.0, reflected=True, x=3.0, y=-2.0)(log)
@@ -100,61 +100,71 @@ def walked(tmp_path: Path) -> Path:
         name: np.append(values, missing if name.startswith(("odom", "time")) else np.zeros(5))
         for name, values in pairs.items()
     }
-    return store_of(tmp_path / "s.s2r", columns, ["a"] * n + ["b"] * 5)
+    return store_of_instances(tmp_path / "s.s2r", columns, ["a"] * n + ["b"] * 5)
 
 
-def test_mirrored_odometry_comes_onto_the_ground_truth(walked: Path) -> None:
-    with s2rstore.open(walked) as store:
+def test_mirrored_odometry_is_aligned_with_the_ground_truth(store_with_odometry: Path) -> None:
+    with s2rstore.open(store_with_odometry) as store:
         (drive,) = odometry(store)
         assert drive.name == "a"
         assert drive.real.time[0] == 100.0
         assert np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y).max() < 1e-9
         assert angles.distance(drive.sim.heading, drive.real.heading).max() < 1e-9
-        (own,) = odometry(store, rate=5.0, aligned=False)
-        assert np.diff(own.real.time) == pytest.approx(0.2)
-        assert np.hypot(own.sim.x - own.real.x, own.sim.y - own.real.y).min() > 0.1
+        (unaligned,) = odometry(store, rate=5.0, aligned=False)
+        assert np.diff(unaligned.real.time) == pytest.approx(0.2)
+        assert (
+            np.hypot(unaligned.sim.x - unaligned.real.x, unaligned.sim.y - unaligned.real.y).min()
+            > 0.1
+        )
         with pytest.raises(RequestError, match="rate 0"):
             odometry(store, rate=0.0)
 
 
-def test_a_store_without_times_or_odometry(walked: Path, tiny_store: Path) -> None:
+def test_missing_timestamps_or_odometry_are_reported(
+    store_with_odometry: Path, tiny_store: Path
+) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="no trajectory has"):
         odometry(store, rate=1.0)
-    with edit(walked) as draft:
+    with edit(store_with_odometry) as draft:
         draft.update("instance", {"trajectory": "a"}, {"timestamp": None})
-    with s2rstore.open(walked) as store, pytest.raises(RequestError, match="declare the rate"):
+    with (
+        s2rstore.open(store_with_odometry) as store,
+        pytest.raises(RequestError, match="declare the rate"),
+    ):
         odometry(store)
 
 
 @pytest.mark.real
-def test_the_real_datas_odometry_is_off_by_half_a_metre_in_a_mirrored_frame(
+def test_the_odometry_of_the_real_data_is_mirrored_with_an_error_of_half_a_metre(
     real_data: Path, tmp_path: Path
 ) -> None:
-    sightings = IMPORTERS["sim2realviz"](real_data, ScanOptions()).trajectories["traj1"]
-    truth = np.array([(s.x, s.y, s.heading) for s in sightings]).T
-    odom = np.array([s.odometry for s in sightings], dtype=np.float64).T
+    records = IMPORTERS["sim2realviz"](real_data, ScanOptions()).trajectories["traj1"]
+    truth = np.array([(s.x, s.y, s.heading) for s in records]).T
+    odom = np.array([s.odometry for s in records], dtype=np.float64).T
     names = ("x", "y", "heading", "odom_x", "odom_y", "odom_heading")
     columns = dict(zip(names, (*truth, *odom), strict=True))
-    path = store_of(tmp_path / "s.s2r", columns, ["traj1"] * len(sightings))
+    path = store_of_instances(tmp_path / "s.s2r", columns, ["traj1"] * len(records))
     with s2rstore.open(path) as store:
         (drive,) = odometry(store, rate=1.0)
         evidence = Evidence(store, "none", np.arange(3), drives=[drive])
         axis = options.axes(["horizons=5,10,20", "noise=0,0"])["dynamics"]
-        (told,) = axis.measure(evidence, GapSettings(replicates=100)).details["drives"]
-    assert told["ape_rmse_recorded"] == pytest.approx(nearest(odom, truth, reflection=True))
-    assert nearest(odom, truth, reflection=False) > 5
-    off = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)
-    assert np.sqrt((off**2).mean()) == pytest.approx(0.51, abs=0.005)
+        (drive_entry,) = axis.measure(evidence, GapSettings(replicates=100)).details["drives"]
+    assert drive_entry["ape_rmse_recorded"] == pytest.approx(
+        best_rigid_rms(odom, truth, reflection=True)
+    )
+    assert best_rigid_rms(odom, truth, reflection=False) > 5
+    distances = np.hypot(drive.sim.x - drive.real.x, drive.sim.y - drive.real.y)
+    assert np.sqrt((distances**2).mean()) == pytest.approx(0.51, abs=0.005)
     assert np.degrees(angles.distance(drive.sim.heading, drive.real.heading)).mean() < 5
     source, target = (odom[0], odom[1]), (truth[0], truth[1])
     assert fit(source, target, reflection=True).reflected
-    off = fit_error(source, target, reflection=True, scale=True)
-    assert off == pytest.approx(0.33, abs=0.005)
+    distances = fit_error(source, target, reflection=True, scale=True)
+    assert distances == pytest.approx(0.33, abs=0.005)
     assert fit_error(source, target, reflection=False, scale=False) > 5
 
 
-def nearest(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
-    """Root mean square distance after the best rigid motion, by the way of Kabsch."""
+def best_rigid_rms(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
+    """RMS distance after the best rigid motion, by the Kabsch algorithm."""
     a, b = (p[:2] - p[:2].mean(axis=1, keepdims=True) for p in (odom, truth))
     u, _, v = np.linalg.svd(b @ a.T)
     sign = 1.0 if reflection else np.linalg.det(u @ v)
@@ -163,17 +173,20 @@ def nearest(odom: np.ndarray, truth: np.ndarray, reflection: bool) -> float:
 
 
 def fit_error(source, target, **allowed: bool) -> float:
-    found = fit(source, target, **allowed)
-    sign = -1 if found.reflected else 1
+    transform = fit(source, target, **allowed)
+    sign = -1 if transform.reflected else 1
     turn = np.array(
-        [[np.cos(found.angle), -np.sin(found.angle)], [np.sin(found.angle), np.cos(found.angle)]]
+        [
+            [np.cos(transform.angle), -np.sin(transform.angle)],
+            [np.sin(transform.angle), np.cos(transform.angle)],
+        ]
     )
-    moved = found.scale * turn @ np.stack([source[0], sign * source[1]])
-    moved += np.array([[found.x], [found.y]])
+    moved = transform.scale * turn @ np.stack([source[0], sign * source[1]])
+    moved += np.array([[transform.x], [transform.y]])
     return float(np.sqrt(((moved - np.stack(target)) ** 2).sum(axis=0).mean()))
 
 
-def test_poses_that_stand_still_cannot_be_aligned() -> None:
-    still = (np.full(9, 2.0), np.full(9, 1.0))
+def test_constant_positions_cannot_be_aligned() -> None:
+    constant_position = (np.full(9, 2.0), np.full(9, 1.0))
     with pytest.raises(InconclusiveError, match="nothing to align by"):
-        fit(still, still)
+        fit(constant_position, constant_position)

@@ -1,4 +1,4 @@
-"""Logs as files: what is written comes back, and every fault is one line that says where."""
+"""Log files: written logs can be read, and every error is one line that names the place."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from s2rtools.motion_logs import csv_reader, read
 GOOD = "time,x,y,heading\n0,0,0,0\n0.1,1,0,0.5\n"
 
 
-def test_csv_comes_back_to_the_bit(tmp_path: Path) -> None:
+def test_csv_logs_are_read_exactly(tmp_path: Path) -> None:
     drive = robot.pair(1, seconds=5.0)
     csv_reader.write(drive.real, tmp_path / "real.csv")
-    again = read(tmp_path / "real.csv")
+    loaded = read(tmp_path / "real.csv")
     for name in ("time", "x", "y", "heading"):
-        assert (getattr(again, name) == getattr(drive.real, name)).all()
-    assert again.source == str(tmp_path / "real.csv")
-    assert len(again.sha256) == 64
+        assert (getattr(loaded, name) == getattr(drive.real, name)).all()
+    assert loaded.source == str(tmp_path / "real.csv")
+    assert len(loaded.sha256) == 64
 
 
-def test_columns_in_any_order_degrees_comments_and_a_mark(tmp_path: Path) -> None:
+def test_csv_may_have_reordered_columns_degrees_comments_and_a_bom(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     text = "\ufeff# from the lab\r\nheading_deg, y ,battery,time,x\r\n"
     path.write_text(text + "90,2,full,0,1\r\n\r\n# a pause\r\n-270,3,low,0.5,4\r\n", "utf-8")
@@ -40,14 +40,14 @@ def test_columns_in_any_order_degrees_comments_and_a_mark(tmp_path: Path) -> Non
     assert log.heading == pytest.approx([np.pi / 2, np.pi / 2])
 
 
-def test_large_clocks_keep_their_fractions(tmp_path: Path) -> None:
+def test_large_timestamps_keep_their_fractions(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time,x,y,heading\n1700000000.02,0,0,0\n1700000000.04,1,0,0\n")
     assert np.diff(read(path).time) == pytest.approx([0.02], abs=1e-6)
 
 
 @given(st.lists(st.floats(-np.pi, 3.14), min_size=2, max_size=20))
-def test_tum_headings_are_yaws_whatever_pitch_and_roll(
+def test_tum_headings_are_yaw_angles(
     tmp_path_factory: pytest.TempPathFactory, yaws: list[float]
 ) -> None:
     path = tmp_path_factory.mktemp("tum") / "a.tum"
@@ -62,7 +62,7 @@ def test_tum_headings_are_yaws_whatever_pitch_and_roll(
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "expected"),
     [
         ("a.csv", b"", r"a\.csv: empty"),
         ("a.csv", b"\n\n", r"a\.csv: empty"),
@@ -88,16 +88,16 @@ def test_tum_headings_are_yaws_whatever_pitch_and_roll(
         ("a.xlsx", b"PK", r"a\.xlsx: unknown log format"),
     ],
 )
-def test_faults_are_one_line_that_says_where(
-    tmp_path: Path, name: str, content: bytes, told: str
+def test_errors_are_one_line_with_the_position(
+    tmp_path: Path, name: str, content: bytes, expected: str
 ) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(RequestError, match=told) as caught:
+    with pytest.raises(RequestError, match=expected) as caught:
         read(tmp_path / name)
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_a_topic_of_a_csv(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_topic_for_csv_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match=r"gone\.csv: cannot be read \(No such file"):
         read(tmp_path / "gone.csv")
     (tmp_path / "a.csv").write_text(GOOD)
@@ -105,23 +105,23 @@ def test_a_missing_file_and_a_topic_of_a_csv(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", "/odom")
 
 
-def test_commands_come_back_with_their_period(tmp_path: Path) -> None:
-    told = robot.commands(3.0, np.random.default_rng(0))
-    csv_reader.write_commands(told, tmp_path / "commands.csv")
-    again = csv_reader.read_commands(tmp_path / "commands.csv")
-    assert again.period == told.period
-    assert list(again.channels) == ["speed", "turn"]
-    assert (again.channels["turn"] == told.channels["turn"]).all()
+def test_commands_are_read_with_their_period(tmp_path: Path) -> None:
+    commands = robot.commands(3.0, np.random.default_rng(0))
+    csv_reader.write_commands(commands, tmp_path / "commands.csv")
+    loaded = csv_reader.read_commands(tmp_path / "commands.csv")
+    assert loaded.period == commands.period
+    assert list(loaded.channels) == ["speed", "turn"]
+    assert (loaded.channels["turn"] == commands.channels["turn"]).all()
 
 
-def test_without_a_stated_period_it_is_the_median_step(tmp_path: Path) -> None:
+def test_the_default_period_is_the_median_step(tmp_path: Path) -> None:
     path = tmp_path / "commands.csv"
     path.write_text("time,v\n0,1\n0.1,1\n0.2,0\n0.9,0\n")
     assert csv_reader.read_commands(path).period == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("t,v\n0,1\n", r"commands\.csv: no column time"),
         ("time\n0\n1\n", r"commands\.csv: no channel"),
@@ -132,13 +132,13 @@ def test_without_a_stated_period_it_is_the_median_step(tmp_path: Path) -> None:
         ("time,v\n0,nan\n", r"commands\.csv:2: v is nan"),
     ],
 )
-def test_faults_of_commands(tmp_path: Path, text: str, told: str) -> None:
+def test_invalid_commands_are_rejected(tmp_path: Path, text: str, expected: str) -> None:
     (tmp_path / "commands.csv").write_text(text)
-    with pytest.raises(RequestError, match=told):
+    with pytest.raises(RequestError, match=expected):
         csv_reader.read_commands(tmp_path / "commands.csv")
 
 
-def test_what_is_written_is_plain_csv(tmp_path: Path) -> None:
+def test_written_logs_are_plain_csv(tmp_path: Path) -> None:
     log = robot.pair(2, seconds=4.0).sim
     csv_reader.write(log, tmp_path / "a.csv")
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
@@ -147,23 +147,23 @@ def test_what_is_written_is_plain_csv(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [(lambda t: t * 1e9, r"csv:3: 2e\+08 s after the pose before it; are the times in seconds"),
      (lambda t: np.where(t > 1, t + 1.7e9, t), r"csv:8: 1\.7e\+09 s after .* split the log there"),
      (lambda t: t * 1e300, "are the times in seconds")],
 )  # fmt: skip
-def test_clocks_of_other_units_and_clocks_set_on_the_way_are_refused(
-    tmp_path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]], told: str
+def test_clocks_in_other_units_or_with_jumps_are_rejected(
+    tmp_path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]], expected: str
 ) -> None:
     times = change(0.2 * np.arange(20))
     rows = "\n".join(f"{float(time)!r},1,2,0" for time in times)
     (tmp_path / "a.csv").write_text(f"time,x,y,heading\n{rows}\n")
-    with pytest.raises(RequestError, match=told):
+    with pytest.raises(RequestError, match=expected):
         read(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("pose", ["1e200,0,0", "0,-1e308,0", "0,0,1e300"])
-def test_poses_beyond_the_earth_are_refused(tmp_path: Path, pose: str) -> None:
+def test_implausibly_large_poses_are_rejected(tmp_path: Path, pose: str) -> None:
     (tmp_path / "a.csv").write_text(f"time,x,y,heading\n0,0,0,0\n0.1,{pose}\n")
     with pytest.raises(RequestError, match=r"a\.csv:3: a pose beyond 1e\+09 m or rad"):
         read(tmp_path / "a.csv")

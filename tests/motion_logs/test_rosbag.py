@@ -1,4 +1,4 @@
-"""ROS bags of both generations, written and read back."""
+"""ROS 1 and ROS 2 bags: writing and reading."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ def log() -> Log:
 
 
 @pytest.mark.parametrize("name", ["a.bag", "folder", "mcap_folder"])
-@pytest.mark.parametrize("kind", [ODOMETRY, POSE])
-def test_poses_come_back_at_the_times_of_their_headers(
-    tmp_path: Path, log: Log, name: str, kind: str
+@pytest.mark.parametrize("message_type", [ODOMETRY, POSE])
+def test_poses_are_read_with_their_header_timestamps(
+    tmp_path: Path, log: Log, name: str, message_type: str
 ) -> None:
-    again = read(write(tmp_path / name, {"/odom": (kind, log)}))
-    assert again.time == pytest.approx(log.time, abs=1e-8)
-    assert again.x == pytest.approx(log.x)
-    assert angles.distance(again.heading, log.heading).max() < 1e-9
+    loaded = read(write(tmp_path / name, {"/odom": (message_type, log)}))
+    assert loaded.time == pytest.approx(log.time, abs=1e-8)
+    assert loaded.x == pytest.approx(log.x)
+    assert angles.distance(loaded.heading, log.heading).max() < 1e-9
 
 
 @pytest.mark.parametrize("suffix", ["db3", "mcap"])
-def test_the_file_inside_a_folder_is_a_log_too(tmp_path: Path, log: Log, suffix: str) -> None:
+def test_a_file_inside_a_bag_folder_can_be_read(tmp_path: Path, log: Log, suffix: str) -> None:
     folder = write(tmp_path / f"{suffix}_folder", {"/odom": (ODOMETRY, log)})
-    (inside,) = folder.glob(f"*.{suffix}")
-    assert read(inside).y == pytest.approx(log.y)
+    (file,) = folder.glob(f"*.{suffix}")
+    assert read(file).y == pytest.approx(log.y)
 
 
-def test_without_stamps_the_times_are_those_of_the_recording(tmp_path: Path, log: Log) -> None:
-    again = read(write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}, stamped=False))
-    assert again.time == pytest.approx(log.time + 0.005, abs=1e-8)
+def test_missing_stamps_are_replaced_by_recording_times(tmp_path: Path, log: Log) -> None:
+    loaded = read(write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}, stamped=False))
+    assert loaded.time == pytest.approx(log.time + 0.005, abs=1e-8)
 
 
-def test_one_of_several_topics_is_named(tmp_path: Path, log: Log) -> None:
+def test_one_of_several_topics_must_be_named(tmp_path: Path, log: Log) -> None:
     path = write(tmp_path / "bag", {"/odom": (ODOMETRY, log), "/truth": (POSE, log)})
     with pytest.raises(RequestError, match=r"name one of /odom, /truth"):
         read(path)
@@ -51,23 +51,23 @@ def test_one_of_several_topics_is_named(tmp_path: Path, log: Log) -> None:
         read(path, "/pose")
 
 
-def bent(log: Log, **columns: np.ndarray) -> Log:
-    """The log with other columns, unchecked."""
-    whole = {n: columns.get(n, getattr(log, n)) for n in ("time", "x", "y", "heading")}
-    return Log(**whole, source="", sha256="")
+def with_columns(log: Log, **columns: np.ndarray) -> Log:
+    """The log with replaced columns, without validation."""
+    columns_of_log = {n: columns.get(n, getattr(log, n)) for n in ("time", "x", "y", "heading")}
+    return Log(**columns_of_log, source="", sha256="")
 
 
-def test_faults_name_topic_and_message(tmp_path: Path, log: Log) -> None:
+def test_errors_name_topic_and_message(tmp_path: Path, log: Log) -> None:
     x, time = log.x.copy(), log.time.copy()
     x[4] = np.nan
     time[7] = time[5]
-    path = write(tmp_path / "nan.bag", {"/odom": (ODOMETRY, bent(log, x=x))})
+    path = write(tmp_path / "nan.bag", {"/odom": (ODOMETRY, with_columns(log, x=x))})
     with pytest.raises(RequestError, match=r"nan\.bag: topic /odom, message 5: not a finite"):
         read(path)
-    path = write(tmp_path / "clock", {"/odom": (ODOMETRY, bent(log, time=time))})
+    path = write(tmp_path / "clock", {"/odom": (ODOMETRY, with_columns(log, time=time))})
     with pytest.raises(RequestError, match=r"clock: topic /odom, message .: the clock"):
         read(path)
-    empty = bent(log, **{n: np.zeros(0) for n in ("time", "x", "y", "heading")})
+    empty = with_columns(log, **{n: np.zeros(0) for n in ("time", "x", "y", "heading")})
     path = write(tmp_path / "empty", {"/odom": (ODOMETRY, empty)})
     with pytest.raises(RequestError, match="topic /odom has no messages"):
         read(path)
@@ -75,7 +75,7 @@ def test_faults_name_topic_and_message(tmp_path: Path, log: Log) -> None:
 
 @pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
 @pytest.mark.parametrize("content", [b"", b"not a bag at all" * 50])
-def test_damaged_bags_are_one_line(tmp_path: Path, name: str, content: bytes) -> None:
+def test_damaged_bags_are_rejected_in_one_line(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(RequestError, match=r"cannot be read as a ROS bag") as caught:
@@ -83,9 +83,9 @@ def test_damaged_bags_are_one_line(tmp_path: Path, name: str, content: bytes) ->
     assert "\n" not in str(caught.value)
 
 
-def test_a_cut_bag_a_plain_folder_and_no_bag(tmp_path: Path, log: Log) -> None:
-    whole = write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}).read_bytes()
-    (tmp_path / "cut.bag").write_bytes(whole[: len(whole) // 2])
+def test_truncated_and_missing_bags_are_rejected(tmp_path: Path, log: Log) -> None:
+    content = write(tmp_path / "a.bag", {"/odom": (ODOMETRY, log)}).read_bytes()
+    (tmp_path / "cut.bag").write_bytes(content[: len(content) // 2])
     with pytest.raises(RequestError, match=r"cut\.bag"):
         read(tmp_path / "cut.bag")
     with pytest.raises(RequestError, match=r"no metadata\.yaml"):

@@ -1,4 +1,4 @@
-"""A week of nights with a regression on day 5."""
+"""A nightly gate with a week of nights and a regression on day 5."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tests.support import nights
 
 @pytest.fixture
 def config(tmp_path: Path, tiny_store: Path) -> NightlyConfig:
-    """A gate on a store of its own, with drives, metrics and a simulator to identify."""
-    return made(tmp_path, tiny_store)
+    """A gate on a separate store with drives, metrics and a simulator to identify."""
+    return make_config(tmp_path, tiny_store)
 
 
 @pytest.fixture
@@ -24,25 +24,28 @@ def week(config: NightlyConfig) -> nights.Week:
 
 
 @pytest.fixture(scope="session")
-def told_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nights.Week:
-    """All seven nights, for tests that only read; the task's gap grows on day 5."""
-    config = made(tmp_path_factory.mktemp("week"), tiny_store)
+def recorded_week(tmp_path_factory: pytest.TempPathFactory, tiny_store: Path) -> nights.Week:
+    """All seven nights, for tests that only read; the task gap grows on day 5."""
+    config = make_config(tmp_path_factory.mktemp("week"), tiny_store)
     week = nights.Week(config, {"task": 20.0}, from_day=5)
     for number in range(1, 8):
         week.night(number)
     return week
 
 
-def made(folder: Path, store: Path) -> NightlyConfig:
+def make_config(folder: Path, store: Path) -> NightlyConfig:
     shutil.copytree(store, folder / "lab.s2r")
-    config = nights.written(folder, folder / "lab.s2r")
+    config = nights.write_config(folder, folder / "lab.s2r")
     return replace(config, sysid=SysidConfig(str(folder / "drives")))
 
 
 def files(config: NightlyConfig) -> dict[Path, tuple[bytes, int]]:
-    """Content and time of every file that a night may write; locks name their last holder."""
+    """Content and modification time of all files that a night may write, except locks."""
     roots = [config.history.parent, config.reports]
-    found = [path for root in roots for path in root.rglob("*")]
-    kept = [path for path in found if path.is_file() and path.suffix != ".lock"]
+    paths = [path for root in roots for path in root.rglob("*")]
+    files_without_locks = [path for path in paths if path.is_file() and path.suffix != ".lock"]
     assert config.metrics is not None
-    return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in (*kept, config.metrics)}
+    return {
+        path: (path.read_bytes(), path.stat().st_mtime_ns)
+        for path in (*files_without_locks, config.metrics)
+    }

@@ -1,4 +1,4 @@
-"""A night on ROS bags that hold several topics."""
+"""A night on ROS bags with several topics."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from tests.support.bags import ODOMETRY, POSE, write
 
 
 @pytest.fixture
-def bags(config: NightlyConfig) -> Path:
-    """A drive whose bags hold its poses as /truth, and as /odom those of a robot that stands."""
-    told = robot.commands(8.0, np.random.default_rng(3))
-    real = robot.sampled(robot.drive(told, delay=0.1), 10.0)
-    sim = robot.sampled(robot.drive(told), 10.0)
+def bag_folder(config: NightlyConfig) -> Path:
+    """A drive whose bags contain its poses as /truth and a standing robot as /odom."""
+    commands = robot.commands(8.0, np.random.default_rng(3))
+    real = robot.sampled(robot.drive(commands, delay=0.1), 10.0)
+    sim = robot.sampled(robot.drive(commands), 10.0)
     folder = config.source.parent / "bags" / "one"
     folder.mkdir(parents=True)
-    csv_reader.write_commands(told, folder / "commands.csv")
+    csv_reader.write_commands(commands, folder / "commands.csv")
     for role, log in (("real", real), ("sim", sim)):
-        still = replace(log, x=0 * log.x, y=0 * log.y, heading=0 * log.heading)
-        write(folder / f"{role}.bag", {"/truth": (POSE, log), "/odom": (ODOMETRY, still)})
+        standing = replace(log, x=0 * log.x, y=0 * log.y, heading=0 * log.heading)
+        write(folder / f"{role}.bag", {"/truth": (POSE, log), "/odom": (ODOMETRY, standing)})
     return folder.parent
 
 
-def night(config: NightlyConfig, drives: str) -> int:
-    """Of the delay axis and the identification."""
+def run_night(config: NightlyConfig, drives: str) -> int:
+    """Run the delay axis and the identification."""
     config.source.write_text(
         f'store = "{config.store}"\naxes = ["delay"]\nreplicates = 100\n[drives]\n{drives}\n'
         '[sysid]\nseeds = 1\n[output]\nreports = "reports"\n'
@@ -40,8 +40,8 @@ def night(config: NightlyConfig, drives: str) -> int:
     return main(["nightly", str(config.source), "--night", "2026-11-21"])
 
 
-def test_the_topic_that_is_named_is_measured(config: NightlyConfig, bags: Path) -> None:
-    assert night(config, f'folder = "{bags}"\ntopic = "/truth"') == 3
+def test_the_named_topic_is_measured(config: NightlyConfig, bag_folder: Path) -> None:
+    assert run_night(config, f'folder = "{bag_folder}"\ntopic = "/truth"') == 3
     folder = config.reports / "2026-11-21"
     (delay,) = json.loads((folder / "report.json").read_text())["axes"]
     assert delay["details"]["delay"] == pytest.approx(0.1, abs=0.02)
@@ -49,18 +49,18 @@ def test_the_topic_that_is_named_is_measured(config: NightlyConfig, bags: Path) 
 
 
 @pytest.mark.parametrize(
-    ("topic", "told", "code"),
+    ("topic", "expected", "code"),
     [("", "name one of /odom, /truth", 2), ('topic = "/pose"', "no topic /pose (has: /odom", 2),
      ('topic = "/odom"', "the motion never changes", 3)],
 )  # fmt: skip
-def test_another_topic_is_told(
+def test_missing_and_unusable_topics_are_reported(
     config: NightlyConfig,
-    bags: Path,
+    bag_folder: Path,
     capsys: pytest.CaptureFixture[str],
     topic: str,
-    told: str,
+    expected: str,
     code: int,
 ) -> None:
-    assert night(config, f'folder = "{bags}"\n{topic}') == code
+    assert run_night(config, f'folder = "{bag_folder}"\n{topic}') == code
     captured = capsys.readouterr()
-    assert told in captured.out + captured.err
+    assert expected in captured.out + captured.err

@@ -1,4 +1,4 @@
-"""`s2r nightly`: what it asks of the gate, what it says, and its exit code."""
+"""`s2r nightly`: requests to the gate, output and exit code."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from tests.support import nights
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """The gate's place, taken by one that answers with the G that a test sets."""
-    seen = SimpleNamespace(gaps={"task": 5.0}, requests=[], count=0)
+def fake_gate(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Replaces the gate by one that returns the gaps set by the test."""
+    recorded = SimpleNamespace(gaps={"task": 5.0}, requests=[], count=0)
 
     def measured_report(evidence: Any, request: Any) -> dict[str, Any]:
-        seen.count += 1
-        return nights.report(evidence, seen.gaps)
+        recorded.count += 1
+        return nights.report(evidence, recorded.gaps)
 
-    def request(**given: Any) -> dict[str, Any]:
-        seen.requests.append(given)
-        return given
+    def request(**arguments: Any) -> dict[str, Any]:
+        recorded.requests.append(arguments)
+        return arguments
 
     gate = SimpleNamespace(
         GapRequest=request,
@@ -37,55 +37,55 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     )
     monkeypatch.setitem(sys.modules, "s2rtools.gap.gate.gate", gate)
     monkeypatch.setattr(s2rtools.gap.gate, "gate", gate, raising=False)
-    return seen
+    return recorded
 
 
-def command(config: NightlyConfig, *words: str) -> int:
-    return main(["nightly", str(config.source), "--night", "2026-11-21", *words])
+def command(config: NightlyConfig, *arguments: str) -> int:
+    return main(["nightly", str(config.source), "--night", "2026-11-21", *arguments])
 
 
-@pytest.mark.parametrize(("gap", "code", "word"), [(5, 0, "PASS"), (15, 3, "INCONCLUSIVE"),
+@pytest.mark.parametrize(("gap", "code", "outcome"), [(5, 0, "PASS"), (15, 3, "INCONCLUSIVE"),
                                                    (40, 1, "FAIL")])  # fmt: skip
-def test_the_exit_code_is_the_gates(
-    config: NightlyConfig, asked: SimpleNamespace, capsys, gap: float, code: int, word: str
+def test_the_exit_code_is_that_of_the_gate(
+    config: NightlyConfig, fake_gate: SimpleNamespace, capsys, gap: float, code: int, outcome: str
 ) -> None:
-    asked.gaps = {"task": float(gap)}
+    fake_gate.gaps = {"task": float(gap)}
     assert command(config) == code
-    told = capsys.readouterr().out
-    assert told.startswith(f"{word:<12}  headline: G {gap}.0")
-    assert f"2026-11-21: {word}; reports in {config.reports / '2026-11-21'}" in told
+    output = capsys.readouterr().out
+    assert output.startswith(f"{outcome:<12}  headline: G {gap}.0")
+    assert f"2026-11-21: {outcome}; reports in {config.reports / '2026-11-21'}" in output
 
 
-def test_the_same_night_says_that_nothing_is_new(
-    config: NightlyConfig, asked: SimpleNamespace, capsys
+def test_a_repeated_night_reports_no_new_evidence(
+    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
 ) -> None:
     assert command(config) == 0
     assert "no new" not in capsys.readouterr().err
     assert command(config) == 0
-    told = "no new evidence: the night is in the history already\n"
-    assert capsys.readouterr().err == told
-    words = ["nightly", str(config.source), "--night", "2026-11-22"]
-    assert main(words) == 0
+    output = "no new evidence: the night is in the history already\n"
+    assert capsys.readouterr().err == output
+    arguments = ["nightly", str(config.source), "--night", "2026-11-22"]
+    assert main(arguments) == 0
     assert "figures are those of an earlier night" in capsys.readouterr().err
-    assert asked.count == 1
+    assert fake_gate.count == 1
 
 
-def test_json_tells_all_that_a_script_needs(
-    config: NightlyConfig, asked: SimpleNamespace, capsys
+def test_json_output_contains_the_outcome(
+    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
 ) -> None:
-    asked.gaps = {"visual": 3.0, "task": 40.0}
+    fake_gate.gaps = {"visual": 3.0, "task": 40.0}
     assert command(config, "--json") == 1
-    found = json.loads(capsys.readouterr().out)
-    assert (found["outcome"], found["exit_code"], found["worst"]) == ("FAIL", 1, "task")
-    assert (found["gap"], found["gap_low"], found["gap_high"]) == (40.0, 38.0, 42.0)
-    assert (found["new"], found["computed"], found["stale"]) == (True, True, False)
-    assert Path(found["reports"], "junit.xml").is_file()
-    assert Path(found["metrics"]).is_file()
-    assert Path(found["history"]).is_file()
+    result = json.loads(capsys.readouterr().out)
+    assert (result["outcome"], result["exit_code"], result["worst"]) == ("FAIL", 1, "task")
+    assert (result["gap"], result["gap_low"], result["gap_high"]) == (40.0, 38.0, 42.0)
+    assert (result["new"], result["computed"], result["stale"]) == (True, True, False)
+    assert Path(result["reports"], "junit.xml").is_file()
+    assert Path(result["metrics"]).is_file()
+    assert Path(result["history"]).is_file()
 
 
-def test_the_gate_is_asked_what_the_configuration_says(
-    config: NightlyConfig, asked: SimpleNamespace
+def test_the_configuration_is_passed_to_the_gate(
+    config: NightlyConfig, fake_gate: SimpleNamespace
 ) -> None:
     text = config.source.read_text().replace(
         "[drives]", 'run = "vanilla"\nselect = "worst15"\naxes = ["task"]\nthreshold = 20\n'
@@ -93,10 +93,10 @@ def test_the_gate_is_asked_what_the_configuration_says(
     )  # fmt: skip
     config.source.write_text(text)
     command(config)
-    (given,) = asked.requests
-    settings = given.pop("settings")
+    (request,) = fake_gate.requests
+    settings = request.pop("settings")
     assert (settings.replicates, settings.seed) == (200, 4)
-    assert given == {
+    assert request == {
         "run": "vanilla", "expression": "worst15", "axes": ("task",), "rate": None,
         "drives": str(config.source.parent / "drives"), "features": None, "reference": None,
         "topic": None, "golden": None, "threshold": 20.0, "margin": 0.1,
@@ -104,7 +104,9 @@ def test_the_gate_is_asked_what_the_configuration_says(
     }  # fmt: skip
 
 
-def test_without_a_night_it_is_today(config: NightlyConfig, asked: SimpleNamespace, capsys) -> None:
+def test_the_default_night_is_today(
+    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
+) -> None:
     import datetime
 
     before = datetime.datetime.now(datetime.UTC).date()
@@ -113,8 +115,8 @@ def test_without_a_night_it_is_today(config: NightlyConfig, asked: SimpleNamespa
     assert before <= night <= datetime.datetime.now(datetime.UTC).date()
 
 
-def test_drives_that_are_too_few_for_an_identification_are_told(
-    config: NightlyConfig, asked: SimpleNamespace, capsys
+def test_too_few_drives_for_an_identification_are_reported(
+    config: NightlyConfig, fake_gate: SimpleNamespace, capsys
 ) -> None:
     from s2rtools.sysid import Recording, make_drives
 
@@ -130,7 +132,7 @@ def test_drives_that_are_too_few_for_an_identification_are_told(
 
 
 def test_the_simulator_is_identified_from_drives(
-    config: NightlyConfig, asked: SimpleNamespace
+    config: NightlyConfig, fake_gate: SimpleNamespace
 ) -> None:
     from s2rtools.sysid import Recording, make_drives
 
@@ -140,27 +142,27 @@ def test_the_simulator_is_identified_from_drives(
     with config.source.open("a") as file:
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n')
     assert command(config) == 0
-    found = {each.parameter: each for each in stored.read(config.history).nights[0].estimates}
-    assert set(found) == {"damping", "latency"}
-    assert found["damping"].value.value == pytest.approx(truth["damping"], rel=0.1)
-    assert found["damping"].value.low < truth["damping"] < found["damping"].value.high
+    estimates = {
+        estimate.parameter: estimate for estimate in stored.read(config.history).nights[0].estimates
+    }
+    assert set(estimates) == {"damping", "latency"}
+    assert estimates["damping"].value.value == pytest.approx(truth["damping"], rel=0.1)
+    assert estimates["damping"].value.low < truth["damping"] < estimates["damping"].value.high
     assert config.metrics is not None
     assert 's2r_gap_estimate{dataset="tiny",nightly="lab",parameter="damping"' in (
         config.metrics.read_text()
     )
 
 
-def test_bags_are_read_by_the_topic_that_is_named(
-    config: NightlyConfig, asked: SimpleNamespace
-) -> None:
+def test_the_topic_is_passed_to_the_gate(config: NightlyConfig, fake_gate: SimpleNamespace) -> None:
     text = config.source.read_text()
     config.source.write_text(text.replace("[drives]\n", '[drives]\ntopic = "/odom"\n', 1))
     command(config)
-    assert asked.requests[0]["topic"] == "/odom"
+    assert fake_gate.requests[0]["topic"] == "/odom"
 
 
-def test_what_an_identification_warns_of_is_told(
-    config: NightlyConfig, asked: SimpleNamespace
+def test_warnings_of_an_identification_are_reported(
+    config: NightlyConfig, fake_gate: SimpleNamespace
 ) -> None:
     from s2rtools.sysid import Recording, make_drives
 
@@ -170,9 +172,12 @@ def test_what_an_identification_warns_of_is_told(
         file.write('[sysid]\ndrives = "made"\nparameters = ["damping"]\nseeds = 1\n'
                    'range = { latency = "0..0.05" }\n')  # fmt: skip
     assert command(config) == 0
-    notes = {each.parameter: each.note for each in stored.read(config.history).nights[0].estimates}
+    notes = {
+        estimate.parameter: estimate.note
+        for estimate in stored.read(config.history).nights[0].estimates
+    }
     assert notes["latency"] == "at the end of its range"
     assert "end of the range 0 .. 0.05 s" in notes["planar"]
     assert "structural mismatch: wheels = " in notes["planar"]
-    told = (config.reports / "2026-11-21" / "report.html").read_text()
-    assert "structural mismatch: wheels = " in told
+    html = (config.reports / "2026-11-21" / "report.html").read_text()
+    assert "structural mismatch: wheels = " in html

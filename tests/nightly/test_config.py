@@ -1,4 +1,4 @@
-"""A nightly configuration says in one line what is wrong with it."""
+"""Nightly configurations: defaults, all keys and one-line errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2rtui.cli import main
 SYSID = 'store = "s.s2r"\n[sysid]\ndrives = "drives"\n'
 
 
-def written(tmp_path: Path, text: str) -> Path:
+def write_config(tmp_path: Path, text: str) -> Path:
     (tmp_path / "s.s2r").mkdir(exist_ok=True)
     (tmp_path / "drives").mkdir(exist_ok=True)
     (tmp_path / "there.json").write_text("{}")
@@ -22,27 +22,32 @@ def written(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def test_what_is_not_said_has_a_default_and_paths_are_relative_to_the_file(tmp_path: Path) -> None:
-    found = config.read(written(tmp_path, 'store = "s.s2r"'))
-    assert found.name == "gate"
-    assert found.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
-    assert found.reports == (tmp_path / "reports/gate").resolve()
-    assert (found.run, found.axes, found.drives, found.sysid, found.metrics) == (
+def test_missing_keys_have_defaults_and_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+    parsed = config.read(write_config(tmp_path, 'store = "s.s2r"'))
+    assert parsed.name == "gate"
+    assert parsed.history == (tmp_path / "s.s2r/history/gap.duckdb").resolve()
+    assert parsed.reports == (tmp_path / "reports/gate").resolve()
+    assert (parsed.run, parsed.axes, parsed.drives, parsed.sysid, parsed.metrics) == (
         None, (), None, None, None,
     )  # fmt: skip
-    assert (found.threshold, found.margin, found.seed, found.replicates) == (15.0, 0.05, 1, 1000)
+    assert (parsed.threshold, parsed.margin, parsed.seed, parsed.replicates) == (
+        15.0,
+        0.05,
+        1,
+        1000,
+    )
 
 
-def test_drives_in_the_store_are_taken_where_none_are_named(tmp_path: Path) -> None:
-    path = written(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
-    own = tmp_path / "s.s2r" / "drives"
-    own.mkdir()
-    found = config.read(path)
-    assert found.drives == str(own.resolve())
-    assert found.sysid == config.SysidConfig(str(own.resolve()), seed=2)
+def test_drives_of_the_store_are_the_default(tmp_path: Path) -> None:
+    path = write_config(tmp_path, 'store = "s.s2r"\n[sysid]\nseed = 2')
+    store_drives = tmp_path / "s.s2r" / "drives"
+    store_drives.mkdir()
+    parsed = config.read(path)
+    assert parsed.drives == str(store_drives.resolve())
+    assert parsed.sysid == config.SysidConfig(str(store_drives.resolve()), seed=2)
 
 
-def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
+def test_all_keys_are_read(tmp_path: Path) -> None:
     text = """
         name = "lab"
         store = "s.s2r"
@@ -73,25 +78,25 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
         [stale]
         after_days = 1.5
     """
-    found = config.read(written(tmp_path, text))
-    here = tmp_path.resolve()
-    assert (found.run, found.select, found.axes) == ("r", "worst15", ("task", "delay"))
-    assert {found.reference, found.golden, found.features} == {here / "there.json"}
-    assert (found.threshold, found.margin, found.stale_after) == (20.0, 0.1, 1.5)
-    assert found.drives == str(here / "drives")
-    assert found.sysid == config.SysidConfig(
-        str(here / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
+    parsed = config.read(write_config(tmp_path, text))
+    folder = tmp_path.resolve()
+    assert (parsed.run, parsed.select, parsed.axes) == ("r", "worst15", ("task", "delay"))
+    assert {parsed.reference, parsed.golden, parsed.features} == {folder / "there.json"}
+    assert (parsed.threshold, parsed.margin, parsed.stale_after) == (20.0, 0.1, 1.5)
+    assert parsed.drives == str(folder / "drives")
+    assert parsed.sysid == config.SysidConfig(
+        str(folder / "drives"), "mujoco", ("mass", "damping"), {"track": 0.4}, 1, 2, None,
         {"latency": "0..0.5", "mass": "5..30:log"}, "/odom",
     )  # fmt: skip
-    assert found.topic == "/odom"
-    assert found.dynamics == ("horizons=1,2", "align=rigid")
-    assert (found.history, found.reports, found.metrics) == (
-        here / "h.duckdb", here / "r", here / "m.prom",
+    assert parsed.topic == "/odom"
+    assert parsed.dynamics == ("horizons=1,2", "align=rigid")
+    assert (parsed.history, parsed.reports, parsed.metrics) == (
+        folder / "h.duckdb", folder / "r", folder / "m.prom",
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "store: missing"),
         ("store =", "not valid TOML"),
@@ -151,26 +156,26 @@ def test_everything_that_is_said_is_read(tmp_path: Path) -> None:
          "output.metrics: .*there.json: is another file"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, told: str) -> None:
-    path = written(tmp_path, text)
-    with pytest.raises(RequestError, match=rf"gate\.toml: {told}") as found:
+def test_invalid_configurations_name_the_key(tmp_path: Path, text: str, expected: str) -> None:
+    path = write_config(tmp_path, text)
+    with pytest.raises(RequestError, match=rf"gate\.toml: {expected}") as caught:
         config.read(path)
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(caught.value)
 
 
-def test_the_command_refuses_before_anything_is_written(tmp_path: Path, capsys) -> None:
-    path = written(tmp_path, 'store = "s.s2r"\nthreshold = 0')
+def test_invalid_requests_write_nothing(tmp_path: Path, capsys) -> None:
+    path = write_config(tmp_path, 'store = "s.s2r"\nthreshold = 0')
     before = sorted(tmp_path.rglob("*"))
     assert main(["nightly", str(path)]) == 2
     assert main(["nightly", str(tmp_path / "none.toml")]) == 2
-    good = written(tmp_path, 'store = "s.s2r"')
-    assert main(["nightly", str(good), "--night", "21.11.2026"]) == 2
-    assert main(["nightly", str(good), "--night", "9999-12-31"]) == 2
-    assert main(["nightly", str(good)]) == 2  # the folder is no store
-    told = capsys.readouterr().err
-    assert "threshold: expected a number > 0, got 0" in told
-    assert "none.toml: cannot be read (No such file" in told
-    assert "--night 21.11.2026: is not a date; write it as 2026-11-21" in told
-    assert "--night 9999-12-31: is more than a week after today" in told
-    assert "not a store" in told
+    valid = write_config(tmp_path, 'store = "s.s2r"')
+    assert main(["nightly", str(valid), "--night", "21.11.2026"]) == 2
+    assert main(["nightly", str(valid), "--night", "9999-12-31"]) == 2
+    assert main(["nightly", str(valid)]) == 2  # the folder is not a store
+    error = capsys.readouterr().err
+    assert "threshold: expected a number > 0, got 0" in error
+    assert "none.toml: cannot be read (No such file" in error
+    assert "--night 21.11.2026: is not a date; write it as 2026-11-21" in error
+    assert "--night 9999-12-31: is more than a week after today" in error
+    assert "not a store" in error
     assert sorted(tmp_path.rglob("*")) == before

@@ -1,4 +1,4 @@
-"""The history's file: whole at any moment, whoever reads it and whatever is killed."""
+"""The history file stays consistent under concurrent readers and killed writers."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from tests.support import nights
 from tests.support.nights import Week, day
 
 
-def test_what_is_missing_is_null_and_every_column_has_a_comment(told_week: Week) -> None:
+def test_missing_values_are_null_and_every_column_is_commented(recorded_week: Week) -> None:
     import duckdb
 
-    with duckdb.connect(str(told_week.config.history), read_only=True) as connection:
+    with duckdb.connect(str(recorded_week.config.history), read_only=True) as connection:
         for table in schema.TABLES:
             for column in table.columns:
                 if column.type == "DOUBLE":
@@ -46,15 +46,15 @@ def test_what_is_missing_is_null_and_every_column_has_a_comment(told_week: Week)
         assert [row[0] for row in red] == [day(5), day(6), day(7)]
 
 
-def test_the_report_is_kept_whole(told_week: Week) -> None:
-    found = history.read(told_week.config.history)
-    last = found.of_configuration("lab")[-1]
-    report = json.loads(history.report_text(told_week.config.history, last.measured))
+def test_the_history_contains_the_complete_report(recorded_week: Week) -> None:
+    loaded = history.read(recorded_week.config.history)
+    last = loaded.of_configuration("lab")[-1]
+    report = json.loads(history.report_text(recorded_week.config.history, last.measured))
     assert report["verdict"]["gap"] == last.gap.value
-    assert [each["gap"] for each in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
+    assert [entry["gap"] for entry in report["axes"]] == [axis.gap.value for axis in last.axes[:3]]
 
 
-def test_a_store_with_a_history_is_verified_and_pruned(week: Week) -> None:
+def test_verify_and_prune_accept_a_history(week: Week) -> None:
     week.night(1)
     content = week.config.history.read_bytes()
     assert verify(week.config.store) == []
@@ -62,29 +62,29 @@ def test_a_store_with_a_history_is_verified_and_pruned(week: Week) -> None:
     assert week.config.history.read_bytes() == content
 
 
-def test_what_a_killed_night_left_is_made_whole(week: Week) -> None:
+def test_a_repeated_night_restores_missing_files(week: Week) -> None:
     week.night(1)
-    whole = files(week.config)
+    complete = files(week.config)
     folder = week.config.reports / str(day(1))
     (folder / "junit.xml").unlink()
     (folder / "report.md").write_text("ha")
     assert week.config.metrics is not None
     week.config.metrics.unlink()
     (week.config.reports / "latest").unlink()
-    left = week.config.history.with_name(".gap.duckdb.1.new")
-    left.write_bytes(b"half")
-    done = week.night(1, new_log=False)
-    assert not done.new
-    names = {path.name for path in done.written}
+    leftover = week.config.history.with_name(".gap.duckdb.1.new")
+    leftover.write_bytes(b"half")
+    night_run = week.night(1, new_log=False)
+    assert not night_run.new
+    names = {path.name for path in night_run.written}
     assert names == {"junit.xml", "report.md", "gap.prom", "latest"}
-    assert {path: text for path, (text, _) in files(week.config).items() if path != left} == {
-        path: text for path, (text, _) in whole.items()
+    assert {path: text for path, (text, _) in files(week.config).items() if path != leftover} == {
+        path: text for path, (text, _) in complete.items()
     }
     week.night(2)
-    assert not left.exists()
+    assert not leftover.exists()
 
 
-_KILLED = """
+_KILLED_NIGHT_SCRIPT = """
 import os, signal, sys
 from dataclasses import replace
 from pathlib import Path
@@ -99,7 +99,7 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
 
 
 @pytest.mark.parametrize(
-    ("patch", "kept"),
+    ("patch", "expected_nights"),
     [
         (f"writer._add = lambda *a: {_DIE}", 1),
         (f"writer.atomic_writes.sync_path = lambda *a: {_DIE}", 1),
@@ -108,15 +108,17 @@ _DIE = "os.kill(os.getpid(), signal.SIGKILL)"
     ],
     ids=["while adding", "before the rename", "after the rename", "while telling"],
 )
-def test_a_kill_loses_at_most_the_night(week: Week, patch: str, kept: int) -> None:
+def test_a_killed_writer_loses_at_most_the_current_night(
+    week: Week, patch: str, expected_nights: int
+) -> None:
     week.config = replace(week.config, sysid=None)
     week.night(1)
-    code = _KILLED.format(patch=patch)
-    done = subprocess.run([sys.executable, "-c", code, str(week.config.source)], check=False,
+    code = _KILLED_NIGHT_SCRIPT.format(patch=patch)
+    process = subprocess.run([sys.executable, "-c", code, str(week.config.source)], check=False,
                           cwd=Path(__file__).parents[2], env={**os.environ, "PYTHONPATH":
                           os.pathsep.join(sys.path)}, capture_output=True)  # fmt: skip
-    assert done.returncode == -signal.SIGKILL, done.stderr.decode()
-    assert len(history.read(week.config.history).of_configuration("lab")) == kept
+    assert process.returncode == -signal.SIGKILL, process.stderr.decode()
+    assert len(history.read(week.config.history).of_configuration("lab")) == expected_nights
     assert week.night(2, new_log=False).night.night == day(2)
     assert len(history.read(week.config.history).of_configuration("lab")) == 2
     assert {path.name for path in week.config.history.parent.iterdir()} == {
@@ -124,16 +126,16 @@ def test_a_kill_loses_at_most_the_night(week: Week, patch: str, kept: int) -> No
     }  # fmt: skip
 
 
-def test_readers_see_whole_histories_while_it_grows(week: Week) -> None:
+def test_readers_see_complete_nights_during_writes(week: Week) -> None:
     week.night(1)
     stop, counts, errors = threading.Event(), [], []
 
     def read() -> None:
         while not stop.is_set():
             try:
-                found = history.read(week.config.history).of_configuration("lab")
-                counts.append(len(found))
-                assert all(len(night.axes) == 4 for night in found)
+                loaded = history.read(week.config.history).of_configuration("lab")
+                counts.append(len(loaded))
+                assert all(len(night.axes) == 4 for night in loaded)
             except Exception as error:
                 errors.append(error)
 
@@ -147,29 +149,29 @@ def test_readers_see_whole_histories_while_it_grows(week: Week) -> None:
     assert counts == sorted(counts)
 
 
-def test_two_starts_at_once_add_one_night(week: Week) -> None:
-    together = threading.Barrier(2)
+def test_two_simultaneous_runs_add_one_night(week: Week) -> None:
+    barrier = threading.Barrier(2)
 
     def measure(store, config) -> dict:
-        together.wait(30)
+        barrier.wait(30)
         return nights.report(store, {"task": 5.0})
 
-    found: list[bool] = []
-    starts = [
-        threading.Thread(target=lambda: found.append(
+    is_new: list[bool] = []
+    threads = [
+        threading.Thread(target=lambda: is_new.append(
             nightly(week.config, day(1), measure, week.estimate).new))
         for _ in range(2)
     ]  # fmt: skip
-    for start in starts:
-        start.start()
-    for start in starts:
-        start.join()
-    assert sorted(found) == [False, True]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(is_new) == [False, True]
     assert len(history.read(week.config.history).nights) == 1
 
 
 @pytest.mark.parametrize("content", [b"", b"no database", None])
-def test_a_file_that_is_no_history_is_refused(tmp_path: Path, content: bytes | None) -> None:
+def test_an_invalid_history_file_is_rejected(tmp_path: Path, content: bytes | None) -> None:
     import duckdb
 
     path = tmp_path / "h.duckdb"

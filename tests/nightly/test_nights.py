@@ -1,4 +1,4 @@
-"""A week of nights: a regression turns the gate red, and what is known already changes nothing."""
+"""A week of nights: a regression fails the gate, and known evidence is not measured again."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from tests.support import nights
 from tests.support.nights import Week, day
 
 
-def test_a_regression_on_day_five_turns_the_gate_red(told_week: Week) -> None:
-    found = reader.read(told_week.config.history).of_configuration("lab")
-    assert [night.night for night in found] == [day(number) for number in range(1, 8)]
-    assert [night.exit_code for night in found] == [0, 0, 0, 0, 1, 1, 1]
-    assert [night.outcome for night in found] == ["PASS"] * 4 + ["FAIL"] * 3
-    assert found[4].worst == "task"
-    assert found[4].gap.low > 15 > found[3].gap.high
-    assert {axis.axis for axis in found[4].axes} == {"visual", "task", "dynamics", "delay"}
+def test_a_regression_on_day_five_fails_the_gate(recorded_week: Week) -> None:
+    loaded = reader.read(recorded_week.config.history).of_configuration("lab")
+    assert [night.night for night in loaded] == [day(number) for number in range(1, 8)]
+    assert [night.exit_code for night in loaded] == [0, 0, 0, 0, 1, 1, 1]
+    assert [night.outcome for night in loaded] == ["PASS"] * 4 + ["FAIL"] * 3
+    assert loaded[4].worst == "task"
+    assert loaded[4].gap.low > 15 > loaded[3].gap.high
+    assert {axis.axis for axis in loaded[4].axes} == {"visual", "task", "dynamics", "delay"}
 
 
-def test_the_same_night_again_changes_nothing(week: Week) -> None:
+def test_repeating_a_night_changes_nothing(week: Week) -> None:
     for number in (1, 2):
         week.night(number)
     before, calls = files(week.config), week.calls
     rows = reader.read(week.config.history).nights
-    again = week.night(2, new_log=False)
-    assert (again.new, again.computed, again.written) == (False, False, ())
+    repeated = week.night(2, new_log=False)
+    assert (repeated.new, repeated.computed, repeated.written) == (False, False, ())
     assert files(week.config) == before
     assert week.calls == calls == 2
     assert len(reader.read(week.config.history).nights) == len(rows) == 2
 
 
-def test_an_earlier_night_again_changes_nothing_either(week: Week) -> None:
+def test_repeating_an_earlier_night_changes_nothing(week: Week) -> None:
     week.night(1)
     before = None
     week.night(2, new_log=False)
@@ -52,42 +52,42 @@ def test_an_earlier_night_again_changes_nothing_either(week: Week) -> None:
     assert os.readlink(week.config.reports / "latest") == str(day(2))
 
 
-def test_a_night_without_new_evidence_shares_its_figures_and_ages(week: Week) -> None:
+def test_a_night_without_new_evidence_reuses_results_and_ages(week: Week) -> None:
     first = week.night(1).night
-    done = week.night(4, new_log=False)
-    assert (done.new, done.computed, week.calls) == (True, False, 1)
-    assert (done.night.measured, done.night.gap) == (first.id, first.gap)
-    assert (done.night.evidence_age, done.night.stale) == (3, True)
-    assert done.night.evidence_since == day(1)
+    night_run = week.night(4, new_log=False)
+    assert (night_run.new, night_run.computed, week.calls) == (True, False, 1)
+    assert (night_run.night.measured, night_run.night.gap) == (first.id, first.gap)
+    assert (night_run.night.evidence_age, night_run.night.stale) == (3, True)
+    assert night_run.night.evidence_since == day(1)
     assert (first.evidence_age, first.stale) == (0, False)
-    fresh = week.night(5).night
-    assert (fresh.evidence_age, fresh.stale, week.calls) == (0, False, 2)
+    renewed = week.night(5).night
+    assert (renewed.evidence_age, renewed.stale, week.calls) == (0, False, 2)
 
 
-def test_logs_that_are_deleted_make_the_rest_no_newer(week: Week) -> None:
-    """A recorder that stopped is not hidden by old logs being cleared away."""
+def test_deleting_logs_does_not_renew_the_evidence(week: Week) -> None:
+    """Deleting old logs must not hide that recording has stopped."""
     drives = week.config.source.parent / "drives"
     for number in range(1, 4):
         week.night(number)
-    for number, gone in ((4, "day1"), (6, "day2")):
-        shutil.rmtree(drives / gone)
+    for number, deleted in ((4, "day1"), (6, "day2")):
+        shutil.rmtree(drives / deleted)
         night = week.night(number, new_log=False).night
         assert (night.evidence_since, night.evidence_age) == (day(3), number - 3)
     assert night.stale
 
 
-def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:
+def test_changed_evidence_replaces_the_night(week: Week) -> None:
     first = week.night(1)
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text("else\n")
     second = week.night(1, new_log=False)
-    found = reader.read(week.config.history)
-    assert [night.id for night in found.nights] == [1, 2]
-    assert found.of_configuration("lab")[0].key == second.night.key != first.night.key
+    loaded = reader.read(week.config.history)
+    assert [night.id for night in loaded.nights] == [1, 2]
+    assert loaded.of_configuration("lab")[0].key == second.night.key != first.night.key
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text(
         "time,x,y,heading\n0,1,0,0\n"
     )
-    back = week.night(1, new_log=False)
-    assert (back.new, back.computed, back.night.measured) == (True, False, 1)
+    restored = week.night(1, new_log=False)
+    assert (restored.new, restored.computed, restored.night.measured) == (True, False, 1)
     assert reader.read(week.config.history).of_configuration("lab")[0].id == 3
 
 
@@ -97,14 +97,14 @@ def test_what_changes_in_a_night_adds_a_row_that_counts(week: Week) -> None:
      {"axes": ("task",)}, {"stale_after": 9.0}, {"run": "dataaug"}],
     ids=lambda change: next(iter(change)),
 )  # fmt: skip
-def test_what_matters_in_the_configuration_is_measured_anew(week: Week, change: dict) -> None:
+def test_a_changed_configuration_is_measured_again(week: Week, change: dict) -> None:
     week.night(1)
     week.config = replace(week.config, **change)
     assert week.night(1, new_log=False).computed
 
 
 @pytest.mark.parametrize("name", ["reference", "golden", "features"])
-def test_other_files_are_known_by_their_content(week: Week, name: str) -> None:
+def test_other_files_are_identified_by_content(week: Week, name: str) -> None:
     path = week.config.source.parent / "file.json"
     path.write_text("1")
     week.config = replace(week.config, **{name: path})
@@ -119,7 +119,7 @@ def test_other_files_are_known_by_their_content(week: Week, name: str) -> None:
     ("name", "text"),
     [("net.toml", 'weights = "net.bin"\n'), ("net.json", '{"weights": "net.bin"}')],
 )
-def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> None:
+def test_a_network_is_identified_by_its_weights(week: Week, name: str, text: str) -> None:
     path = week.config.source.parent / name
     path.write_text(text)
     week.config = replace(week.config, features=path)
@@ -132,16 +132,16 @@ def test_a_network_is_known_by_its_weights(week: Week, name: str, text: str) -> 
     assert week.night(1, new_log=False).computed
 
 
-def test_a_new_generation_is_measured_anew_but_is_no_new_evidence(week: Week) -> None:
+def test_a_new_generation_is_measured_again_without_new_evidence(week: Week) -> None:
     week.night(1)
     with edit(week.config.store) as draft:
         draft.set_provenance("run:vanilla", {"remark": "published again"})
-    done = week.night(2, new_log=False)
-    assert done.computed
-    assert (done.night.evidence_since, done.night.evidence_age) == (day(1), 1)
+    night_run = week.night(2, new_log=False)
+    assert night_run.computed
+    assert (night_run.night.evidence_since, night_run.night.evidence_age) == (day(1), 1)
 
 
-def test_what_is_asked_of_the_same_logs_is_no_new_evidence(week: Week) -> None:
+def test_other_options_on_the_same_logs_are_no_new_evidence(week: Week) -> None:
     sysid, week.config = week.config.sysid, replace(week.config, sysid=None)
     first = week.night(1).night
     week.config = replace(week.config, sysid=sysid)
@@ -152,7 +152,7 @@ def test_what_is_asked_of_the_same_logs_is_no_new_evidence(week: Week) -> None:
     assert first.evidence == second.evidence != third.evidence
 
 
-def test_a_copy_under_way_does_not_count(week: Week) -> None:
+def test_partial_copies_are_ignored(week: Week) -> None:
     week.night(1)
     (week.config.source.parent / "drives" / ".real.csv.part").write_text("half")
     assert not week.night(1, new_log=False).new
@@ -164,30 +164,34 @@ def test_two_gates_share_a_history(week: Week) -> None:
         week.config, name="other", metrics=None, reports=week.config.reports / "other"
     )
     assert week.night(1, new_log=False).new
-    found = reader.read(week.config.history)
-    assert [len(found.of_configuration(name)) for name in ("lab", "other")] == [1, 1]
+    loaded = reader.read(week.config.history)
+    assert [len(loaded.of_configuration(name)) for name in ("lab", "other")] == [1, 1]
 
 
 @pytest.mark.parametrize(
-    ("error", "word", "code", "tag"),
+    ("error", "outcome", "code", "tag"),
     [(RequestError("ref.json: does\nnot fit"), "ERROR", 2, "error"),
      (InconclusiveError("3 images"), "INCONCLUSIVE", 3, "skipped")],
 )  # fmt: skip
-def test_a_night_that_cannot_be_measured_is_never_green(
-    week: Week, error: Exception, word: str, code: int, tag: str
+def test_a_night_that_cannot_be_measured_never_passes(
+    week: Week, error: Exception, outcome: str, code: int, tag: str
 ) -> None:
-    def refuse(store: object, config: object) -> dict:
+    def failing_measure(store: object, config: object) -> dict:
         raise error
 
-    def night() -> NightRun:
-        return nightly(week.config, day(2), refuse, week.estimate, nights.clock())
+    def run_night() -> NightRun:
+        return nightly(week.config, day(2), failing_measure, week.estimate, nights.clock())
 
     week.night(1)
     (week.config.source.parent / "drives" / "day1" / "real.csv").write_text("new\n")
-    done = night()
+    night_run = run_night()
     reason = " ".join(str(error).split())
-    assert (done.night.outcome, done.night.exit_code, done.night.reason) == (word, code, reason)
-    assert done.night.refused
+    assert (night_run.night.outcome, night_run.night.exit_code, night_run.night.reason) == (
+        outcome,
+        code,
+        reason,
+    )
+    assert night_run.night.refused
     case = ET.parse(week.config.reports / str(day(2)) / "junit.xml").find(".//testcase")
     assert case is not None
     assert (case.attrib["name"], case[0].tag) == ("headline", tag)
@@ -195,38 +199,38 @@ def test_a_night_that_cannot_be_measured_is_never_green(
     for name in ("report.html", "report.md", "report.json"):
         assert reason in (week.config.reports / str(day(2)) / name).read_text()
     assert week.config.metrics is not None
-    told = week.config.metrics.read_text()
-    lines = [line for line in told.splitlines() if 'axis="all"' in line]
-    assert [line for line in lines if line.endswith(" 1.0") and f'="{word}"' in line]
+    metrics_text = week.config.metrics.read_text()
+    lines = [line for line in metrics_text.splitlines() if 'axis="all"' in line]
+    assert [line for line in lines if line.endswith(" 1.0") and f'="{outcome}"' in line]
     assert [line for line in lines if "exit_code" in line and line.endswith(f" {code}.0")]
-    assert "s2r_gap{" not in told
+    assert "s2r_gap{" not in metrics_text
     before = files(week.config)
-    assert not night().new
+    assert not run_night().new
     assert files(week.config) == before
-    again = week.night(2, new_log=False)
-    assert (again.new, again.computed, again.night.exit_code) == (True, True, 0)
+    repeated = week.night(2, new_log=False)
+    assert (repeated.new, repeated.computed, repeated.night.exit_code) == (True, True, 0)
     assert [n.exit_code for n in reader.read(week.config.history).nights] == [0, code, 0]
 
 
-def test_a_simulator_that_cannot_be_identified_for_a_wrong_request_is_never_green(
+def test_a_failed_identification_request_never_passes(
     week: Week,
 ) -> None:
-    def wrong(sysid: object) -> list:
+    def failing_estimate(sysid: object) -> list:
         raise RequestError("one: no commands.csv")
 
-    assert nightly(week.config, day(1), week.measure, wrong).night.exit_code == 2
+    assert nightly(week.config, day(1), week.measure, failing_estimate).night.exit_code == 2
 
 
-def test_a_wrong_place_leaves_nothing(week: Week) -> None:
-    here = week.config.source.parent
-    before = sorted(here.rglob("*"))
+def test_an_invalid_run_writes_nothing(week: Week) -> None:
+    folder = week.config.source.parent
+    before = sorted(folder.rglob("*"))
     week.config = replace(week.config, run="unknown")
     with pytest.raises(RequestError, match="unknown"):
         nightly(week.config, day(1), week.measure, week.estimate)
-    assert sorted(here.rglob("*")) == before
+    assert sorted(folder.rglob("*")) == before
 
 
-def test_stale_evidence_passes_nothing_and_hides_no_failure(week: Week) -> None:
+def test_stale_evidence_is_inconclusive_and_hides_no_failure(week: Week) -> None:
     week.night(1)
     stale = week.night(4, new_log=False).night
     assert (stale.headline, stale.outcome, stale.exit_code) == ("PASS", "INCONCLUSIVE", 3)
@@ -234,31 +238,31 @@ def test_stale_evidence_passes_nothing_and_hides_no_failure(week: Week) -> None:
     assert week.night(9, new_log=False).night.exit_code == 1
 
 
-def test_two_gates_do_not_overwrite_each_other(week: Week) -> None:
+def test_two_gates_cannot_share_output_files(week: Week) -> None:
     week.night(1)
     before, gate = files(week.config), week.config
     assert gate.metrics is not None
-    for name, places in (("reports", {"metrics": gate.source.parent / "other.prom"}),
+    for name, paths in (("reports", {"metrics": gate.source.parent / "other.prom"}),
                          ("metrics", {"reports": gate.reports / "other"})):  # fmt: skip
-        week.config = replace(gate, name="other", **places)
+        week.config = replace(gate, name="other", **paths)
         with pytest.raises(RequestError, match=rf"output\.{name}: .* belongs to the gate 'lab'"):
             week.night(1, new_log=False)
     assert files(gate) == before
     assert week.calls == 1
 
 
-def test_evidence_that_changes_meanwhile_is_refused(week: Week) -> None:
-    def slow(store: object, config: NightlyConfig) -> dict:
+def test_evidence_that_changes_during_the_measurement_is_rejected(week: Week) -> None:
+    def measure_with_new_log(store: object, config: NightlyConfig) -> dict:
         (config.source.parent / "drives" / "late.csv").write_text("new")
         return week.measure(store, config)
 
     with pytest.raises(RequestError, match="changed during the measurement"):
-        nightly(week.config, day(1), slow, week.estimate)
+        nightly(week.config, day(1), measure_with_new_log, week.estimate)
     assert not week.config.history.exists()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_place_that_cannot_be_written_is_named_before_measuring(week: Week) -> None:
+def test_an_unwritable_path_is_reported_before_measuring(week: Week) -> None:
     week.config.store.chmod(0o555)
     try:
         with pytest.raises(RequestError, match=r"output\.history"):
@@ -268,38 +272,42 @@ def test_a_place_that_cannot_be_written_is_named_before_measuring(week: Week) ->
     assert week.calls == 0
 
 
-def test_a_place_inside_a_file_is_named_before_measuring(week: Week) -> None:
+def test_a_path_below_a_file_is_reported_before_measuring(week: Week) -> None:
     week.config = replace(week.config, reports=week.config.source / "reports")
     with pytest.raises(RequestError, match=r"output\.reports"):
         week.night(1)
     assert week.calls == 0
 
 
-def test_the_outcome_obeys_the_golden_run(week: Week) -> None:
-    def worse(store, config) -> dict:
+def test_a_failed_golden_run_fails_the_night(week: Week) -> None:
+    def report_with_regression(store, config) -> dict:
         return nights.report(store, {"task": 5.0}, golden=nights.golden(0.2))
 
-    done = nightly(week.config, day(1), worse, week.estimate)
-    assert (done.night.headline, done.night.golden, done.night.outcome) == ("PASS", "FAIL", "FAIL")
-    assert done.night.exit_code == 1
+    night_run = nightly(week.config, day(1), report_with_regression, week.estimate)
+    assert (night_run.night.headline, night_run.night.golden, night_run.night.outcome) == (
+        "PASS",
+        "FAIL",
+        "FAIL",
+    )
+    assert night_run.night.exit_code == 1
 
 
 def test_without_a_reference_only_the_golden_run_is_judged(week: Week) -> None:
     verdict = {"outcome": "INCONCLUSIVE", "threshold": 15.0, "worst": None, "gap": None,
                "gap_low": None, "gap_high": None, "reason": "no reference"}  # fmt: skip
 
-    def fine(store, config) -> dict:
+    def golden_passes(store, config) -> dict:
         return nights.report(store, {"task": 5.0}, golden=nights.golden(0.0), reference=None,
                              verdict=verdict)  # fmt: skip
 
-    def nothing(store, config) -> dict:
-        return fine(store, config) | {"golden": None}
+    def without_golden(store, config) -> dict:
+        return golden_passes(store, config) | {"golden": None}
 
-    assert nightly(week.config, day(1), fine, week.estimate).night.exit_code == 0
+    assert nightly(week.config, day(1), golden_passes, week.estimate).night.exit_code == 0
     week.config = replace(week.config, seed=9)
-    done = nightly(week.config, day(2), nothing, week.estimate)
-    assert (done.night.exit_code, done.night.worst) == (3, None)
+    night_run = nightly(week.config, day(2), without_golden, week.estimate)
+    assert (night_run.night.exit_code, night_run.night.worst) == (3, None)
 
 
-def test_nights_are_counted_in_days() -> None:
+def test_nights_are_numbered_by_days() -> None:
     assert day(7) - day(1) == datetime.timedelta(days=6)

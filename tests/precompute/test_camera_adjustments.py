@@ -1,4 +1,4 @@
-"""Runs whose cameras are moved: their frames, their rigs and everything that is made of them."""
+"""Runs with moved cameras: their frames, rigs and derived results."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.state import HeatChoice
-from tests.support.copies import copied
-from tests.support.silent_reporter import Quiet
+from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
 @pytest.fixture(scope="module")
-def store(moved_world: Path) -> Store:
-    return s2rstore.open(moved_world)
+def store(moved_camera_store: Path) -> Store:
+    return s2rstore.open(moved_camera_store)
 
 
 def array(store: Store, run: str, *names: str | None) -> np.ndarray:
     return np.asarray(store.array(run, *names)[1][:])
 
 
-def test_zero_everywhere_gives_the_very_same_bytes(store: Store) -> None:
+def test_zero_adjustments_give_identical_results(store: Store) -> None:
     assert store.run("zero").sim_adjustments != []
     for record in store.arrays("zero"):
         names = record.kind, record.side, record.mode
@@ -56,24 +56,24 @@ def test_zero_everywhere_gives_the_very_same_bytes(store: Store) -> None:
         assert (run_frame(store, run, side, 3).rgb == store.frame(3, side).rgb).all()
 
 
-def test_only_the_moved_side_has_frames_of_its_own(store: Store, moved_world: Path) -> None:
-    kept = {
+def test_only_the_moved_side_has_rendered_frames(store: Store, moved_camera_store: Path) -> None:
+    frame_arrays = {
         run: sorted((r.kind, r.side) for r in store.arrays(run) if r.kind.startswith("frames:"))
         for run in ("vanilla", "zero", "up", "low")
     }
-    assert kept["vanilla"] == kept["zero"] == []
-    assert kept["up"] == [("frames:depth", "sim"), ("frames:rgb", "sim")]
-    assert kept["low"] == [("frames:depth", "real"), ("frames:rgb", "real")]
+    assert frame_arrays["vanilla"] == frame_arrays["zero"] == []
+    assert frame_arrays["up"] == [("frames:depth", "sim"), ("frames:rgb", "sim")]
+    assert frame_arrays["low"] == [("frames:depth", "real"), ("frames:rgb", "real")]
     assert (array(store, "up", "prediction", "real")
             == array(store, "vanilla", "prediction", "real")).all()  # fmt: skip
     assert (array(store, "up", "prediction", "sim")
             != array(store, "vanilla", "prediction", "sim")).any()  # fmt: skip
     assert "frames:rgb" not in {kind for kind, _ in heatmap_choices(store, "up")}
-    assert verify(moved_world) == []
+    assert verify(moved_camera_store) == []
 
 
 def floor_heights(depth: np.ndarray, domain: Domain) -> np.ndarray:
-    """Heights of what the lowest rows of one view show: the floor, where nothing stands there."""
+    """Heights of the points in the lowest rows of a view; unobstructed, they are on the floor."""
     size = depth.shape[0]
     beams = rays(domain.depth, np.arange(size) + 0.5, np.arange(size) + 0.5)
     metres = depth[None] * np.float64(domain.depth_scale)
@@ -81,32 +81,32 @@ def floor_heights(depth: np.ndarray, domain: Domain) -> np.ndarray:
     return height[depth[-12:] > 0]
 
 
-def test_depth_lies_on_the_floor_through_the_moved_rig_alone(store: Store) -> None:
+def test_depth_matches_the_floor_only_with_the_moved_rig(store: Store) -> None:
     run = store.run("up")
     moved, declared = run_domain(store, run, "sim"), store.domains["sim"]
     assert moved.camera_height == pytest.approx(declared.camera_height + 0.1)
-    right, wrong = [], []
+    moved_rig_errors, declared_rig_errors = [], []
     for iid in range(len(store.instances)):
         depth = run_frame(store, run, "sim", iid).depth
-        right.append(np.median(np.abs(floor_heights(depth, moved))))
-        wrong.append(np.median(np.abs(floor_heights(depth, declared))))
-    assert np.median(right) < 0.01
-    assert np.median(wrong) > 0.03
+        moved_rig_errors.append(np.median(np.abs(floor_heights(depth, moved))))
+        declared_rig_errors.append(np.median(np.abs(floor_heights(depth, declared))))
+    assert np.median(moved_rig_errors) < 0.01
+    assert np.median(declared_rig_errors) > 0.03
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_a_hair_of_a_move_renders_what_is_stored(store: Store, side: str) -> None:
-    """Poses and the noise of each view are those of its instance."""
+def test_a_tiny_move_renders_the_stored_frames(store: Store, side: str) -> None:
+    """Poses and noise of each view are those of its instance."""
     n = len(store.instances)
     rgb, depth = open_renderer(store, side).frames(side, 0, n, RigOffset(height=1e-7))
-    held = store.frames(side, 0, n)
-    away = np.abs(rgb.astype(np.float32) - held["rgb"]) > 3
-    far = np.abs(depth.astype(np.float32) - held["depth"]) > 20
-    assert away.mean(axis=(1, 2, 3)).max() < 0.01
-    assert far.mean(axis=(1, 2)).max() < 0.01
+    stored = store.frames(side, 0, n)
+    differs_rgb = np.abs(rgb.astype(np.float32) - stored["rgb"]) > 3
+    differs_depth = np.abs(depth.astype(np.float32) - stored["depth"]) > 20
+    assert differs_rgb.mean(axis=(1, 2, 3)).max() < 0.01
+    assert differs_depth.mean(axis=(1, 2)).max() < 0.01
 
 
-def test_predictions_are_of_the_rendered_and_adjusted_images(store: Store) -> None:
+def test_predictions_use_the_rendered_and_adjusted_images(store: Store) -> None:
     run, model = store.run("up"), load_model(store, "vanilla")
     images = run_frames(store, run, "sim", 2, 5)
     rgb, depth = apply_chain(
@@ -118,44 +118,46 @@ def test_predictions_are_of_the_rendered_and_adjusted_images(store: Store) -> No
     x = preprocess(rgb, depth, 0.001, (128, 128))
     with torch.inference_mode():
         poses = model.convention.decode(model.network(torch.from_numpy(x))).numpy()
-    found = array(store, "up", "prediction", "sim")[2:5]
-    np.testing.assert_allclose(found[:, :2], poses[:, :2], atol=1e-3)
+    predictions = array(store, "up", "prediction", "sim")[2:5]
+    np.testing.assert_allclose(predictions[:, :2], poses[:, :2], atol=1e-3)
 
 
-def test_one_frame_is_a_row_of_many(store: Store) -> None:
+def test_a_single_frame_equals_a_row_of_a_batch(store: Store) -> None:
     run = store.run("low")
-    many = run_frames(store, run, "real", 1, 4)
-    one = run_frame(store, run, "real", 2)
-    assert (one.rgb == many["rgb"][1]).all()
-    assert (one.depth == many["depth"][1]).all()
-    assert (one.valid == (one.depth > 0)).all()
+    batch = run_frames(store, run, "real", 1, 4)
+    single = run_frame(store, run, "real", 2)
+    assert (single.rgb == batch["rgb"][1]).all()
+    assert (single.depth == batch["depth"][1]).all()
+    assert (single.valid == (single.depth > 0)).all()
     with pytest.raises(RequestError, match=r"instance 99: the store holds 0 \.\. 7"):
         run_frame(store, run, "real", 99)
 
 
 @pytest.mark.parametrize("kind", ["feature_distance", "harmonised_distance"])
 @pytest.mark.parametrize(("run", "side"), [("up", "sim"), ("up", "real"), ("low", "real")])
-def test_the_application_projects_like_the_precompute(
+def test_the_application_projects_heatmaps_like_precompute(
     store: Store, run: str, side: str, kind: str
 ) -> None:
-    whole = store.map_grid(run, kind, side, None, "count")
-    total = np.zeros_like(whole)
+    stored_grid = store.map_grid(run, kind, side, None, "count")
+    total = np.zeros_like(stored_grid)
     for iid in range(len(store.instances)):
         total += np.isfinite(instance_grid(store, run, HeatChoice(kind, None, side), iid))
-    assert ((total > 0) == (whole > 0)).all()
-    plain = store.map_grid("vanilla", kind, side, None, "count")
-    own_rig_is_moved = (run, side) != ("up", "real")
-    assert ((plain > 0) != (whole > 0)).any() == (own_rig_is_moved or kind != "feature_distance")
+    assert ((total > 0) == (stored_grid > 0)).all()
+    unadjusted_grid = store.map_grid("vanilla", kind, side, None, "count")
+    rig_is_moved = (run, side) != ("up", "real")
+    assert ((unadjusted_grid > 0) != (stored_grid > 0)).any() == (
+        rig_is_moved or kind != "feature_distance"
+    )
 
 
-def test_the_counterfactual_with_all_factors_is_the_stored_error(store: Store) -> None:
-    """The real side through each run's own camera."""
-    judges = [
+def test_the_counterfactual_with_all_factors_equals_the_stored_error(store: Store) -> None:
+    """The real side is rendered with the camera of each run."""
+    backends = [
         (store.run(name), open_backend(load_model(store, "vanilla"), "torch"))
         for name in ("vanilla", "low")
     ]
     truth = GroundTruth(store)
-    table = Counterfactuals(truth, judges, 8)
+    table = Counterfactuals(truth, backends, 8)
     errors = table.errors({"real": table.active})["real"]
     for name in ("vanilla", "low"):
         stored = store.run_columns(name).real.error[table.iids]
@@ -168,18 +170,18 @@ def test_the_counterfactual_with_all_factors_is_the_stored_error(store: Store) -
     ).any()
 
 
-def test_moved_cameras_need_a_renderer(tiny_store: Path, own_store: Path) -> None:
+def test_moved_cameras_need_a_renderer(tiny_store: Path, store_copy: Path) -> None:
     with s2rstore.open(tiny_store) as opened:
         assert "not rendered" in str(no_renderer_reason(opened))
         with pytest.raises(RequestError, match="taken, not rendered"):
             open_renderer(opened, "sim")
     with pytest.raises(RequestError, match="taken, not rendered"):
-        add_run(own_store, "up", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
-    add_run(own_store, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
+        add_run(store_copy, "up", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
+    add_run(store_copy, "same", "vanilla", None, None, parse_adjustment("sim:camera_height=0"))
 
 
-def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "other.s2r")
+def test_a_world_with_other_images_is_rejected(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "other.s2r")
     with s2rstore.open(path) as opened:
         assert no_renderer_reason(opened) is None
         recipe = json.loads(opened.provenance("world")["recipe"])
@@ -187,23 +189,25 @@ def test_a_world_that_is_rendered_otherwise_is_refused(moved_world: Path, tmp_pa
         draft.set_provenance("world", {"recipe": recipe | {"seed": 3}})
     with pytest.raises(RequestError, match="its images are not what this version renders"):
         add_run(path, "more", "vanilla", None, None, parse_adjustment("sim:camera_height=0.1"))
-    twice = parse_adjustment("sim:camera_height=-0.4,camera_height=-0.3")
+    repeated = parse_adjustment("sim:camera_height=-0.4,camera_height=-0.3")
     with pytest.raises(RequestError, match="camera_height twice"):
-        add_run(path, "sunk", "vanilla", None, None, twice)
+        add_run(path, "sunk", "vanilla", None, None, repeated)
 
 
-def test_frames_are_neither_pruned_nor_made_again(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "pruned.s2r")
+def test_rendered_frames_are_not_pruned_or_recomputed(
+    moved_camera_store: Path, tmp_path: Path
+) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "pruned.s2r")
     prune(path, keep=1)
     assert verify(path) == []
-    told = Quiet()
+    reporter = SilentReporter()
     kinds = ("feature_distance", "pixel_difference", "harmonised_distance")
-    assert precompute(path, told, ["up"], PrecomputeOptions(kinds)) == []
-    assert told.lines == ["up: up to date"]
+    assert precompute(path, reporter, ["up"], PrecomputeOptions(kinds)) == []
+    assert reporter.lines == ["up: up to date"]
 
 
-def test_frames_that_are_not_computed_yet_say_so(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "later.s2r")
+def test_uncomputed_frames_are_an_error(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "later.s2r")
     add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)

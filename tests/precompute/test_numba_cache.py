@@ -1,4 +1,4 @@
-"""Compiled functions of libraries are kept between processes."""
+"""Compiled numba functions of libraries are cached between processes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from s2rtools.common.numba_cache import cached
 
 
-def test_a_library_imported_inside_keeps_its_functions(
+def test_libraries_imported_in_the_context_are_cached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     code = "import numba\n@numba.njit\ndef twice(x):\n    return 2 * x\n"
@@ -20,9 +20,9 @@ def test_a_library_imported_inside_keeps_its_functions(
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     with cached():
-        kept = importlib.import_module("kept_library")
-    plain = importlib.import_module("plain_library")
-    assert (kept.twice(2), plain.twice(2)) == (4, 4)
+        cached_library = importlib.import_module("kept_library")
+    other_library = importlib.import_module("plain_library")
+    assert (cached_library.twice(2), other_library.twice(2)) == (4, 4)
     files = [path.name for path in (tmp_path / "cache").rglob("*.nbc")]
     assert files
     assert all("kept_library" in name for name in files)

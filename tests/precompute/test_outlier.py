@@ -1,4 +1,4 @@
-"""Outlier scores: right against brute force, and added to a store without computing the rest."""
+"""Outlier scores: compared with brute force, and added alone to older stores."""
 
 from __future__ import annotations
 
@@ -15,79 +15,85 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtui.session.heatmaps import heatmap_choices
-from tests.precompute.test_pipeline import Quiet
+from tests.precompute.test_pipeline import SilentReporter
 
-FEW = PrecomputeOptions(kinds=("feature_distance",))
+FEATURE_DISTANCE_ONLY = PrecomputeOptions(kinds=("feature_distance",))
 
 
-def brute(points: np.ndarray, sample: np.ndarray, count: int = 10) -> np.ndarray:
-    found = np.full(len(points), np.nan)
+def distances_by_brute_force(points: np.ndarray, sample: np.ndarray, count: int = 10) -> np.ndarray:
+    distances = np.full(len(points), np.nan)
     for i in range(len(points)):
         others = sample[sample != i]
         if np.isfinite(points[i]).all() and others.size:
-            away = np.sort(np.linalg.norm(points[others] - points[i].astype(np.float64), axis=1))
-            found[i] = away[:count].mean()
-    return found
+            neighbour_distances = np.sort(
+                np.linalg.norm(points[others] - points[i].astype(np.float64), axis=1)
+            )
+            distances[i] = neighbour_distances[:count].mean()
+    return distances
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 11, 12, 300])
 @pytest.mark.parametrize("limit", [8, 40, 1000])
-def test_distances_are_those_of_brute_force(n: int, limit: int) -> None:
+def test_distances_equal_brute_force(n: int, limit: int) -> None:
     rng = np.random.default_rng(n)
     points = rng.normal(size=(n, 6)).astype(np.float32)
-    points[7::9] = points[0]  # equal embeddings are neighbours at no distance
+    points[7::9] = points[0]  # equal embeddings have distance 0
     points[5::11] = np.nan
     settings = outliers.OutlierSettings(sample=limit)
     sample = sample_rows(np.isfinite(points[:, 0]), limit, settings.seed)
     assert sample.size <= limit
-    found = outliers.neighbour_distance(
+    distances = outliers.neighbour_distance(
         points, np.arange(n), points[sample], sample, settings=settings
     )
-    assert np.allclose(found, brute(points, sample), atol=1e-5, equal_nan=True)
+    assert np.allclose(
+        distances, distances_by_brute_force(points, sample), atol=1e-5, equal_nan=True
+    )
 
 
 def test_scores_are_multiples_of_the_median() -> None:
     scores = outliers.outlier_scores(np.array([1, 2, 4, np.nan, 6, 2], np.float32))
     assert np.array_equal(scores, [0.5, 1, 2, np.nan, 3, 1], equal_nan=True)
-    for nothing in (np.zeros(4), np.full(3, np.nan), np.empty(0)):
-        assert np.isnan(outliers.outlier_scores(nothing.astype(np.float32))).all()
+    for without_scores in (np.zeros(4), np.full(3, np.nan), np.empty(0)):
+        assert np.isnan(outliers.outlier_scores(without_scores.astype(np.float32))).all()
 
 
-def test_equal_embeddings_have_no_outlier() -> None:
+def test_equal_embeddings_have_no_outliers() -> None:
     rng = np.random.default_rng(0)
     points = np.float32(900) * (1 + rng.normal(size=(60, 4)).astype(np.float32) * 1e-8)
-    found = outliers.neighbour_distance(points, np.arange(60), points, np.arange(60))
-    assert np.isnan(outliers.outlier_scores(found)).all()
+    distances = outliers.neighbour_distance(points, np.arange(60), points, np.arange(60))
+    assert np.isnan(outliers.outlier_scores(distances)).all()
 
 
 @pytest.fixture(scope="module")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("outlier") / "s.s2r"
-    shutil.copytree(trained, path)
-    assert precompute(path, Quiet(), ["vanilla"], FEW) == ["vanilla"]
+    shutil.copytree(trained_store, path)
+    assert precompute(path, SilentReporter(), ["vanilla"], FEATURE_DISTANCE_ONLY) == ["vanilla"]
     return path
 
 
-def test_the_index_holds_the_scores_of_the_components(computed: Path) -> None:
+def test_the_index_contains_the_outlier_scores(computed: Path) -> None:
     with s2rstore.open(computed) as store:
         for side in ("sim", "real"):
             points = np.asarray(store.array("vanilla", "pca", side)[1][:])
-            away = brute(points, np.arange(len(points)))
+            neighbour_distances = distances_by_brute_force(points, np.arange(len(points)))
             scores = store.run_columns("vanilla").side(side).outlier
-            assert np.allclose(scores, away / np.median(away), rtol=1e-4)
-        seen = store.execute("SELECT max(abs(sim_outlier)), count(real_outlier) FROM pair")[0]
-        assert seen[0] == pytest.approx(store.run_columns("vanilla").sim.outlier.max())
-        assert seen[1] == len(store.instances)
+            assert np.allclose(
+                scores, neighbour_distances / np.median(neighbour_distances), rtol=1e-4
+            )
+        stored_row = store.execute("SELECT max(abs(sim_outlier)), count(real_outlier) FROM pair")[0]
+        assert stored_row[0] == pytest.approx(store.run_columns("vanilla").sim.outlier.max())
+        assert stored_row[1] == len(store.instances)
 
 
-def test_distances_are_no_heatmap_to_look_at(computed: Path) -> None:
+def test_distances_are_not_offered_as_heatmaps(computed: Path) -> None:
     with s2rstore.open(computed) as store:
         assert heatmap_choices(store, "vanilla") == [("feature_distance", None)]
 
 
 @pytest.mark.parametrize("column", [True, False])
-def test_only_what_is_missing_is_computed(computed: Path, tmp_path: Path, column: bool) -> None:
-    """A store of an earlier release: no scores, with or without the column for them."""
+def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path, column: bool) -> None:
+    """A store of an earlier release without scores, with or without their column."""
     path = tmp_path / "s.s2r"
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
@@ -103,30 +109,30 @@ def test_only_what_is_missing_is_computed(computed: Path, tmp_path: Path, column
             draft._connection.execute("DROP VIEW pair")
             draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
     written = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("*") if p.is_file()}
-    told = Quiet()
-    assert precompute(path, told, ["vanilla"], FEW) == ["vanilla"]
-    assert told.steps == 40
+    reporter = SilentReporter()
+    assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == ["vanilla"]
+    assert reporter.steps == 40
     assert {p: p.stat().st_mtime_ns for p in written} == written
     with s2rstore.open(path) as store:
         assert store.execute("SELECT * FROM pair ORDER BY iid") == before
         assert {record.path for record in store.arrays("vanilla")} == arrays
     assert verify(path) == []
-    assert precompute(path, told, ["vanilla"], FEW) == []
+    assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == []
 
 
-def test_several_units_are_one_score(
+def test_several_work_units_give_the_same_scores(
     computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "s.s2r"
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
-        whole = store.run_columns("vanilla").sim.outlier
+        scores_at_once = store.run_columns("vanilla").sim.outlier
     for folder in path.glob(f"runs.zarr/*/*/{outliers.KIND}.*"):
         shutil.rmtree(folder)
     with edit(path) as draft:
         draft.delete("zarr_array", kind=outliers.KIND)
     monkeypatch.setattr("s2rtools.precompute.tasks.outliers.OUTLIER_ROWS", 32)
-    precompute(path, Quiet(), ["vanilla"], FEW)
+    precompute(path, SilentReporter(), ["vanilla"], FEATURE_DISTANCE_ONLY)
     with s2rstore.open(path) as store:
-        assert np.allclose(store.run_columns("vanilla").sim.outlier, whole, rtol=1e-6)
+        assert np.allclose(store.run_columns("vanilla").sim.outlier, scores_at_once, rtol=1e-6)
     assert verify(path) == []

@@ -1,4 +1,4 @@
-"""From images to published rows: right, resumable, and safe to kill."""
+"""Precompute: correct, resumable results that survive a killed process."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from s2rtools.precompute.registration import add_run
 pytestmark = pytest.mark.xdist_group("computed")
 
 
-class Quiet:
-    """A reporter that counts."""
+class SilentReporter:
+    """A reporter that counts the steps."""
 
     def __init__(self) -> None:
         self.steps = 0
@@ -45,21 +45,21 @@ class Quiet:
 
 
 @pytest.fixture(scope="session")
-def computed(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same store, all runs computed."""
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which all runs are computed."""
     path = tmp_path_factory.mktemp("computed") / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     add_run(path, "black", "vanilla", None, None, parse_adjustment("real:black"))
     add_run(path, "bright", "vanilla", None, None, parse_adjustment("real:brightness=1.15"))
-    assert precompute(path, Quiet(), ["vanilla"]) == ["vanilla"]
-    assert precompute(path, Quiet(), ["black", "bright"], PrecomputeOptions(())) == [
+    assert precompute(path, SilentReporter(), ["vanilla"]) == ["vanilla"]
+    assert precompute(path, SilentReporter(), ["black", "bright"], PrecomputeOptions(())) == [
         "black",
         "bright",
     ]
     return path
 
 
-def test_predictions_are_the_networks(computed: Path) -> None:
+def test_predictions_equal_the_network_output(computed: Path) -> None:
     with s2rstore.open(computed) as store:
         model = load_model(store, "vanilla")
         columns = store.run_columns("vanilla")
@@ -74,18 +74,18 @@ def test_predictions_are_the_networks(computed: Path) -> None:
                 part = columns.side(side)
                 assert [part.x[iid], part.y[iid]] == pytest.approx([px, py], abs=1e-4)
                 assert angles.distance(part.heading[iid], heading) < 1e-4
-                off = np.hypot(px - truth.x[iid], py - truth.y[iid])
-                assert part.error[iid] == pytest.approx(off, abs=1e-4)
+                distance = np.hypot(px - truth.x[iid], py - truth.y[iid])
+                assert part.error[iid] == pytest.approx(distance, abs=1e-4)
     assert verify(computed) == []
 
 
-def test_a_black_input_gives_one_prediction_for_all(computed: Path) -> None:
+def test_black_input_gives_a_constant_prediction(computed: Path) -> None:
     with s2rstore.open(computed) as store:
-        black, plain = store.run_columns("black"), store.run_columns("vanilla")
+        black_columns, unadjusted = store.run_columns("black"), store.run_columns("vanilla")
         for name in ("x", "y", "heading"):
-            assert np.ptp(getattr(black.real, name)) < 1e-6
-            assert (getattr(black.sim, name) == getattr(plain.sim, name)).all()
-        assert (store.run_columns("bright").real.x != plain.real.x).any()
+            assert np.ptp(getattr(black_columns.real, name)) < 1e-6
+            assert (getattr(black_columns.sim, name) == getattr(unadjusted.sim, name)).all()
+        assert (store.run_columns("bright").real.x != unadjusted.real.x).any()
 
 
 def test_every_array_is_complete_and_finite(computed: Path) -> None:
@@ -104,81 +104,85 @@ def test_every_array_is_complete_and_finite(computed: Path) -> None:
         counts = store.map_grid("vanilla", "feature_distance", "sim", aggregate="count")
         mean = store.map_grid("vanilla", "feature_distance", "sim")
         total = store.map_grid("vanilla", "feature_distance", "sim", aggregate="sum")
-        seen = counts > 0
-        assert (np.isnan(mean) == ~seen).all()
-        assert np.allclose(mean[seen], total[seen] / counts[seen], rtol=1e-4)
+        has_values = counts > 0
+        assert (np.isnan(mean) == ~has_values).all()
+        assert np.allclose(mean[has_values], total[has_values] / counts[has_values], rtol=1e-4)
 
 
-def test_instances_known_to_the_model_are_marked(computed: Path) -> None:
+def test_training_instances_are_marked(computed: Path) -> None:
     with s2rstore.open(computed) as store:
-        found = dict(
+        counts = dict(
             store.execute(
                 "SELECT side || split, count(*) FROM prediction WHERE run = 'vanilla' GROUP BY ALL"
             )
         )
-    assert found["realunseen"] == 40
-    assert found["simtrain"] + found["simvalidation"] + found["simtest"] == 40
-    assert min(found.values()) > 0
+    assert counts["realunseen"] == 40
+    assert counts["simtrain"] + counts["simvalidation"] + counts["simtest"] == 40
+    assert min(counts.values()) > 0
 
 
 def test_nothing_is_computed_twice(computed: Path, tmp_path: Path) -> None:
     generation = layout.read_current(computed).generation
-    told = Quiet()
-    assert precompute(computed, told, ["vanilla"]) == []
-    assert (told.steps, told.lines) == (0, ["vanilla: up to date"])
+    reporter = SilentReporter()
+    assert precompute(computed, reporter, ["vanilla"]) == []
+    assert (reporter.steps, reporter.lines) == (0, ["vanilla: up to date"])
     assert layout.read_current(computed).generation == generation
 
 
 def test_several_workers_give_the_same_values(
-    computed: Path, trained: Path, tmp_path: Path
+    computed: Path, trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     kinds = ("feature_distance", "occlusion")
-    precompute(path, Quiet(), [], PrecomputeOptions(kinds, workers=2))
+    precompute(path, SilentReporter(), [], PrecomputeOptions(kinds, workers=2))
     assert verify(path) == []
-    _same(path, computed, 1e-5)
+    _assert_equal_arrays(path, computed, 1e-5)
 
 
-def _same(path: Path, reference: Path, tolerance: float) -> None:
+def _assert_equal_arrays(path: Path, reference: Path, tolerance: float) -> None:
     with s2rstore.open(path) as store, s2rstore.open(reference) as other:
         assert store.run("vanilla").key == other.run("vanilla").key
         for record in store.arrays("vanilla"):
             if record.kind in ("pca", "umap"):
                 continue
             names = record.kind, record.side, record.mode
-            mine = np.asarray(store.array("vanilla", *names)[1][:], dtype=np.float64)
-            theirs = np.asarray(other.array("vanilla", *names)[1][:], dtype=np.float64)
-            assert np.allclose(mine, theirs, atol=tolerance, rtol=1e-3, equal_nan=True), record
+            computed_array = np.asarray(store.array("vanilla", *names)[1][:], dtype=np.float64)
+            reference_array = np.asarray(other.array("vanilla", *names)[1][:], dtype=np.float64)
+            assert np.allclose(
+                computed_array, reference_array, atol=tolerance, rtol=1e-3, equal_nan=True
+            ), record
 
 
-def test_kill_9_loses_only_what_was_in_flight(
-    computed: Path, trained: Path, tmp_path: Path
+def test_a_killed_precompute_loses_only_unfinished_units(
+    computed: Path, trained_store: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(trained, path)
+    shutil.copytree(trained_store, path)
     before = layout.read_current(path).generation
     for number in range(3):
-        _killed(path, tmp_path, number)
-        assert layout.read_current(path).generation <= before + 1  # the rigs' alignment
+        _start_and_kill(path, tmp_path, number)
+        assert (
+            layout.read_current(path).generation <= before + 1
+        )  # the rig calibration may be published
         with s2rstore.open(path) as store:
             assert store.run("vanilla").key is None
     proven = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("0") if p.is_file()}
     assert proven
-    precompute(path, Quiet())
+    precompute(path, SilentReporter())
     assert verify(path) == []
     assert {p: p.stat().st_mtime_ns for p in proven} == proven
-    _same(path, computed, 0)
+    _assert_equal_arrays(path, computed, 0)
 
 
-def _killed(path: Path, tmp_path: Path, number: int) -> None:
+def _start_and_kill(path: Path, tmp_path: Path, number: int) -> None:
     """Start a precompute and kill it once it has added to the ledger."""
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path)]
-    seen = _ledger_lines(path)
+    lines_before = _ledger_lines(path)
     with (tmp_path / f"{number}.log").open("w") as log:
         process = subprocess.Popen(command, stderr=log, stdout=log)
         deadline = time.monotonic() + 120
-        while _ledger_lines(path) == seen and process.poll() is None:
+        while _ledger_lines(path) == lines_before and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
@@ -189,19 +193,19 @@ def _ledger_lines(path: Path) -> int:
     return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
 
 
-def test_wrong_requests_name_what_could_be(trained: Path) -> None:
+def test_invalid_requests_list_the_valid_values(trained_store: Path) -> None:
     with pytest.raises(RequestError, match="runs: vanilla"):
-        precompute(trained, Quiet(), ["nothing"])
+        precompute(trained_store, SilentReporter(), ["nothing"])
     with pytest.raises(RequestError, match="activation"):
-        precompute(trained, Quiet(), [], PrecomputeOptions(("heat",)))
+        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(("heat",)))
     with pytest.raises(RequestError, match="backend"):
-        precompute(trained, Quiet(), [], PrecomputeOptions(backend="abacus"))
+        precompute(trained_store, SilentReporter(), [], PrecomputeOptions(backend="abacus"))
     with pytest.raises(RequestError, match="models: vanilla"):
-        add_run(trained, "x", "nothing", None, None, {"sim": [], "real": []})
+        add_run(trained_store, "x", "nothing", None, None, {"sim": [], "real": []})
 
 
 @pytest.mark.parametrize("codes", [[], [3], [0, 0, 1, 3, 3, 0]])
-def test_splits_survive_their_text(codes: list[int]) -> None:
+def test_splits_can_be_encoded_and_decoded(codes: list[int]) -> None:
     array = np.array(codes, dtype=np.int8)
     if codes:
         assert decode_split(encode_split(array), len(codes)).tolist() == codes

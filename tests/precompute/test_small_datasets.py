@@ -1,4 +1,4 @@
-"""Data sets of a few instances, and two processes that want the same name."""
+"""Data sets with few instances, and simultaneous requests for one run name."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ def test_few_instances_have_a_projection(n: int) -> None:
         assert np.isfinite(plane).all()
 
 
-def test_no_valid_instance_has_no_projection() -> None:
+def test_without_valid_instances_there_is_no_projection() -> None:
     side = np.ones((5, 16), np.float16)
     sim, _, _ = principal_components((side, side), np.zeros(5, bool))
     assert np.isnan(sim).all()
 
 
-def test_a_name_is_given_once(own_store: Path) -> None:
+def test_a_run_name_is_assigned_once(store_copy: Path) -> None:
     def add(_: int) -> bool:
         try:
-            add_run(own_store, "dup", "vanilla", None, None, {"sim": [], "real": []})
+            add_run(store_copy, "dup", "vanilla", None, None, {"sim": [], "real": []})
         except RequestError:
             return False
         return True
 
     with ThreadPoolExecutor(3) as pool:
         assert sorted(pool.map(add, range(3))) == [False, False, True]
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.execute("SELECT count(*) FROM run WHERE run = 'dup'") == [(1,)]
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
-def test_a_split_of_another_data_set_is_refused() -> None:
+def test_a_split_of_another_data_set_is_rejected() -> None:
     codes = np.array([0, 0, 1, 2], np.int8)
     assert (decode_split(encode_split(codes), 4) == codes).all()
     assert decode_split("[]", 0).size == 0

@@ -1,4 +1,4 @@
-"""Worlds whose truth is simple: with object changes only, and with other factors only."""
+"""Scores on worlds with simple ground truth: only object changes, or only other factors."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from s2rtools.scoring.heatmap_metrics import floor_truth
 from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 pytestmark = pytest.mark.xdist_group("world")
 
 KINDS = ("pixel_difference", "harmonised_difference", "harmonised_distance")
 
 
-class Quiet:
+class SilentReporter:
     def begin(self, what: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
     def say(self, line: str) -> None: ...
 
 
 def make(path: Path, factors: str) -> Path:
-    words = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
-    assert main([*words, "--store", str(path)]) == 0
+    arguments = ["ingest", "world", "--instances", "12", "--size", "64", "--factors", factors]
+    assert main([*arguments, "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
-    precompute(path, Quiet(), ["vanilla"], PrecomputeOptions(KINDS))
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
     return path
 
 
@@ -54,24 +54,24 @@ def light_only(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def objects_scored(objects_only: Path) -> report.ScoreReport:
-    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
+    return report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
 
 
 @pytest.fixture(scope="module")
 def light_scored(light_only: Path) -> report.ScoreReport:
-    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), Quiet())
+    return report.score(light_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
 
 
-def rows(scored: report.ScoreReport, **wanted: str) -> list[dict]:
+def rows(scored: report.ScoreReport, **values_expected: str) -> list[dict]:
     return [row for row in scored["heatmaps"]
-            if all(row[name] == value for name, value in wanted.items())]  # fmt: skip
+            if all(row[name] == value for name, value in values_expected.items())]  # fmt: skip
 
 
-def test_object_changes_are_found(objects_scored: report.ScoreReport) -> None:
-    """Nothing else differs, so every honest method is near the truth, and chance is chance."""
+def test_object_changes_are_detected(objects_scored: report.ScoreReport) -> None:
+    """Nothing else differs: valid methods are near the truth, random scores at chance."""
     for kind in KINDS:
-        found = rows(objects_scored, place="floor", kind=kind, side="both")
-        assert max(row["auroc"] for row in found) > 0.88, kind
+        scores = rows(objects_scored, place="floor", kind=kind, side="both")
+        assert max(row["auroc"] for row in scores) > 0.88, kind
     (chance,) = rows(objects_scored, place="image", kind="random")
     assert chance["auroc"] == pytest.approx(0.5, abs=0.06)
     assert chance["precision"] == pytest.approx(chance["base_rate"], abs=0.06)
@@ -80,7 +80,7 @@ def test_object_changes_are_found(objects_scored: report.ScoreReport) -> None:
             assert row["auroc_low"] - 1e-6 <= row["auroc"] <= row["auroc_high"] + 1e-6
 
 
-def test_only_the_active_factor_is_to_blame(objects_scored: report.ScoreReport) -> None:
+def test_only_the_active_factor_has_a_cost(objects_scored: report.ScoreReport) -> None:
     (row,) = objects_scored["factors"]
     assert row["factor"] == "objects"
     assert row["cost"] == pytest.approx(row["gain"])
@@ -88,23 +88,23 @@ def test_only_the_active_factor_is_to_blame(objects_scored: report.ScoreReport) 
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def world_with_all_factors(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("world") / "all.s2r"
-    words = ["ingest", "world", "--instances", "6", "--store", str(path)]
-    assert main(words) == 0
+    arguments = ["ingest", "world", "--instances", "6", "--store", str(path)]
+    assert main(arguments) == 0
     pretrained.add_pretrained_models(path)
-    precompute(path, Quiet(), ["vanilla", "finetune"], PrecomputeOptions(()))
+    precompute(path, SilentReporter(), ["vanilla", "finetune"], PrecomputeOptions(()))
     return path
 
 
-def test_counterfactuals_begin_and_end_at_the_stored_predictions(everything: Path) -> None:
-    """Without factors the error is the sim prediction's, with all of them the real one's."""
-    with s2rstore.open(everything) as store:
-        judges = [
+def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors: Path) -> None:
+    """Without factors the error is that of sim, with all factors that of real."""
+    with s2rstore.open(world_with_all_factors) as store:
+        backends = [
             (store.run(name), open_backend(load_model(store, name), "torch"))
             for name in ("vanilla", "finetune")
         ]
-        table = Counterfactuals(GroundTruth(store), judges, 10)
+        table = Counterfactuals(GroundTruth(store), backends, 10)
         errors = table.errors({"sim": {}, "real": table.active})
         for name in ("vanilla", "finetune"):
             columns = store.run_columns(name)
@@ -121,25 +121,27 @@ def test_counterfactuals_begin_and_end_at_the_stored_predictions(everything: Pat
             )
 
 
-def test_trained_on_instances_are_left_out(everything: Path, tmp_path: Path) -> None:
-    own = copied(everything, tmp_path / "own.s2r")
+def test_training_instances_are_excluded(world_with_all_factors: Path, tmp_path: Path) -> None:
+    store_path = copy_store(world_with_all_factors, tmp_path / "own.s2r")
     request = TrainingRequest("vanilla", name="mine", steps=1)
-    train_into_store(own, request, lambda *told: None, "s2r train")
-    precompute(own, Quiet(), ["mine"], PrecomputeOptions(()))
-    scored = report.score(own, report.ScoreSettings(("mine",), 12), Quiet())
-    with s2rstore.open(own) as store:
-        fresh = int(run_metrics.held_out(store, "mine").sum())
-    if fresh:
-        assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {(fresh, 12 - fresh)}
+    train_into_store(store_path, request, lambda *progress: None, "s2r train")
+    precompute(store_path, SilentReporter(), ["mine"], PrecomputeOptions(()))
+    scored = report.score(store_path, report.ScoreSettings(("mine",), 12), SilentReporter())
+    with s2rstore.open(store_path) as store:
+        held_out = int(run_metrics.held_out(store, "mine").sum())
+    if held_out:
+        assert {(row["n"], row["left_out"]) for row in scored["factors"]} == {
+            (held_out, 12 - held_out)
+        }
     else:
         assert scored["factors"] == []
-    assert fresh < 12
+    assert held_out < 12
     assert scored["objects"] == []
 
 
-def test_the_shipped_models_keep_the_order_of_the_story(everything: Path) -> None:
-    """Finetuning on real images closes most of the gap; simulation is easy for all."""
-    with s2rstore.open(everything) as store:
+def test_the_pretrained_models_have_the_documented_ranking(world_with_all_factors: Path) -> None:
+    """Finetuning on real images closes most of the gap; all models are accurate in simulation."""
+    with s2rstore.open(world_with_all_factors) as store:
         real = {
             name: run_metrics.side_metrics(store, name, "real") for name in ("vanilla", "finetune")
         }
@@ -148,20 +150,20 @@ def test_the_shipped_models_keep_the_order_of_the_story(everything: Path) -> Non
     assert sim.mean_error < 0.4 * real["vanilla"].mean_error
 
 
-def test_images_of_another_version_are_refused(everything: Path, monkeypatch) -> None:
+def test_images_of_another_version_are_rejected(world_with_all_factors: Path, monkeypatch) -> None:
     from s2rtools.synthetic_world.dataset import WorldData
 
-    with s2rstore.open(everything) as store:
-        true = WorldData.raw_depth
-        monkeypatch.setattr(WorldData, "raw_depth", lambda self, views: true(self, views) // 2)
+    with s2rstore.open(world_with_all_factors) as store:
+        raw_depth = WorldData.raw_depth
+        monkeypatch.setattr(WorldData, "raw_depth", lambda self, views: raw_depth(self, views) // 2)
         with pytest.raises(RequestError, match="ingest the world again"):
             GroundTruth(store)
 
 
-def test_shipped_models_know_their_own_building_alone(tmp_path: Path) -> None:
+def test_pretrained_models_are_rejected_for_another_seed(tmp_path: Path) -> None:
     path = tmp_path / "other.s2r"
-    words = ["ingest", "world", "--instances", "2", "--size", "32", "--seed", "4"]
-    assert main([*words, "--store", str(path)]) == 0
+    arguments = ["ingest", "world", "--instances", "2", "--size", "32", "--seed", "4"]
+    assert main([*arguments, "--store", str(path)]) == 0
     with pytest.raises(RequestError, match="--seed 1"):
         pretrained.add_pretrained_models(path)
 
@@ -182,50 +184,54 @@ def test_without_object_changes_there_are_no_positives(light_scored: report.Scor
 def test_equal_seeds_give_equal_text(
     objects_only: Path, objects_scored: report.ScoreReport
 ) -> None:
-    again = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), Quiet())
-    assert json.dumps(again, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
-    other = report.score(objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), Quiet())
-    assert other["heatmaps"] != again["heatmaps"]
+    repeated = report.score(objects_only, report.ScoreSettings(("vanilla",), 12), SilentReporter())
+    assert json.dumps(repeated, sort_keys=True) == json.dumps(objects_scored, sort_keys=True)
+    other = report.score(
+        objects_only, report.ScoreSettings(("vanilla",), 12, seed=5), SilentReporter()
+    )
+    assert other["heatmaps"] != repeated["heatmaps"]
 
 
-def test_a_score_is_kept_once_and_told(
+def test_a_score_is_saved_once_and_summarized(
     objects_only: Path, objects_scored: report.ScoreReport
 ) -> None:
     assert report.save_report(objects_only, objects_scored)
     assert not report.save_report(objects_only, objects_scored)
     with s2rstore.open(objects_only) as store:
-        told = "\n".join(store_summary.summary_lines(store))
-    assert "costliest factor of vanilla: objects" in told
-    assert "best heatmap of vanilla: harmonised" in told
+        summary = "\n".join(store_summary.summary_lines(store))
+    assert "costliest factor of vanilla: objects" in summary
+    assert "best heatmap of vanilla: harmonised" in summary
 
 
-def test_what_is_noted_of_a_kind_outlives_other_kinds(objects_only: Path, tmp_path: Path) -> None:
-    own = copied(objects_only, tmp_path / "own.s2r")
-    precompute(own, Quiet(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
-    with s2rstore.open(objects_only) as before, s2rstore.open(own) as after:
+def test_provenance_of_a_kind_is_kept_when_others_are_added(
+    objects_only: Path, tmp_path: Path
+) -> None:
+    store_path = copy_store(objects_only, tmp_path / "own.s2r")
+    precompute(store_path, SilentReporter(), ["vanilla"], PrecomputeOptions(("feature_distance",)))
+    with s2rstore.open(objects_only) as before, s2rstore.open(store_path) as after:
         old, new = (store.provenance("run:vanilla") for store in (before, after))
     assert json.loads(new["surfaces"]) == json.loads(old["surfaces"])
     ranges = json.loads(new["heat ranges"])
     assert set(ranges) == {*json.loads(old["heat ranges"]), "feature_distance"}
 
 
-def test_positive_floor_lies_where_the_objects_stand(objects_only: Path) -> None:
+def test_positive_floor_cells_are_near_changed_objects(objects_only: Path) -> None:
     with s2rstore.open(objects_only) as store:
         truth = GroundTruth(store)
-        positive, visited = floor_truth(truth, "both")
+        positive, is_visible = floor_truth(truth, "both")
         cell = store.dataset.bounds.width / positive.shape[1]
-        places = [
+        object_positions = [
             (part.x, part.y, max(part.half_x, part.half_y))
             for number, item in enumerate(truth.data.world.objects, 1) if number in truth.changed
             for part in (*item.sim, *item.real)
         ]  # fmt: skip
-        assert visited.sum() > positive.sum() > 0
+        assert is_visible.sum() > positive.sum() > 0
         for row, col in np.argwhere(positive):
             x, y = (col + 0.5) * cell, (row + 0.5) * cell
-            assert min(np.hypot(x - a, y - b) - r for a, b, r in places) < 0.6
+            assert min(np.hypot(x - a, y - b) - r for a, b, r in object_positions) < 0.6
 
 
-def test_data_without_a_truth_is_refused(tiny_store: Path) -> None:
+def test_a_store_without_ground_truth_is_rejected(tiny_store: Path) -> None:
     with (
         s2rstore.open(tiny_store) as store,
         pytest.raises(RequestError, match="ground truth is unknown"),
@@ -233,17 +239,17 @@ def test_data_without_a_truth_is_refused(tiny_store: Path) -> None:
         GroundTruth(store)
 
 
-def test_the_application_projects_like_the_precompute(objects_only: Path) -> None:
-    """One instance's heat on the map is at the nearer surface there too."""
+def test_the_application_projects_heatmaps_like_precompute(objects_only: Path) -> None:
+    """The heatmap of one instance is projected on the nearer surface, too."""
     from s2rtui.session.heatmaps import instance_grid
     from s2rtui.session.state import HeatChoice
 
     with s2rstore.open(objects_only) as store:
         for side in ("sim", "real"):
             choice = HeatChoice("harmonised_distance", None, side)
-            whole = store.map_grid("vanilla", "harmonised_distance", side, None, "count")
-            total = np.zeros_like(whole)
+            stored_grid = store.map_grid("vanilla", "harmonised_distance", side, None, "count")
+            total = np.zeros_like(stored_grid)
             for iid in range(len(store.instances)):
                 grid = instance_grid(store, "vanilla", choice, iid)
                 total += np.isfinite(grid)
-            assert ((total > 0) == (whole > 0)).all()
+            assert ((total > 0) == (stored_grid > 0)).all()

@@ -1,4 +1,4 @@
-"""Ranking measures against the textbook, and the common grid against brute force."""
+"""Ranking metrics compared with sklearn, and the common grid compared with brute force."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from s2rtools.scoring.ranking_metrics import RankedCells
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.integers(4, 60))
-def test_auroc_agrees_with_sklearn(seed: int, n: int) -> None:
+def test_auroc_equals_sklearn(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     values, positive = rng.random(n), rng.random(n) < 0.4
     ranked = RankedCells.of(values, positive, np.random.default_rng(0))
@@ -24,30 +24,32 @@ def test_auroc_agrees_with_sklearn(seed: int, n: int) -> None:
     assert ranked.auroc() == pytest.approx(roc_auc_score(positive, values))
     weights = rng.integers(0, 4, n).astype(float)
     if (weights * positive).sum() and (weights * ~positive).sum():
-        wanted = roc_auc_score(positive, values, sample_weight=weights)
-        assert ranked.auroc(weights) == pytest.approx(wanted)
+        expected = roc_auc_score(positive, values, sample_weight=weights)
+        assert ranked.auroc(weights) == pytest.approx(expected)
 
 
-def test_ties_are_broken_by_the_seed_and_fair() -> None:
+def test_ties_are_broken_randomly_by_the_seed() -> None:
     positive = np.arange(400) < 100
-    flat = np.zeros(400)
-    drawn = [RankedCells.of(flat, positive, np.random.default_rng(s)).auroc() for s in range(200)]
-    assert np.mean(drawn) == pytest.approx(0.5, abs=0.01)
-    again = RankedCells.of(flat, positive, np.random.default_rng(7)).auroc()
-    assert again == drawn[7]
+    constant = np.zeros(400)
+    scores = [
+        RankedCells.of(constant, positive, np.random.default_rng(s)).auroc() for s in range(200)
+    ]
+    assert np.mean(scores) == pytest.approx(0.5, abs=0.01)
+    repeated = RankedCells.of(constant, positive, np.random.default_rng(7)).auroc()
+    assert repeated == scores[7]
 
 
-def test_what_has_no_value_says_nothing() -> None:
+def test_missing_values_are_ranked_randomly() -> None:
     values = np.array([np.nan, -5.0, 0.0, 3.0, np.nan])
     high = RankedCells.of(values, np.array([0, 0, 0, 1, 0], bool), np.random.default_rng(0))
     low = RankedCells.of(values, np.array([0, 1, 0, 0, 0], bool), np.random.default_rng(0))
     assert (high.auroc(), low.auroc()) == (1.0, 0.0)
-    blank = np.full(400, np.nan)
-    drawn = [
-        RankedCells.of(blank, np.arange(400) < 90, np.random.default_rng(s)).auroc()
+    all_missing = np.full(400, np.nan)
+    scores = [
+        RankedCells.of(all_missing, np.arange(400) < 90, np.random.default_rng(s)).auroc()
         for s in range(100)
     ]
-    assert np.mean(drawn) == pytest.approx(0.5, abs=0.02)
+    assert np.mean(scores) == pytest.approx(0.5, abs=0.02)
 
 
 def test_precision_counts_the_top_share() -> None:
@@ -65,7 +67,7 @@ def test_the_common_grid_keeps_the_mean(size: tuple[int, int]) -> None:
     cells = to_cells(heat)
     assert cells.shape == (3, IMAGE_CELLS, IMAGE_CELLS)
     assert np.allclose(cells.mean(axis=(1, 2)), heat.mean(axis=(1, 2)), atol=1e-5)
-    holed = heat.copy()
-    holed[:, : size[0] // 2] = np.nan
-    assert np.isnan(to_cells(holed)[:, : IMAGE_CELLS // 2 - 1]).all()
-    assert np.isfinite(to_cells(holed)[:, IMAGE_CELLS // 2 + 1 :]).all()
+    half_missing = heat.copy()
+    half_missing[:, : size[0] // 2] = np.nan
+    assert np.isnan(to_cells(half_missing)[:, : IMAGE_CELLS // 2 - 1]).all()
+    assert np.isfinite(to_cells(half_missing)[:, IMAGE_CELLS // 2 + 1 :]).all()

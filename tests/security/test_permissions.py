@@ -1,4 +1,4 @@
-"""What a session may do: paths, models and actions."""
+"""Permissions of a session: paths, models and actions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings
 
-MIST = Action(
+MODEL_ACTION = Action(
     "side", "d", "heat", "mist in the images", view_settings.change_side, "mist", needs="models"
 )
 NAMES = st.lists(st.sampled_from(["..", ".", "a", "b", "s2rtui", "own"]), max_size=6)
@@ -36,14 +36,14 @@ def restricted(folder: Path) -> Permissions:
 
 
 @given(NAMES)
-def test_a_restricted_session_writes_in_its_own_folder_only(names: list[str]) -> None:
+def test_a_restricted_session_writes_only_in_the_user_data_folder(names: list[str]) -> None:
     access = restricted(Path("/srv"))
     path = access.user_data_dir.joinpath(*names)
-    inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
-    assert access.may_write(path) == inside
+    is_inside = Path("/srv/own") in [path.resolve(), *path.resolve().parents]
+    assert access.may_write(path) == is_inside
 
 
-def test_links_do_not_lead_out(tmp_path: Path) -> None:
+def test_links_to_outside_are_not_writable(tmp_path: Path) -> None:
     access = restricted(tmp_path)
     access.user_data_dir.mkdir()
     (access.user_data_dir / "out").symlink_to(tmp_path)
@@ -52,14 +52,14 @@ def test_links_do_not_lead_out(tmp_path: Path) -> None:
     assert not access.may_write(access.user_data_dir / "out" / "a.png")
 
 
-def test_the_store_is_read_and_never_written(tmp_path: Path) -> None:
+def test_the_store_is_never_writable(tmp_path: Path) -> None:
     access = restricted(tmp_path)
     assert not access.may_write(access.store / "CURRENT.json")
     with pytest.raises(RequestError, match="can write only in"):
         access.require_writable(tmp_path / "a.png")
 
 
-def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
+def test_an_unrestricted_session_may_do_everything(tmp_path: Path) -> None:
     access = Permissions(tmp_path / "s.s2r", tmp_path / "own")
     assert access.allows("models")
     assert access.require_writable(tmp_path / "a.png") == tmp_path / "a.png"
@@ -67,35 +67,35 @@ def test_an_ordinary_session_is_not_held_back(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def mist(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of the actions loads models."""
-    changed = tuple(MIST if action.name == "side" else action for action in ACTIONS)
+def action_that_loads_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replaces an action by one that loads models."""
+    changed = tuple(MODEL_ACTION if action.name == "side" else action for action in ACTIONS)
     monkeypatch.setattr(actions, "ACTIONS", changed)
     monkeypatch.setattr(actions, "BY_NAME", {action.name: action for action in changed})
 
 
-@pytest.mark.usefixtures("mist")
-def test_what_is_not_allowed_is_not_offered(tiny_store: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("action_that_loads_models")
+def test_forbidden_actions_are_not_offered(tiny_store: Path, tmp_path: Path) -> None:
     access = restricted(tmp_path)
     session = Session(tiny_store)
-    assert MIST not in permitted_actions(access)
+    assert MODEL_ACTION not in permitted_actions(access)
     assert {action.needs for action in permitted_actions(access)} == {""}
     assert "mist" not in [word for _, word in footer(900, session.state, access)]
     assert "mist in the images" not in help_text(access)
-    ordinary = Permissions(tmp_path, tmp_path)
-    assert "mist" in [word for _, word in footer(900, session.state, ordinary)]
-    assert "mist in the images" in help_text(ordinary)
+    unrestricted = Permissions(tmp_path, tmp_path)
+    assert "mist" in [word for _, word in footer(900, session.state, unrestricted)]
+    assert "mist in the images" in help_text(unrestricted)
     session.close()
 
 
-def test_actions_are_found_as_they_are_called() -> None:
+def test_actions_are_found_by_their_call() -> None:
     for action in ACTIONS:
         _, name, parameters = textual.actions.parse(action.call)
         assert find_action(name, parameters) is action
 
 
-@pytest.mark.usefixtures("mist")
-async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("action_that_loads_models")
+async def test_a_forbidden_action_shows_a_message(tiny_store: Path, tmp_path: Path) -> None:
     app = S2RApp(
         Session(tiny_store), RenderOptions(), access=Permissions(tiny_store, tmp_path, True)
     )
@@ -121,7 +121,7 @@ async def test_a_refused_action_says_so(tiny_store: Path, tmp_path: Path) -> Non
     ["screenshot('a.svg', '.')", "app.suspend_process", "app.simulate_key('w')",
      "change_theme", "app.push_screen('x')", "app.toggle('animation_level')"],
 )  # fmt: skip
-async def test_textuals_own_actions_are_closed(
+async def test_actions_of_textual_are_disabled(
     tiny_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""A restricted process: what is forbidden raises, and the environment cannot open it again."""
+"""A restricted process: forbidden calls raise, and environment variables cannot re-enable them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from bench.support.screen import Screen
 from s2rtui.security.restricted_process import WEB_DRIVER, clean_environment
 
-_CONFINED = """
+_RESTRICTED_SCRIPT = """
 import json, os, socket, subprocess, sys
 from pathlib import Path
 from s2rtui.security import Permissions
@@ -58,7 +58,7 @@ FORBIDDEN = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Holds a store, an own folder and one beside them."""
+    """Contains a store, a user data folder and another folder."""
     root = tmp_path_factory.mktemp("confined")
     for name in ("own", "store", "beside"):
         (root / name).mkdir()
@@ -68,35 +68,35 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def answers(folder: Path) -> dict[str, str]:
-    """What a confined process says to each of the forbidden statements."""
-    code = f"{_CONFINED}\nfor statement in {FORBIDDEN!r}:\n    answer(statement)\n"
+    """The error that a restricted process raises for each forbidden statement."""
+    code = f"{_RESTRICTED_SCRIPT}\nfor statement in {FORBIDDEN!r}:\n    answer(statement)\n"
     folders = [str(folder / name) for name in ("store", "own", "beside")]
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, *folders], capture_output=True, text=True, check=True
     )
-    return dict(json.loads(line) for line in done.stdout.splitlines())
+    return dict(json.loads(line) for line in process.stdout.splitlines())
 
 
 @pytest.mark.parametrize("statement", FORBIDDEN)
-def test_it_raises(answers: dict[str, str], folder: Path, statement: str) -> None:
+def test_forbidden_statements_raise(answers: dict[str, str], folder: Path, statement: str) -> None:
     assert "restricted" in answers[statement]
     assert list((folder / "beside").iterdir()) == []
     assert (folder / "store" / "CURRENT.json").read_text() == "{}"
 
 
-def test_the_environment_is_cleaned() -> None:
+def test_dangerous_variables_are_removed() -> None:
     environment = {
         "TEXTUAL": "devtools,debug", "TEXTUAL_LOG": "/tmp/log", "TEXTUAL_DRIVER": "evil:Driver",
         "TEXTUAL_PRESS": "w", "TEXTUAL_SCREENSHOT": "1", "PATH": "/bin",
     }  # fmt: skip
     clean_environment(environment)
     assert environment == {"PATH": "/bin"}
-    served = {"TEXTUAL_DRIVER": WEB_DRIVER, "TEXTUAL_LOG": "/tmp/log"}
-    clean_environment(served)
-    assert served == {"TEXTUAL_DRIVER": WEB_DRIVER}
+    web_environment = {"TEXTUAL_DRIVER": WEB_DRIVER, "TEXTUAL_LOG": "/tmp/log"}
+    clean_environment(web_environment)
+    assert web_environment == {"TEXTUAL_DRIVER": WEB_DRIVER}
 
 
-def test_the_application_works_confined(tiny_store: Path, tmp_path: Path) -> None:
+def test_the_application_works_in_a_restricted_process(tiny_store: Path, tmp_path: Path) -> None:
     environment = {
         "XDG_DATA_HOME": str(tmp_path / "data"), "COLORTERM": "truecolor",
         "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),

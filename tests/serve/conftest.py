@@ -1,4 +1,4 @@
-"""Servers for the tests of this folder."""
+"""A fixture that starts servers."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from tests.support.serving import StartServer, servers
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
+    folder = Path(__file__).parent
     for item in items:
-        if here in item.path.parents:
+        if folder in item.path.parents:
             item.add_marker(pytest.mark.xdist_group("serve"))
 
 
 @pytest.fixture
 def serve(tiny_store: Path, tmp_path: Path) -> Iterator[StartServer]:
-    """Starts servers of the tiny store; they end with the test."""
+    """A function that starts servers of the tiny store; they end with the test."""
     pytest.importorskip("textual_serve")
     with servers(tiny_store, tmp_path / "data") as start:
         yield start

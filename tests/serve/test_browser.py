@@ -1,4 +1,4 @@
-"""The application in a headless Chromium that has no network but loopback."""
+"""The application in a headless Chromium with access only to the loopback network."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ pytest.importorskip("aiohttp")
 from tests.support import chromium
 
 
-async def _drawn_anew(page: chromium.Page, before: bytes) -> bool:
-    """Whether the page soon looks different: it draws in its next frame."""
+async def _is_redrawn(page: chromium.Page, before: bytes) -> bool:
+    """Whether the page changes soon; it is drawn in the next frame."""
     for _ in range(100):
-        if await page.picture() != before:
+        if await page.screenshot() != before:
             return True
         await asyncio.sleep(0.05)
     return False
 
 
 async def _is_closed(page: chromium.Page) -> bool:
-    """Whether the page soon says that its session has ended: it hears of it after the server."""
+    """Whether the page soon shows that its session has ended."""
     for _ in range(100):
-        if await page.value("document.body.classList.contains('-closed')") is True:
+        if await page.evaluate("document.body.classList.contains('-closed')") is True:
             return True
         await asyncio.sleep(0.05)
     return False
@@ -43,19 +43,19 @@ async def test_keys_in_the_page_change_the_selection(serve: StartServer, tmp_pat
         await page.open(server.url)
         first = await page.wait_for("of 40")
         assert first.splitlines()[0].strip().startswith("tiny.s2r")
-        assert await page.value("document.title") == "tiny.s2r"
+        assert await page.evaluate("document.title") == "tiny.s2r"
         await page.press("c")
         await page.wait_for("│ 40 of 40 │")
-        before = await page.picture()
+        before = await page.screenshot()
         await page.press("w")
         text = await page.wait_for("│ 6 of 40 │")
         assert "worst15" in text
-        assert await _drawn_anew(page, before)
+        assert await _is_redrawn(page, before)
         hosts = {urlsplit(url).netloc for url in page.requests if not url.startswith("data:")}
         assert hosts == {f"127.0.0.1:{server.port}"}
         assert [url for url in page.requests if url.startswith("ws://")]
         assert page.failures == []
-        assert await page.value("document.fonts.check('16px Roboto Mono')") is True
+        assert await page.evaluate("document.fonts.check('16px Roboto Mono')") is True
         await page.press("q")
         assert wait_until(lambda: server.applications == [])
         assert await _is_closed(page)

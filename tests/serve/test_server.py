@@ -1,4 +1,4 @@
-"""`s2r serve`: who is let in, what the page refers to, what ends when."""
+"""`s2r serve`: access control, page content and session lifetime."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ aiohttp = pytest.importorskip("aiohttp")
 
 
 async def _get(url: str, **headers: str) -> tuple[int, str]:
-    async with aiohttp.ClientSession() as session, session.get(url, headers=headers) as answer:
-        return answer.status, await answer.text()
+    async with aiohttp.ClientSession() as session, session.get(url, headers=headers) as response:
+        return response.status, await response.text()
 
 
-async def test_the_page_names_the_store_and_no_other_machine(serve: StartServer) -> None:
+async def test_the_page_names_the_store_and_no_other_host(serve: StartServer) -> None:
     server = serve()
     status, page = await _get(server.url)
     assert status == 200
@@ -36,11 +36,11 @@ async def test_the_page_names_the_store_and_no_other_machine(serve: StartServer)
 
 
 async def _get_bytes(url: str) -> tuple[int, bytes]:
-    async with aiohttp.ClientSession() as session, session.get(url) as answer:
-        return answer.status, await answer.read()
+    async with aiohttp.ClientSession() as session, session.get(url) as response:
+        return response.status, await response.read()
 
 
-async def test_addresses_follow_the_one_that_was_asked(serve: StartServer) -> None:
+async def test_addresses_follow_the_requested_host(serve: StartServer) -> None:
     server = serve()
     _, page = await _get(server.url, Host="localhost:9999")
     assert "ws://localhost:9999/ws" in page
@@ -51,7 +51,9 @@ async def test_addresses_follow_the_one_that_was_asked(serve: StartServer) -> No
     "headers",
     [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}],
 )
-async def test_strangers_are_refused(serve: StartServer, headers: dict[str, str]) -> None:
+async def test_other_hosts_and_origins_are_rejected(
+    serve: StartServer, headers: dict[str, str]
+) -> None:
     server = serve()
     for url in (server.url, server.socket):
         status, _ = await _get(url, **headers)
@@ -59,22 +61,22 @@ async def test_strangers_are_refused(serve: StartServer, headers: dict[str, str]
     assert server.applications == []
 
 
-async def test_more_pages_than_users_are_refused(serve: StartServer) -> None:
+async def test_pages_beyond_the_number_of_users_are_rejected(serve: StartServer) -> None:
     server = serve("--users", "1")
     async with aiohttp.ClientSession() as session, session.ws_connect(server.socket) as first:
-        assert await _received(first, b"of 40")
+        assert await _receives(first, b"of 40")
         with pytest.raises(aiohttp.WSServerHandshakeError):
             await session.ws_connect(server.socket)
 
 
-async def _received(socket: Any, wanted: bytes) -> bool:
-    """Whether a page's terminal gets to hear something."""
-    heard = b""
-    while wanted not in heard:
+async def _receives(socket: Any, expected: bytes) -> bool:
+    """Whether the terminal of a page receives a text."""
+    received = b""
+    while expected not in received:
         message = await socket.receive(60)
         if message.type is not aiohttp.WSMsgType.BINARY:
             return False
-        heard += message.data
+        received += message.data
     return True
 
 
@@ -82,7 +84,7 @@ async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
     server = serve()
     async with aiohttp.ClientSession() as session:
         async with session.ws_connect(server.socket) as socket:
-            assert await _received(socket, b"of 40")
+            assert await _receives(socket, b"of 40")
             running = server.applications
             assert len(running) == 1
         assert wait_until(lambda: not is_alive(running[0]))
@@ -92,14 +94,14 @@ async def test_a_closed_page_ends_its_application(serve: StartServer) -> None:
 async def test_a_killed_server_leaves_nothing_running(serve: StartServer) -> None:
     server = serve()
     async with aiohttp.ClientSession() as session, session.ws_connect(server.socket) as socket:
-        assert await _received(socket, b"of 40")
+        assert await _receives(socket, b"of 40")
         running = server.applications
         os.kill(server.process.pid, signal.SIGKILL)
         assert wait_until(lambda: not is_alive(running[0]))
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "expected"),
     [
         (["--host", "0.0.0.0"], "--public"),
         (["--host", "::"], "--public"),
@@ -108,16 +110,16 @@ async def test_a_killed_server_leaves_nothing_running(serve: StartServer) -> Non
         (["--users", "0"], "--users"),
     ],
 )
-def test_wrong_requests(
-    tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], told: str
+def test_invalid_options_are_rejected(
+    tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], expected: str
 ) -> None:
     assert main(["serve", str(tiny_store), *options]) == 2
     err = capsys.readouterr().err
-    assert told in err
+    assert expected in err
     assert err.count("\n") == 1
 
 
-def test_what_is_missing_is_named(
+def test_missing_packages_and_stores_are_named(
     tiny_store: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "s2rtui.web.server", raising=False)
@@ -129,7 +131,9 @@ def test_what_is_missing_is_named(
     assert "no such folder" in capsys.readouterr().err
 
 
-def test_a_taken_port_is_one_line(serve: StartServer, tiny_store: Path, capsys) -> None:
+def test_a_port_in_use_is_reported_in_one_line(
+    serve: StartServer, tiny_store: Path, capsys
+) -> None:
     server = serve()
     code = main(["serve", str(tiny_store), "--port", str(server.port)])
     assert code == 2

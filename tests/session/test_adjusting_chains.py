@@ -1,4 +1,4 @@
-"""Sliders on runs with chains of their own: what is saved is what was shown."""
+"""Adjustment sliders on runs that already have adjustment chains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BRIGHT, FLAT = ({"name": name, "value": 0.8} for name in ("brightness", "contras
 
 
 def with_chain(path: Path, *steps: dict[str, object]) -> Session:
-    """A session whose run adjusts its real side so."""
+    """A session whose run has these adjustments on its real side."""
     session = Session(path)
     record: Run = session.store.run(session.state.run)
     record.real_adjustments[:] = steps
@@ -24,7 +24,7 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
     return session
 
 
-def moved(session: Session, name: str, value: float) -> list[object]:
+def names_after_move(session: Session, name: str, value: float) -> list[object]:
     adjust = session.state.adjust
     assert adjust is not None
     index = [slider.name for slider in adjust.sliders].index(name)
@@ -34,38 +34,38 @@ def moved(session: Session, name: str, value: float) -> list[object]:
 
 
 @pytest.mark.parametrize(
-    ("own", "after"),
+    ("chain", "expected"),
     [
         ((BRIGHT, FLAT), ["brightness", "contrast", "black"]),
         ((FLAT, BRIGHT), ["contrast", "brightness", "black"]),
         ((FLAT,), ["contrast", "black"]),
     ],
 )
-def test_a_run_keeps_the_order_of_its_steps(
-    tiny_store: Path, own: tuple[dict[str, object], ...], after: list[str]
+def test_the_order_of_a_run_s_adjustments_is_preserved(
+    tiny_store: Path, chain: tuple[dict[str, object], ...], expected: list[str]
 ) -> None:
-    session = with_chain(tiny_store, *own)
+    session = with_chain(tiny_store, *chain)
     adjust = session.state.adjust
     assert adjust is not None
-    assert adjusting.adjustment_chains(adjust)["real"] == list(own)
-    assert moved(session, "black", 0.5) == after
+    assert adjusting.adjustment_chains(adjust)["real"] == list(chain)
+    assert names_after_move(session, "black", 0.5) == expected
     session.close()
 
 
-def test_a_step_taken_twice_is_refused(own_store: Path) -> None:
-    session = with_chain(own_store, BRIGHT, FLAT, BRIGHT)
+def test_a_repeated_adjustment_is_rejected(store_copy: Path) -> None:
+    session = with_chain(store_copy, BRIGHT, FLAT, BRIGHT)
     assert session.state.adjust is not None
     with pytest.raises(RequestError, match="run vanilla: applies an adjustment twice"):
         adjusting.adjustment_chains(session.state.adjust)
     session.close()
     chains = {"sim": [], "real": [BRIGHT, FLAT, BRIGHT]}
     with pytest.raises(RequestError, match="--adjust real: brightness twice"):
-        add_run(own_store, "later", "vanilla", None, None, chains)
-    with s2rstore.open(own_store) as store:
+        add_run(store_copy, "later", "vanilla", None, None, chains)
+    with s2rstore.open(store_copy) as store:
         assert "later" not in store.runs
 
 
-def test_what_is_missing_is_so_for_every_run(tiny_store: Path) -> None:
+def test_a_missing_package_is_reported_for_every_run(tiny_store: Path) -> None:
     session = Session(tiny_store)
     session.dispatch(adjusting.report_missing_package, "torch")
     session.dispatch(navigation.change_run, 1)

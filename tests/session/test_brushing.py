@@ -1,4 +1,4 @@
-"""Marks on panels: where they begin, how they move, that they keep their shape."""
+"""Geometry of brushes: start, movement, scaling and stretching on panels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from s2rtui.session import Brush, brush_geometry
 
 
 def plane(y_down: bool = True) -> Panel:
-    """10 x 8 cells from (5, 2); a cell is 0.5 m wide and 1 m high."""
+    """A panel of 10 x 8 cells at (5, 2); a cell is 0.5 m wide and 1 m high."""
     sign = 1 if y_down else -1
     return Panel(
         "map", "plane", 5, 2, 10, 8,
@@ -29,7 +29,7 @@ def line(shape: str) -> Panel:
 
 
 @pytest.mark.parametrize("y_down", [True, False])
-def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
+def test_a_box_starts_around_the_cursor(y_down: bool) -> None:
     panel = plane(y_down)
     brush = brush_geometry.started("map", panel, (2.0, 3.0 if y_down else -3.0))
     (x0, y0), (x1, y1) = brush.mark.points
@@ -38,7 +38,7 @@ def test_a_box_begins_about_the_cursor(y_down: bool) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), max_size=12))
-def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, int]]) -> None:
+def test_moving_keeps_the_size_and_stays_on_the_panel(steps: list[tuple[int, int]]) -> None:
     panel = plane()
     brush = brush_geometry.started("map", panel, None)
     (x0, y0), (x1, y1) = brush.mark.points
@@ -54,7 +54,7 @@ def test_moving_keeps_the_size_and_never_loses_the_box(steps: list[tuple[int, in
 
 @given(st.lists(st.sampled_from([-1, 1]), max_size=20))
 @pytest.mark.parametrize("shape", ["plane", "range", "turn", "steps"])
-def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> None:
+def test_scaling_keeps_a_mark_positive(shape: str, steps: list[int]) -> None:
     panel = plane() if shape == "plane" else line(shape)
     brush = brush_geometry.started("map", panel, None)
     for step in steps:
@@ -65,13 +65,13 @@ def test_scaling_never_turns_a_mark_inside_out(shape: str, steps: list[int]) -> 
         assert x1 - x0 <= 360 or shape != "turn"
 
 
-def test_a_turn_moves_by_its_bins() -> None:
+def test_a_heading_mark_moves_by_bins() -> None:
     brush = brush_geometry.started("orientation", line("turn"), (90.0, 1.0))
     moved = brush_geometry.moved(brush, line("turn"), 1, 0)
     assert [x for x, _ in moved.mark.points] == [85.0, 105.0]
 
 
-def test_steps_move_by_rows_alone() -> None:
+def test_a_room_mark_moves_only_by_rows() -> None:
     brush = brush_geometry.started("rooms", line("steps"), (0.0, 3.0))
     moved = brush_geometry.stretched(
         brush_geometry.moved(brush, line("steps"), 4, 1), line("steps"), 0, 2
@@ -93,7 +93,7 @@ def test_a_lasso_is_not_scaled() -> None:
     assert brush_geometry.scaled(brush, plane(), 1) == brush
 
 
-def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
+def test_a_drag_gives_a_box_or_a_lasso_along_its_trail() -> None:
     panel = plane()
     box = brush_geometry.dragged("map", panel, (5.5, 2.5), (7.5, 4.5), ())
     assert box.mark.points == ((0.0, 0.0), (1.5, 3.0))
@@ -104,7 +104,7 @@ def test_a_drag_is_a_box_and_with_a_trail_a_lasso() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=90))
-def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> None:
+def test_a_stretched_heading_mark_keeps_its_direction(steps: list[tuple[int, int]]) -> None:
     panel = line("turn")
     brush = brush_geometry.started("orientation", panel, (0.0, 1.0))
     start = brush.mark.points[0]
@@ -114,7 +114,7 @@ def test_a_stretched_heading_keeps_its_sense(steps: list[tuple[int, int]]) -> No
         assert brush_geometry.TURN_STEP <= brush.mark.points[1][0] - start[0] < 360
 
 
-def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
+def test_a_heading_mark_across_180_degrees_can_be_stretched() -> None:
     panel = line("turn")
     drawn = replace(
         brush_geometry.started("orientation", panel, None).mark, points=((170, 1), (-170, 1))
@@ -124,7 +124,7 @@ def test_a_heading_across_half_a_turn_can_be_stretched() -> None:
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3))
-def test_a_range_stays_within_what_its_field_can_be(low: float, high: float) -> None:
+def test_a_range_is_clipped_to_the_limits_of_its_field(low: float, high: float) -> None:
     panel = line("range")
     text = range_expression(
         panel, Mark("real", ((low, 0.0), (high, 0.0))), "real.accuracy", 0.0, 1.0

@@ -1,4 +1,4 @@
-"""The pictures are those that the model was shown, and where they cannot be the view says so."""
+"""The instance view shows the images as the model received them, or labels them otherwise."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from s2rtui.session.model_input import model_input
 
 
 @pytest.fixture
-def store(own_store: Path) -> Store:
+def store(store_copy: Path) -> Store:
     for name, chain in (
         ("bright", "real:brightness=1.5"),
         ("dark", "real:black"),
         ("many", "real:brightness=1.5,contrast=0.5"),
     ):
-        add_run(own_store, name, "vanilla", None, None, parse_adjustment(chain))
-    return s2rstore.open(own_store)
+        add_run(store_copy, name, "vanilla", None, None, parse_adjustment(chain))
+    return s2rstore.open(store_copy)
 
 
 def run(store: Store, name: str) -> Run:
     return store.runs[name]
 
 
-def test_pictures_are_adjusted(store: Store) -> None:
+def test_images_are_adjusted(store: Store) -> None:
     plain, bright = (
         model_input(store, run(store, name), "real", 4) for name in ("vanilla", "bright")
     )
@@ -44,32 +44,34 @@ def test_pictures_are_adjusted(store: Store) -> None:
     assert model_input(store, run(store, "bright"), "sim", 4).title == ""
 
 
-def test_depth_that_was_taken_away_is_no_depth(store: Store) -> None:
+def test_removed_depth_is_missing(store: Store) -> None:
     dark = model_input(store, run(store, "dark"), "real", 4)
     assert np.isnan(dark.depth).all()
     assert not dark.rgb.any()
 
 
-def test_long_chains_are_told_in_a_note(store: Store) -> None:
-    many = model_input(store, run(store, "many"), "real", 4)
-    assert many.title == "real, adjusted"
-    assert many.notes == (("real images", "brightness=1.5, contrast=0.5"),)
+def test_long_chains_are_listed_in_a_note(store: Store) -> None:
+    long_chain = model_input(store, run(store, "many"), "real", 4)
+    assert long_chain.title == "real, adjusted"
+    assert long_chain.notes == (("real images", "brightness=1.5, contrast=0.5"),)
 
 
-def test_without_the_tools_the_stored_frame_says_so(
+def test_without_the_tools_the_stored_image_is_labelled_unadjusted(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = model_input(store, run(store, "vanilla"), "real", 4)
     monkeypatch.setitem(sys.modules, "s2rtools.adjustments", None)
-    bright, many = (model_input(store, run(store, name), "real", 4) for name in ("bright", "many"))
+    bright, long_chain = (
+        model_input(store, run(store, name), "real", 4) for name in ("bright", "many")
+    )
     np.testing.assert_array_equal(bright.rgb, plain.rgb)
     assert bright.title == "real, before brightness=1.5"
-    assert many.title == "real, before adjustments"
+    assert long_chain.title == "real, before adjustments"
 
 
 @pytest.mark.xdist_group("world")
-def test_the_instance_view_shows_the_moved_camera(moved_world: Path) -> None:
-    with s2rstore.open(moved_world) as store:
+def test_the_instance_view_shows_the_moved_camera(moved_camera_store: Path) -> None:
+    with s2rstore.open(moved_camera_store) as store:
         up, plain = (instance_input(store, name, 2, None) for name in ("up", "vanilla"))
         assert (up.sim.rgb != plain.sim.rgb).mean() > 0.5
         assert (up.real.rgb == plain.real.rgb).all()

@@ -1,4 +1,4 @@
-"""Runs saved in the background: the same as the command line's, told as they go, or gone."""
+"""Runs saved in the background: equal to the command's, cancellable, and free of leftovers."""
 
 from __future__ import annotations
 
@@ -22,54 +22,56 @@ from s2rtools.adjustments import make_chain
 from s2rtools.precompute.registration import add_run, drop_run
 from s2rtui.cli import main
 from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 pytestmark = pytest.mark.xdist_group("world")
 
 
-def test_a_saved_run_is_the_one_of_the_command_line(moved_world: Path, tmp_path: Path) -> None:
-    path = copied(moved_world, tmp_path / "s.s2r")
+def test_a_saved_run_equals_the_one_of_the_command_line(
+    moved_camera_store: Path, tmp_path: Path
+) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     chain = {
         "sim": make_chain("sim", {"camera_pitch": 2.0}),
         "real": make_chain("real", {"contrast": 0.9, "brightness": 1.15}),
     }
     with s2rstore.open(path) as reader:
-        saving = save_run(path, "saved", "vanilla", chain)
-        told = list(saving.follow())
-        assert told[-1] == saving.progress
-        assert (told[-1].outcome, told[-1].fraction) == ("done", 1.0)
-        assert [p.is_running for p in told] == [True] * (len(told) - 1) + [False]
-        fractions = [p.fraction for p in told]
+        job = save_run(path, "saved", "vanilla", chain)
+        updates = list(job.follow())
+        assert updates[-1] == job.progress
+        assert (updates[-1].outcome, updates[-1].fraction) == ("done", 1.0)
+        assert [p.is_running for p in updates] == [True] * (len(updates) - 1) + [False]
+        fractions = [p.fraction for p in updates]
         assert fractions == sorted(fractions)
         assert len(set(fractions)) > 3
         assert "saved" not in reader.runs
-    words = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path),
+    arguments = ["--adjust", "real:brightness=1.15,contrast=0.9", "--store", str(path),
              "--adjust", "sim:camera_pitch=2"]  # fmt: skip
-    assert main(["run", "add", "typed", "--model", "vanilla", *words]) == 0
+    assert main(["run", "add", "typed", "--model", "vanilla", *arguments]) == 0
     assert main(["precompute", str(path), "--run", "typed"]) == 0
     with s2rstore.open(path) as store:
         assert store.run("saved").key == store.run("typed").key
         assert len(store.arrays("saved")) == len(store.arrays("typed"))
         for record in store.arrays("saved"):
             names = record.kind, record.side, record.mode
-            mine, other = (store.array(run, *names)[1][:] for run in ("saved", "typed"))
-            assert np.asarray(mine).tobytes() == np.asarray(other).tobytes(), names
+            array, other_array = (store.array(run, *names)[1][:] for run in ("saved", "typed"))
+            assert np.asarray(array).tobytes() == np.asarray(other_array).tobytes(), names
         rows = "SELECT * EXCLUDE (run) FROM prediction WHERE run = ? ORDER BY side, iid"
         assert store.execute(rows, ["saved"]) == store.execute(rows, ["typed"])
     assert verify(path) == []
 
 
-def waited(saving: PrecomputeJob, stage: str) -> None:
+def wait_for_stage(job: PrecomputeJob, stage: str) -> None:
     deadline = time.monotonic() + 60
-    for progress in saving.follow():
+    for progress in job.follow():
         assert time.monotonic() < deadline
         if progress.stage.startswith(stage):
             return
-    raise AssertionError(saving.progress)
+    raise AssertionError(job.progress)
 
 
-def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
+def test_a_job_ends_when_the_application_is_killed(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     add_run(path, "saved", "vanilla", None, None, {"sim": [], "real": []})
     code = (
         "import sys; from pathlib import Path\n"
@@ -82,7 +84,7 @@ def test_a_saving_ends_with_a_killed_application(trained: Path, tmp_path: Path) 
     with subprocess.Popen(command, stdout=subprocess.PIPE) as application:
         assert application.stdout is not None
         child = int(application.stdout.readline())
-        os.kill(child, signal.SIGSTOP)  # so that it is not done before
+        os.kill(child, signal.SIGSTOP)  # the job must not finish earlier
         application.kill()
         application.wait()
     os.kill(child, signal.SIGCONT)
@@ -100,53 +102,51 @@ def _state(process: int) -> str:
     return "Z"
 
 
-def test_a_busy_store_is_refused_at_once(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
+def test_a_locked_store_is_rejected_immediately(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     with locks.compute_lock(path), pytest.raises(RequestError, match="holds the compute lock"):
         save_run(path, "saved", "vanilla", {})
     with s2rstore.open(path) as store:
         assert "saved" not in store.runs
 
 
-def test_a_run_that_is_left_can_be_gone_on_with(trained: Path, tmp_path: Path) -> None:
-    path = copied(trained, tmp_path / "s.s2r")
-    saving = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
-    waited(saving, "forward")
-    began = time.monotonic()
-    saving.cancel()
-    assert list(saving.follow())[-1].outcome == "cancelled"
-    assert time.monotonic() - began < 1
+def test_a_cancelled_run_can_be_completed(trained_store: Path, tmp_path: Path) -> None:
+    path = copy_store(trained_store, tmp_path / "s.s2r")
+    job = save_run(path, "saved", "vanilla", {"sim": make_chain("sim", {"black": 0.5})})
+    wait_for_stage(job, "forward")
+    start = time.monotonic()
+    job.cancel()
+    assert list(job.follow())[-1].outcome == "cancelled"
+    assert time.monotonic() - start < 1
     with s2rstore.open(path) as store:
         assert store.run("saved").key is None
-    words = ["--run", "saved", "--kinds", "activation"]
-    assert main(["precompute", str(path), *words]) == 0
+    arguments = ["--run", "saved", "--kinds", "activation"]
+    assert main(["precompute", str(path), *arguments]) == 0
     with s2rstore.open(path) as store:
         assert store.run("saved").key is not None
     assert verify(path) == []
 
 
-def test_wrong_requests_start_nothing(trained: Path) -> None:
+def test_invalid_requests_start_no_job(trained_store: Path) -> None:
     with pytest.raises(RequestError, match="choose another name"):
-        save_run(trained, "vanilla", "vanilla", {})
+        save_run(trained_store, "vanilla", "vanilla", {})
     with pytest.raises(RequestError, match="runs: vanilla"):
-        save_run(trained, "saved", "nothing", {})
+        save_run(trained_store, "saved", "nothing", {})
     with pytest.raises(RequestError, match="taken, not rendered"):
-        save_run(trained, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
+        save_run(trained_store, "saved", "vanilla", {"sim": make_chain("sim", {"camera_fov": 5})})
 
 
-def test_computed_runs_are_not_dropped(own_store: Path) -> None:
-    assert not drop_run(own_store, "vanilla")
-    assert not drop_run(own_store, "nothing")
-    add_run(own_store, "later", "vanilla", None, None, {"sim": [], "real": []})
-    assert drop_run(own_store, "later")
-    with s2rstore.open(own_store) as store:
+def test_computed_runs_are_not_dropped(store_copy: Path) -> None:
+    assert not drop_run(store_copy, "vanilla")
+    assert not drop_run(store_copy, "nothing")
+    add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
+    assert drop_run(store_copy, "later")
+    with s2rstore.open(store_copy) as store:
         assert list(store.runs) == ["vanilla", "dataaug"]
 
 
-def test_progress_is_told_as_json_and_survives_its_reader(
-    moved_world: Path, tmp_path: Path
-) -> None:
-    path = copied(moved_world, tmp_path / "s.s2r")
+def test_json_progress_survives_a_closed_reader(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
     add_run(path, "later", "perlin", None, None, {"sim": [], "real": []})
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path), "--run", "later",
                "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a user keeps: names that are gone, files of another making, selections used elsewhere."""
+"""Notebooks: deleted names, unreadable entries and selections applied to other data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store, "vanilla", Notebook)
 
 
-def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> None:
+def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
     session.select("best15")
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone & curved")
@@ -42,7 +42,7 @@ def test_undo_and_redo_go_past_what_means_nothing_any_more(session: Session) -> 
     assert "nothing to redo; left out: @gone" in state.message
 
 
-def test_undo_says_where_nothing_is_left(session: Session) -> None:
+def test_undo_reports_skipped_expressions(session: Session) -> None:
     session.writable_notebook.toggle_tag([1], "door")
     session.set_state(replace(session.state, past=("@door",)))
     session.writable_notebook.toggle_tag([1], "door")
@@ -52,7 +52,7 @@ def test_undo_says_where_nothing_is_left(session: Session) -> None:
     assert "nothing to undo; left out: @door" in state.message
 
 
-def test_a_run_is_reached_though_the_expression_means_nothing(session: Session) -> None:
+def test_an_invalid_expression_does_not_prevent_a_run_change(session: Session) -> None:
     session.writable_notebook.save("gone", SavedSelection("all", 1, "vanilla", 40))
     session.select("@gone")
     session.writable_notebook.forget("gone")
@@ -64,7 +64,7 @@ def test_a_run_is_reached_though_the_expression_means_nothing(session: Session) 
     assert (state.trajectories, state.expression) == (("a",), "all")
 
 
-ODD = {
+MIXED_CONTENT = {
     "selections": {
         "good": {"expression": "worst15", "generation": 1, "run": "vanilla", "count": 6},
         "later": {"expression": "worst15 ~ 3", "generation": 1, "run": "vanilla", "count": 6},
@@ -84,11 +84,11 @@ ODD = {
 }
 
 
-def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
+def test_unreadable_entries_are_kept_and_readable_ones_used(
     tiny_store: Path, session: Session
 ) -> None:
     path = session.writable_notebook.path
-    content = {"version": 1, "dataset": "0" * 64, **ODD}
+    content = {"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content))
     session = Session(tiny_store, "vanilla", Notebook)
@@ -103,34 +103,37 @@ def test_what_cannot_be_read_is_kept_and_the_rest_is_used(
     session.writable_notebook.save("new", shared_selection.current_selection(session.state))
     session.writable_notebook.note(4, "a mirror")
     session.writable_notebook.forget("good")
-    written = json.loads(path.read_text())
+    saved = json.loads(path.read_text())
     for section in ("selections", "remarks"):
-        lost = {"good"} if section == "selections" else set()
-        for key in set(ODD[section]) - lost:
-            known = written[section][key]
-            kept = ODD[section][key]
-            assert known == kept or (key == "later" and kept.items() <= known.items())
-    assert written["pinned"] == {"a": 1}
+        deleted = {"good"} if section == "selections" else set()
+        for key in set(MIXED_CONTENT[section]) - deleted:
+            stored = saved[section][key]
+            original = MIXED_CONTENT[section][key]
+            assert stored == original or (key == "later" and original.items() <= stored.items())
+    assert saved["pinned"] == {"a": 1}
     assert set(Session(tiny_store, notebooks=Notebook).notes.remarks) == {3, 4}
 
 
-def test_nothing_is_written_over_what_cannot_be_read(tiny_store: Path, session: Session) -> None:
+def test_unreadable_entries_are_never_overwritten(tiny_store: Path, session: Session) -> None:
     path = session.writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **ODD}))
-    book = Session(tiny_store, "vanilla", Notebook).writable_notebook
+    path.write_text(json.dumps({"version": 1, "dataset": "0" * 64, **MIXED_CONTENT}))
+    notebook_file = Session(tiny_store, "vanilla", Notebook).writable_notebook
     before = path.read_text()
     with pytest.raises(RequestError, match="unreadable @short"):
-        book.save("short", SavedSelection("all", 1, "vanilla", 40))
-    for change in (lambda: book.note(5, "x"), lambda: book.toggle_tag([3, 6], "dark")):
+        notebook_file.save("short", SavedSelection("all", 1, "vanilla", 40))
+    for change in (
+        lambda: notebook_file.note(5, "x"),
+        lambda: notebook_file.toggle_tag([3, 6], "dark"),
+    ):
         with pytest.raises(RequestError, match="unreadable remark"):
             change()
     assert path.read_text() == before
 
 
 @pytest.mark.parametrize("section", ["selections", "remarks", "history"])
-def test_a_section_of_another_form_is_kept(
-    tiny_store: Path, own_things: Path, section: str
+def test_a_section_of_another_type_is_kept(
+    tiny_store: Path, user_data_folder: Path, section: str
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -142,13 +145,13 @@ def test_a_section_of_another_form_is_kept(
     assert "odd" in json.loads(path.read_text()).values()
 
 
-def test_a_saved_name_used_elsewhere_says_so(session: Session, tmp_path: Path) -> None:
+def test_a_saved_selection_on_other_data_shows_a_message(session: Session, tmp_path: Path) -> None:
     session.select("worst15")
     session.writable_notebook.save("left hall", shared_selection.current_selection(session.state))
     assert session.select('@"left hall"').message == ""
-    told = session.set_run("dataaug").message
-    assert '@"left hall": evaluated again: 6 on dataaug, generation 2' in told
-    assert "saved: 6 on vanilla, generation 2" in told
+    message = session.set_run("dataaug").message
+    assert '@"left hall": evaluated again: 6 on dataaug, generation 2' in message
+    assert "saved: 6 on vanilla, generation 2" in message
     session.set_run("vanilla")
     assert (
         "generation 2, in a; saved: 6"
@@ -156,21 +159,21 @@ def test_a_saved_name_used_elsewhere_says_so(session: Session, tmp_path: Path) -
     )
     session.dispatch(navigation.set_trajectories, None)
     session.set_state(replace(session.state, generation=3))
-    told = session.select('@"left hall" & curved').message
-    assert "6 on vanilla, generation 3; saved: 6 on vanilla, generation 2" in told
+    message = session.select('@"left hall" & curved').message
+    assert "6 on vanilla, generation 3; saved: 6 on vanilla, generation 2" in message
 
 
-def test_a_shared_line_brings_its_trajectories(session: Session) -> None:
+def test_a_shared_line_restores_its_trajectories(session: Session) -> None:
     session.dispatch(navigation.set_trajectories, ("b",))
     session.select("worst15")
     line = shared_line(session)
     assert line.endswith('instances in "b"')
-    chosen = session.state.selected
+    selected = session.state.selected
     session.dispatch(navigation.set_trajectories, None)
     session.select("all")
     state = session.dispatch(shared_selection.select_text, line)
     assert state.trajectories == ("b",)
-    assert (state.selected == chosen).all()
+    assert (state.selected == selected).all()
     assert state.message == "trajectories b"
     session.select("all")
     assert session.dispatch(
@@ -179,7 +182,7 @@ def test_a_shared_line_brings_its_trajectories(session: Session) -> None:
     assert "in nowhere" in session.state.message
 
 
-def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
+def test_a_shared_line_of_another_generation_shows_a_message(session: Session) -> None:
     session.select("worst15")
     line = shared_line(session).replace("generation 2", "generation 7")
     session.select("all")
@@ -189,9 +192,7 @@ def test_a_shared_line_of_another_generation_says_so(session: Session) -> None:
     assert len(state.past) == past + 1
 
 
-def test_a_lock_that_is_held_is_not_waited_for_long(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     session.writable_notebook.note(3, "first")
     monkeypatch.setattr(notebook, "_LOCK_SECONDS", 0.1)
     with (
@@ -203,12 +204,12 @@ def test_a_lock_that_is_held_is_not_waited_for_long(
     assert session.notes.remarks[3].note == "first"
 
 
-def test_a_file_system_without_locks_is_told(
+def test_a_file_system_without_locks_is_reported(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def no_lock(*_: object) -> None:
+    def fail_to_lock(*_: object) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(fcntl, "flock", no_lock)
+    monkeypatch.setattr(fcntl, "flock", fail_to_lock)
     with pytest.raises(RequestError, match="cannot be locked"):
         session.writable_notebook.note(3, "first")

@@ -1,4 +1,4 @@
-"""Selections joined by operators, undone and redone, saved, shared and listed."""
+"""Selections: operators, undo and redo, saving, sharing and the sorted list."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store, notebooks=Notebook)
 
 
-def chosen(session: Session) -> set[int]:
+def selected_iids(session: Session) -> set[int]:
     return set(np.flatnonzero(session.state.selected).tolist())
 
 
@@ -43,13 +43,13 @@ OPERATORS = {
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_operators_are_set_algebra(session: Session, operator: str) -> None:
+def test_operators_are_set_operations(session: Session, operator: str) -> None:
     session.select("ids(0..19)")
     session.select("ids(0..19)")
-    first = chosen(session)
+    first = selected_iids(session)
     session.dispatch(selection.set_operator, operator)
     session.select("ids(10..29)")
-    assert chosen(session) == OPERATORS[operator](first, set(range(10, 30)))
+    assert selected_iids(session) == OPERATORS[operator](first, set(range(10, 30)))
     assert session.state.operator == "replace"
 
 
@@ -60,37 +60,39 @@ def test_operators_are_set_algebra(session: Session, operator: str) -> None:
         max_size=6,
     )
 )
-def test_any_chain_of_operators_agrees_with_python_sets(
+def test_chains_of_operators_equal_python_sets(
     tiny_store: Path, steps: list[tuple[str, int, int]]
 ) -> None:
     session = Session(tiny_store)
     session.select("all")
-    expected = chosen(session)
-    for operator, one, two in steps:
-        low, high = sorted((one, two))
+    expected = selected_iids(session)
+    for operator, start, end in steps:
+        low, high = sorted((start, end))
         if operator != "replace":
             session.dispatch(selection.set_operator, operator)
         session.select(f"ids({low}..{high})")
         expected = OPERATORS[operator](expected, set(range(low, high + 1)))
-    assert chosen(session) == expected
-    assert chosen(session) == set(np.flatnonzero(session.select(session.state.expression).selected))
+    assert selected_iids(session) == expected
+    assert selected_iids(session) == set(
+        np.flatnonzero(session.select(session.state.expression).selected)
+    )
 
 
-def test_an_operator_asked_for_twice_is_dropped(session: Session) -> None:
+def test_choosing_an_operator_twice_cancels_it(session: Session) -> None:
     session.dispatch(selection.set_operator, "union")
     assert session.state.operator == "union"
     assert session.dispatch(selection.set_operator, "union").operator == "replace"
 
 
-def test_complement_is_valid_minus_set_and_its_own_inverse(session: Session) -> None:
+def test_complement_excludes_the_selection_and_is_its_own_inverse(session: Session) -> None:
     session.select("worst15")
-    before = chosen(session)
+    before = selected_iids(session)
     session.dispatch(selection.complement)
-    assert chosen(session) == set(range(40)) - before
+    assert selected_iids(session) == set(range(40)) - before
     assert session.dispatch(selection.complement).expression == "worst15"
 
 
-def test_a_wrong_choice_keeps_state_and_operator(session: Session) -> None:
+def test_an_invalid_expression_keeps_state_and_operator(session: Session) -> None:
     session.dispatch(selection.set_operator, "intersect")
     before = session.state
     with pytest.raises(ExpressionError):
@@ -98,7 +100,7 @@ def test_a_wrong_choice_keeps_state_and_operator(session: Session) -> None:
     assert session.state is before
 
 
-def test_redo_goes_forward_until_something_new_is_chosen(session: Session) -> None:
+def test_redo_ends_at_a_new_selection(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
     session.dispatch(selection.undo)
@@ -109,31 +111,31 @@ def test_redo_goes_forward_until_something_new_is_chosen(session: Session) -> No
     assert session.dispatch(selection.redo).message == "nothing to redo"
 
 
-def test_the_papers_question_in_three_selections(session: Session) -> None:
+def test_the_example_query_takes_three_selections(session: Session) -> None:
     session.select("worst(15%, sim.error)")
     session.dispatch(selection.set_operator, "intersect")
     session.select("best(50%, real.error)")
     session.dispatch(selection.set_operator, "intersect")
     session.select("box(-1000, -1000, 1000, 1000)")
     columns = session.store.run_columns(session.state.run)
-    poor = set(np.argsort(-columns.sim.error, kind="stable")[:6].tolist())
-    well = set(np.argsort(columns.real.error, kind="stable")[:20].tolist())
-    assert chosen(session) == poor & well
+    worst_in_sim = set(np.argsort(-columns.sim.error, kind="stable")[:6].tolist())
+    best_in_real = set(np.argsort(columns.real.error, kind="stable")[:20].tolist())
+    assert selected_iids(session) == worst_in_sim & best_in_real
 
 
-def test_saved_selections_and_tags_are_names_of_the_language(session: Session) -> None:
+def test_saved_selections_and_tags_can_be_used_in_expressions(session: Session) -> None:
     session.select("worst15")
-    worst = chosen(session)
+    worst = selected_iids(session)
     session.writable_notebook.save("mine", SavedSelection("worst15", 1, "vanilla", 6))
     assert session.writable_notebook.toggle_tag([3, 5], "door")
     session.select("@mine | @door")
-    assert chosen(session) == worst | {3, 5}
+    assert selected_iids(session) == worst | {3, 5}
     assert not session.writable_notebook.toggle_tag([3, 5], "door")
     with pytest.raises(ExpressionError):
         session.select("@door")
 
 
-def test_two_sessions_of_a_user_keep_both_their_work(tiny_store: Path) -> None:
+def test_concurrent_sessions_keep_each_other_s_changes(tiny_store: Path) -> None:
     first, second = (Session(tiny_store, notebooks=Notebook) for _ in range(2))
     first.writable_notebook.note(3, "  overexposed\nwindow ")
     second.writable_notebook.note(4, "a mirror")
@@ -156,14 +158,14 @@ def test_names_of_selections_and_tags_do_not_collide(session: Session) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "  ", "x" * 61, 'say "hi"', "back\\slash", "bell\a"])
-def test_impossible_names_are_refused(session: Session, name: str) -> None:
+def test_invalid_names_are_rejected(session: Session, name: str) -> None:
     with pytest.raises(RequestError, match="name"):
         session.writable_notebook.save(name, SavedSelection("all", 1, "vanilla", 40))
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"version": 1}', "[1]", '{"version": 2'])
-def test_a_damaged_notebook_is_refused_and_left_alone(
-    tiny_store: Path, own_things: Path, content: str
+def test_a_damaged_notebook_is_rejected_and_unchanged(
+    tiny_store: Path, user_data_folder: Path, content: str
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -173,8 +175,8 @@ def test_a_damaged_notebook_is_refused_and_left_alone(
     assert path.read_text() == content
 
 
-def test_a_patient_notebook_is_empty_until_its_file_is_mended(
-    tiny_store: Path, own_things: Path
+def test_a_tolerant_notebook_is_empty_until_its_file_is_repaired(
+    tiny_store: Path, user_data_folder: Path
 ) -> None:
     path = Session(tiny_store, notebooks=Notebook).writable_notebook.path
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -191,7 +193,7 @@ def test_a_patient_notebook_is_empty_until_its_file_is_mended(
     assert session.notes.remarks[3].note == "dark"
 
 
-def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -> None:
+def test_a_shared_line_restores_the_selection_or_reports_differences(session: Session) -> None:
     session.select("worst15")
     line = shared_line(session)
     session.select("all")
@@ -208,7 +210,7 @@ def test_a_shared_line_selects_the_same_or_says_what_differs(session: Session) -
     assert session.dispatch(shared_selection.select_text, "best15").expression == "best15"
 
 
-def test_a_shared_line_turns_to_its_run(session: Session) -> None:
+def test_a_shared_line_changes_to_its_run(session: Session) -> None:
     session.set_run("dataaug")
     session.select("worst15")
     line = shared_line(session)
@@ -218,17 +220,17 @@ def test_a_shared_line_turns_to_its_run(session: Session) -> None:
 
 @pytest.mark.parametrize("name", instance_list.COLUMNS)
 @pytest.mark.parametrize("descending", [True, False])
-def test_the_list_is_in_order(session: Session, name: str, descending: bool) -> None:
+def test_the_list_is_sorted(session: Session, name: str, descending: bool) -> None:
     session.select("all")
     state = replace(session.state, sort=name, descending=descending)
     rows = instance_list.order(session.store, state, session.notes)
     values = instance_list.column(session.store, state, name)[rows]
     steps = np.diff(values)
     assert (steps <= 0).all() if descending else (steps >= 0).all()
-    assert sorted(rows) == sorted(chosen(session))
+    assert sorted(rows) == sorted(selected_iids(session))
 
 
-def test_moving_through_the_list_stays_inside(session: Session) -> None:
+def test_moving_through_the_list_stops_at_its_ends(session: Session) -> None:
     session.select("worst15")
     rows = instance_list.order(session.store, session.state, session.notes)
     session.set_cursor(int(rows[0]))
@@ -239,53 +241,55 @@ def test_moving_through_the_list_stays_inside(session: Session) -> None:
     assert session.dispatch(instance_list.move, 1).message == "nothing is selected"
 
 
-def test_a_name_is_not_saved_as_part_of_itself(session: Session) -> None:
-    book = session.writable_notebook
-    book.save("a", SavedSelection("worst15", 1, "vanilla", 6))
-    book.save("b", SavedSelection("@a & straight", 1, "vanilla", 3))
+def test_recursive_names_are_rejected(session: Session) -> None:
+    notebook = session.writable_notebook
+    notebook.save("a", SavedSelection("worst15", 1, "vanilla", 6))
+    notebook.save("b", SavedSelection("@a & straight", 1, "vanilla", 3))
     for name in ("a", "b"):
         with pytest.raises(RequestError, match="is used by"):
-            book.save(name, SavedSelection("@b | all", 1, "vanilla", 40))
+            notebook.save(name, SavedSelection("@b | all", 1, "vanilla", 40))
     with pytest.raises(RequestError, match="used by @b"):
-        book.forget("a")
+        notebook.forget("a")
     assert session.notes.selections["a"].expression == "worst15"
 
 
-def test_a_wrong_shared_line_changes_nothing(session: Session) -> None:
+def test_an_invalid_shared_line_changes_nothing(session: Session) -> None:
     session.set_run("vanilla")
     line = shared_line(session).replace("run vanilla", "run dataaug")
-    wrong = line.replace(session.state.expression, "room:nowhere", 1)
+    invalid = line.replace(session.state.expression, "room:nowhere", 1)
     before = session.state
     with pytest.raises(ExpressionError):
-        session.dispatch(shared_selection.select_text, wrong)
+        session.dispatch(shared_selection.select_text, invalid)
     assert session.state is before
 
 
 @pytest.mark.parametrize("name", instance_list.NAMES)
-def test_names_are_sorted_by_the_alphabet(session: Session, name: str) -> None:
+def test_names_are_sorted_alphabetically(session: Session, name: str) -> None:
     session.select("all")
     truth = session.store.instances
     codes, names = getattr(truth, name), getattr(truth, f"{name}_names")
     state = session.set_state(replace(session.state, sort=name, descending=False))
-    told = [
+    sorted_names = [
         names[codes[iid]]
         for iid in instance_list.order(session.store, state, session.notes)
         if codes[iid] >= 0
     ]
-    assert len(set(told)) > 1
-    assert told == sorted(told)
+    assert len(set(sorted_names)) > 1
+    assert sorted_names == sorted(sorted_names)
 
 
 def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
     shown = set(names)
     assert shown == set(instance_list.COLUMNS)
-    seen = [session.dispatch(instance_list.sort_by_next_column).sort for _ in instance_list.COLUMNS]
-    assert set(seen) == shown
+    sort_columns = [
+        session.dispatch(instance_list.sort_by_next_column).sort for _ in instance_list.COLUMNS
+    ]
+    assert set(sort_columns) == shown
 
 
 @pytest.mark.parametrize("descending", [True, False])
-def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) -> None:
+def test_remarks_are_sorted_alphabetically(session: Session, descending: bool) -> None:
     session.select("all - ids(9)")
     for iid, text in ((30, "beta"), (2, "Gamma"), (9, "aside"), (7, "alpha"), (20, "beta")):
         session.writable_notebook.note(iid, text)
@@ -299,7 +303,9 @@ def test_remarks_are_sorted_by_the_alphabet(session: Session, descending: bool) 
     assert session.dispatch(instance_list.sort_by_next_column).sort == "remark"
 
 
-def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
+def test_a_run_without_embeddings_cannot_be_searched_for_similar_instances(
+    session: Session,
+) -> None:
     before = session.state
     BY_NAME["alike"].do(session)
     assert session.state.message == (
@@ -309,11 +315,11 @@ def test_a_run_without_embeddings_knows_nothing_alike(session: Session) -> None:
 
 
 @pytest.mark.parametrize("side", ["sim", "real"])
-def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) -> None:
+def test_similar_instances_of_the_current_one_are_selected(store_copy: Path, side: Side) -> None:
     rng = np.random.default_rng(3)
     points = {side: rng.normal(size=(40, 3)) for side in ("sim", "real")}
-    embeddings.add(own_store, "vanilla", points)
-    session = Session(own_store, "vanilla")
+    embeddings.add(store_copy, "vanilla", points)
+    session = Session(store_copy, "vanilla")
     session.set_cursor(4)
     heat = session.state.heat
     assert heat is not None
@@ -321,22 +327,24 @@ def test_an_instance_leads_to_what_is_seen_alike(own_store: Path, side: Side) ->
     change = BY_NAME["alike"].do
     assert change is not None
     change(session)
-    near, _ = nearest_neighbours.neighbours(session.store, session.state.run, side, 4, NEIGHBOURS)
-    assert chosen(session) == set(near.tolist())
-    assert 4 in chosen(session)
+    neighbour_iids, _ = nearest_neighbours.neighbours(
+        session.store, session.state.run, side, 4, NEIGHBOURS
+    )
+    assert selected_iids(session) == set(neighbour_iids.tolist())
+    assert 4 in selected_iids(session)
     session.set_state(replace(session.state, cursor=None))
     change(session)
     assert session.state.message == "no instance to compare with: select some"
 
 
 @pytest.mark.parametrize("expression", ["worst15", "best15", "ids(3, 5..9)", "all", "none"])
-@pytest.mark.parametrize("looked_at", [1, 4096])
-def test_a_cursor_that_is_left_behind_goes_to_the_worst(
-    session: Session, expression: str, looked_at: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("candidates", [1, 4096])
+def test_an_unselected_cursor_moves_to_the_worst_instance(
+    session: Session, expression: str, candidates: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(evaluation, "_RANKED_ERRORS", looked_at)
+    monkeypatch.setattr(evaluation, "_RANKED_ERRORS", candidates)
     session.set_state(replace(session.state, cursor=None))
     state = session.select(expression)
-    pool = state.selected if state.selected.any() else state.base
+    candidates_mask = state.selected if state.selected.any() else state.base
     errors = session.store.run_columns(state.run).real.error
-    assert state.cursor == np.where(pool, errors, -1).argmax()
+    assert state.cursor == np.where(candidates_mask, errors, -1).argmax()

@@ -1,4 +1,4 @@
-"""The session alone: every transition gives a new frozen state that says what is true."""
+"""The session without a screen: frozen states and transitions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store)
 
 
-def test_the_first_state_shows_a_finding(tmp_path: Path) -> None:
+def test_the_first_state_selects_the_worst_region(tmp_path: Path) -> None:
     session = Session(tiny.build(tmp_path / "s.s2r", n=120))
     state = session.state
     assert state.expression.startswith("room:")
@@ -34,7 +34,7 @@ def test_the_first_state_shows_a_finding(tmp_path: Path) -> None:
     assert state.selected[state.cursor]
 
 
-def test_states_are_frozen_and_new(session: Session) -> None:
+def test_every_change_gives_a_new_frozen_state(session: Session) -> None:
     before = session.state
     after = session.select("best15")
     assert after is session.state
@@ -43,14 +43,14 @@ def test_states_are_frozen_and_new(session: Session) -> None:
         after.run = "other"  # type: ignore[misc]
 
 
-def test_a_wrong_expression_changes_nothing(session: Session) -> None:
+def test_an_invalid_expression_changes_nothing(session: Session) -> None:
     before = session.state
     with pytest.raises(ExpressionError):
         session.select("worst15 & room:nowhere")
     assert session.state is before
 
 
-def test_the_count_is_of_the_base_population(session: Session) -> None:
+def test_the_count_refers_to_the_chosen_trajectories(session: Session) -> None:
     assert session.select("worst15").count == "6 of 40"
     session.dispatch(navigation.change_trajectory)
     assert session.state.trajectories == ("a",)
@@ -61,12 +61,12 @@ def test_the_count_is_of_the_base_population(session: Session) -> None:
     assert session.state.trajectories is None
 
 
-def test_the_cursor_walks_the_selection_around(session: Session) -> None:
+def test_the_cursor_cycles_through_the_selection(session: Session) -> None:
     session.select("ids(3, 7, 20)")
-    seen = [session.dispatch(navigation.move_cursor, 1).cursor for _ in range(4)]
-    assert set(seen) == {3, 7, 20}
-    assert seen[0] == seen[3]
-    assert session.dispatch(navigation.move_cursor, -1).cursor == seen[2]
+    cursors = [session.dispatch(navigation.move_cursor, 1).cursor for _ in range(4)]
+    assert set(cursors) == {3, 7, 20}
+    assert cursors[0] == cursors[3]
+    assert session.dispatch(navigation.move_cursor, -1).cursor == cursors[2]
     session.select("none")
     assert session.state.message == "nothing is selected"
     assert session.dispatch(navigation.move_cursor, 1).cursor is not None
@@ -80,7 +80,7 @@ def test_undo_goes_back_one_expression_at_a_time(session: Session) -> None:
     assert session.dispatch(selection.undo).message == "nothing to undo"
 
 
-def test_runs_turn_and_keep_the_expression(session: Session) -> None:
+def test_changing_runs_keeps_the_expression(session: Session) -> None:
     session.select("worst15")
     first = np.flatnonzero(session.state.selected)
     assert session.dispatch(navigation.change_run, 1).run == "dataaug"
@@ -89,7 +89,7 @@ def test_runs_turn_and_keep_the_expression(session: Session) -> None:
     assert session.dispatch(navigation.change_run, 1).run == "vanilla"
 
 
-def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
+def test_heatmap_kinds_modes_and_sides_cycle(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
         kinds.add(session.dispatch(view_settings.change_heat, 1).heat.kind)
@@ -110,11 +110,11 @@ def test_heat_kinds_modes_and_sides_turn(session: Session) -> None:
     ]
 
 
-def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> None:
-    session = Session(own_store)
+def test_a_newer_generation_is_detected_and_opened_on_request(store_copy: Path) -> None:
+    session = Session(store_copy)
     session.select("worst15")
     assert not session.check_for_updates()
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.delete("run", run="dataaug")
     assert session.check_for_updates()
     assert session.state.runs == ("vanilla", "dataaug")
@@ -124,19 +124,19 @@ def test_a_newer_generation_is_noticed_and_taken_when_asked(own_store: Path) -> 
     assert session.open_newest_generation().message == "this is the newest generation"
 
 
-def test_a_run_that_is_not_computed_is_refused(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_an_uncomputed_run_is_rejected(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE run SET key = NULL WHERE run = 'dataaug'")
     with pytest.raises(RequestError, match="not computed"):
-        Session(own_store, "dataaug")
-    assert Session(own_store).state.runs == ("vanilla",)
-    with edit(own_store) as draft:
+        Session(store_copy, "dataaug")
+    assert Session(store_copy).state.runs == ("vanilla",)
+    with edit(store_copy) as draft:
         draft._connection.execute("UPDATE run SET key = NULL")
     with pytest.raises(RequestError, match="s2r precompute"):
-        Session(own_store)
+        Session(store_copy)
 
 
-def test_views_get_the_stores_numbers(session: Session) -> None:
+def test_view_inputs_equal_the_store(session: Session) -> None:
     rows, baseline = overview_rows(session.store)
     assert [row.run for row in rows] == ["vanilla", "dataaug"]
     assert 0 < baseline < 1
@@ -144,20 +144,20 @@ def test_views_get_the_stores_numbers(session: Session) -> None:
     assert (view.selected == session.state.selected).all()
     columns = session.store.run_columns("vanilla")
     assert np.array_equal(view.real[:, 0], columns.real.x)
-    found = instance_input(session.store, "vanilla", 5, session.state.heat)
-    assert found.real.pose.error == columns.real.error[5]
-    assert np.isnan(found.sim.depth).any()
+    instance = instance_input(session.store, "vanilla", 5, session.state.heat)
+    assert instance.real.pose.error == columns.real.error[5]
+    assert np.isnan(instance.sim.depth).any()
     assert heatmap_choices(session.store, "vanilla")[0] == ("activation", "loss")
 
 
-def test_one_instances_heat_lies_on_the_map(session: Session) -> None:
+def test_the_heatmap_of_an_instance_is_projected_on_the_map(session: Session) -> None:
     session.select("ids(5)")
     grid = instance_grid(session.store, "vanilla", session.state.heat, 5)
     assert np.isfinite(grid).any()
     assert run_grid(session.store, "vanilla", session.state.heat) is None
 
 
-def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
+def test_zoom_and_pan_are_limited(session: Session) -> None:
     bounds = session.store.dataset.bounds
     for _ in range(40):
         session.dispatch(view_settings.zoom, 1 / 0.6)
@@ -166,12 +166,12 @@ def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
     assert closest.width == pytest.approx(bounds.width * view_settings.CLOSEST)
     for _ in range(60):
         session.dispatch(view_settings.pan, 0.2, -0.2)
-    far = session.state.viewport
-    assert far is not None
+    panned = session.state.viewport
+    assert panned is not None
     session.dispatch(view_settings.pan, 500.0, -500.0)
-    far = session.state.viewport
-    assert far is not None
-    middle = (far.x0 + far.x1) / 2, (far.y0 + far.y1) / 2
+    panned = session.state.viewport
+    assert panned is not None
+    middle = (panned.x0 + panned.x1) / 2, (panned.y0 + panned.y1) / 2
     assert middle == pytest.approx((bounds.x1, bounds.y0))
     for _ in range(40):
         session.dispatch(view_settings.zoom, 0.6)
@@ -179,6 +179,6 @@ def test_the_map_is_neither_lost_nor_inside_out(session: Session) -> None:
     session.dispatch(view_settings.zoom, 0.6)
     assert session.state.viewport is None
     session.dispatch(view_settings.pan, 50.0, 0.0)
-    wide = session.state.viewport
-    assert wide is not None
-    assert (wide.x0 + wide.x1) / 2 == pytest.approx(bounds.x1)
+    panned_back = session.state.viewport
+    assert panned_back is not None
+    assert (panned_back.x0 + panned_back.x1) / 2 == pytest.approx(bounds.x1)

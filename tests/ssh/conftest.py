@@ -1,4 +1,4 @@
-"""A real OpenSSH server on loopback, shared by these tests, which run in one worker."""
+"""An OpenSSH server on the loopback interface, shared by the tests of this folder."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ OpenScreen = Callable[..., Screen]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
+    folder = Path(__file__).parent
     for item in items:
-        if here in item.path.parents:
+        if folder in item.path.parents:
             item.add_marker(pytest.mark.xdist_group("ssh"))
 
 
 @pytest.fixture(scope="session")
 def server(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[sshd.Sshd]:
-    """An SSH server whose forced account opens the tiny store."""
+    """An SSH server whose restricted account opens the tiny store."""
     missing = sshd.missing_program()
     if missing:
         pytest.skip(f"{missing} is not installed (Debian: openssh-server, openssh-client)")
@@ -33,10 +33,10 @@ def server(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 @pytest.fixture
 def open_screen() -> Iterator[OpenScreen]:
-    """Terminals that are closed when the test ends."""
+    """A function that opens terminals; they are closed when the test ends."""
     opened: list[Screen] = []
 
-    def start(
+    def start_screen(
         command: Sequence[str],
         size: tuple[int, int] = (80, 24),
         environment: Mapping[str, str] | None = None,
@@ -44,6 +44,6 @@ def open_screen() -> Iterator[OpenScreen]:
         opened.append(Screen(command, size, environment))
         return opened[-1]
 
-    yield start
+    yield start_screen
     for screen in opened:
         screen.close()

@@ -1,4 +1,4 @@
-"""Eight users at once while a precompute publishes: nobody sees an error or a torn state."""
+"""Eight simultaneous users while a precompute publishes: no errors and no inconsistent data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bench.support.sshd import Sshd, application
 from s2rstore.files import layout
 from s2rstore.maintenance.verify import verify
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 OpenScreen = Callable[..., Screen]
 USERS = 8
@@ -27,19 +27,19 @@ KEYS = ("w", "b", "W", "B", "c", RIGHT, LEFT, "r", "R", "h", "v", "o", "d", "m",
 
 
 @pytest.fixture
-def computed(trained: Path, tmp_path: Path) -> Path:
-    """A computed store with two more runs that are not computed yet."""
-    path = copied(trained, tmp_path / "s.s2r")
+def computed(trained_store: Path, tmp_path: Path) -> Path:
+    """A computed store with two additional runs that are not computed yet."""
+    path = copy_store(trained_store, tmp_path / "s.s2r")
     assert main(["precompute", str(path), "--kinds", KINDS]) == 0
     for number in (1, 2):
         adjust = f"real:brightness=1.{number}"
-        words = ["run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust]
-        assert main([*words, "--store", str(path)]) == 0
+        arguments = ["run", "add", f"more{number}", "--model", "vanilla", "--adjust", adjust]
+        assert main([*arguments, "--store", str(path)]) == 0
     return path
 
 
-def _call(*words: str) -> list[str]:
-    return [sys.executable, "-m", "s2rtui", *words]
+def _call(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "s2rtui", *arguments]
 
 
 def _environment() -> dict[str, str]:
@@ -47,15 +47,15 @@ def _environment() -> dict[str, str]:
 
 
 def _publishing(path: Path) -> Iterator[None]:
-    """Yields while a precompute of the added runs is at work."""
-    words = _call("precompute", str(path), "--kinds", KINDS)
+    """Yields while a precompute of the added runs is running."""
+    arguments = _call("precompute", str(path), "--kinds", KINDS)
     writer = subprocess.Popen(
-        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=_environment()
+        arguments, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=_environment()
     )
     while writer.poll() is None:
         yield
-    _, told = writer.communicate()
-    assert writer.returncode == 0, told
+    _, error_output = writer.communicate()
+    assert writer.returncode == 0, error_output
 
 
 def test_eight_users_while_a_precompute_publishes(
@@ -74,9 +74,9 @@ def test_eight_users_while_a_precompute_publishes(
             screen.wait_for_bytes(received, 0.5)
             text = screen.wait_for(lambda text: bool(STATUS.search(text)))
             assert faults(text.splitlines()) == [], text
-            seen = STATUS.search(text)
-            assert seen is not None
-            assert (int(seen["all"]), int(seen["generation"])) == (40, first)
+            status = STATUS.search(text)
+            assert status is not None
+            assert (int(status["all"]), int(status["generation"])) == (40, first)
     newest = layout.read_current(computed).generation
     assert newest > first
     for screen in screens:

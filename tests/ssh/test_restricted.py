@@ -1,4 +1,4 @@
-"""The shared account: whatever a client asks for, it gets the application or one line."""
+"""The restricted account: every request gets the application or a one-line error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OpenScreen = Callable[..., Screen]
 _SHELLS = {"sh", "bash", "dash", "zsh", "-sh", "-bash"}
 
 
-def _ran(command: list[str]) -> subprocess.CompletedProcess[str]:
+def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, capture_output=True, text=True, timeout=60, stdin=subprocess.DEVNULL
     )
@@ -31,36 +31,38 @@ def _files(folder: Path) -> dict[Path, int]:
     "command",
     ["/bin/sh", "cat /etc/passwd", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""],
 )
-def test_without_a_terminal_one_line_refuses(server: Sshd, command: str) -> None:
-    asked = [command] if command else []
-    done = _ran(server.login(*asked, forced=True, tty=False))
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1
-    assert "ssh -t" in done.stderr
+def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str) -> None:
+    arguments = [command] if command else []
+    process = _run(server.login(*arguments, forced=True, tty=False))
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert process.stderr.count("\n") == 1
+    assert "ssh -t" in process.stderr
 
 
-def test_files_are_neither_fetched_nor_left(server: Sshd, tmp_path: Path) -> None:
-    target, left = tmp_path / "fetched", tmp_path / "left"
-    mine = tmp_path / "mine"
-    mine.write_text("content")
+def test_files_cannot_be_copied(server: Sshd, tmp_path: Path) -> None:
+    target, uploaded = tmp_path / "fetched", tmp_path / "left"
+    local_file = tmp_path / "mine"
+    local_file.write_text("content")
     for program in ("scp", "sftp"):
-        done = _ran(server.copy(program, "HOST:/etc/passwd", str(target), forced=True))
-        assert done.returncode != 0
-    done = _ran(server.copy("scp", str(mine), f"HOST:{left}", forced=True))
-    assert done.returncode != 0
+        process = _run(server.copy(program, "HOST:/etc/passwd", str(target), forced=True))
+        assert process.returncode != 0
+    process = _run(server.copy("scp", str(local_file), f"HOST:{uploaded}", forced=True))
+    assert process.returncode != 0
     assert not target.exists()
-    assert not left.exists()
-    assert _ran(server.copy("scp", str(mine), f"HOST:{left}", forced=False)).returncode == 0
-    assert left.exists()
+    assert not uploaded.exists()
+    assert (
+        _run(server.copy("scp", str(local_file), f"HOST:{uploaded}", forced=False)).returncode == 0
+    )
+    assert uploaded.exists()
 
 
-def test_nothing_is_forwarded(server: Sshd) -> None:
+def test_port_forwarding_is_disabled(server: Sshd) -> None:
     def greeting(forced: bool) -> str:
-        through = ["-W", f"127.0.0.1:{server.port}"]
-        call = server.login(forced=forced, tty=False, options=through)[:-1]
+        forward_option = ["-W", f"127.0.0.1:{server.port}"]
+        command = server.login(forced=forced, tty=False, options=forward_option)[:-1]
         client = subprocess.Popen(
-            call, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
         try:
             assert client.stdout is not None
@@ -74,18 +76,18 @@ def test_nothing_is_forwarded(server: Sshd) -> None:
 
 
 @pytest.mark.parametrize("command", ["/bin/sh", "cat /etc/passwd", ""])
-def test_with_a_terminal_the_application_opens(
+def test_with_a_terminal_every_command_opens_the_application(
     server: Sshd, open_screen: OpenScreen, command: str
 ) -> None:
-    asked = [command] if command else []
-    screen = open_screen(server.login(*asked, forced=True))
+    arguments = [command] if command else []
+    screen = open_screen(server.login(*arguments, forced=True))
     screen.wait_for("of 40")
     assert b"root:" not in screen.raw
     screen.press("q")
     assert screen.wait_for_end() == 0
 
 
-def test_no_key_leads_to_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
+def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
     screen = open_screen(server.login("/bin/sh", forced=True), (100, 30))
     screen.wait_for("of 40")
     running = applications_below(server.pid)
@@ -113,7 +115,9 @@ def test_no_key_leads_to_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
 
 
 @pytest.mark.parametrize("keys", [CTRL_Z, CTRL_C, b"\x1c"], ids=["ctrl-z", "ctrl-c", "ctrl-\\"])
-def test_keys_pressed_while_it_starts(server: Sshd, open_screen: OpenScreen, keys: bytes) -> None:
+def test_keys_during_startup_open_no_shell(
+    server: Sshd, open_screen: OpenScreen, keys: bytes
+) -> None:
     screen = open_screen(server.login(forced=True))
     assert wait_until(lambda: bool(commands_below(server.pid)))
     limit = time.monotonic() + 30
@@ -142,7 +146,7 @@ def test_models_are_neither_offered_nor_loaded(server: Sshd, open_screen: OpenSc
     )
 
 
-def test_pictures_go_to_the_users_own_folder_and_nowhere_else(
+def test_screenshots_are_written_only_to_the_user_data_folder(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:
     before = _files(tiny_store)
@@ -158,9 +162,9 @@ def test_pictures_go_to_the_users_own_folder_and_nowhere_else(
 
 
 def _shells(server: Sshd) -> list[list[str]]:
-    """Shells below the server that wait for a user; one that runs the forced command does not."""
+    """Interactive shells below the server; shells that run the forced command are excluded."""
     return [
-        words
-        for words in commands_below(server.pid).values()
-        if words and Path(words[0]).name in _SHELLS and "-c" not in words
+        command_line
+        for command_line in commands_below(server.pid).values()
+        if command_line and Path(command_line[0]).name in _SHELLS and "-c" not in command_line
     ]

@@ -1,4 +1,4 @@
-"""A session over SSH: login, keys, sizes, colours, a lost connection, tmux."""
+"""Sessions over SSH: login, keys, sizes, colours, lost connections and tmux."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_keys_change_the_selection(server: Sshd, tiny_store: Path, open_screen: 
     assert screen.wait_for_end() == 0
 
 
-def test_from_a_login_shell_and_back(
+def test_the_application_runs_from_a_login_shell(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:
     screen = open_screen(server.login(), (100, 30))
@@ -46,7 +46,7 @@ def test_from_a_login_shell_and_back(
     assert screen.wait_for_end() == 0
 
 
-def test_a_new_size_changes_the_layout(
+def test_resizing_changes_the_layout(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:
     screen = open_screen(server.login(*application(tiny_store)), (80, 24))
@@ -74,7 +74,7 @@ def test_a_new_size_changes_the_layout(
     ],
     ids=["truecolour", "256", "16", "NO_COLOR", "vt100"],
 )
-def test_colours_are_those_of_the_far_terminal(
+def test_colours_are_those_of_the_user_s_terminal(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen,
     environment: dict[str, str], coloured: bool, truecolour: bool,
 ) -> None:  # fmt: skip
@@ -87,7 +87,7 @@ def test_colours_are_those_of_the_far_terminal(
     assert (b"38;2;" in screen.raw or b"48;2;" in screen.raw) == truecolour
 
 
-def test_a_dumb_terminal_is_refused_with_the_reason(
+def test_a_dumb_terminal_is_rejected_with_the_reason(
     server: Sshd, tiny_store: Path, open_screen: OpenScreen
 ) -> None:
     screen = open_screen(server.login(*application(tiny_store)), (200, 24), {"TERM": "dumb"})
@@ -109,12 +109,12 @@ def test_a_lost_connection_leaves_nothing_running(
 
 @pytest.fixture
 def tmux(server: Sshd) -> Iterator[list[str]]:
-    """A call of tmux with a server of its own, ended afterwards."""
+    """The tmux command with a separate server, which ends with the test."""
     if shutil.which("tmux") is None:
         pytest.skip("tmux is not installed")
-    call = ["tmux", "-u", "-S", str(server.folder / "tmux"), "-f", "/dev/null"]
-    yield call
-    subprocess.run([*call, "kill-server"], capture_output=True)
+    command = ["tmux", "-u", "-S", str(server.folder / "tmux"), "-f", "/dev/null"]
+    yield command
+    subprocess.run([*command, "kill-server"], capture_output=True)
 
 
 def test_tmux_keeps_the_session_when_the_connection_is_cut(
@@ -131,8 +131,8 @@ def test_tmux_keeps_the_session_when_the_connection_is_cut(
     before.wait_for("best15")
     before.kill()
     after = open_screen(server.login(*command), (160, 45))
-    kept = ("│ 6 of 40 │", "best15", "1 overview", "3 instance")
-    after.wait_for(lambda text: all(part in text for part in kept))
+    expected = ("│ 6 of 40 │", "best15", "1 overview", "3 instance")
+    after.wait_for(lambda text: all(part in text for part in expected))
     after.press("u")
     after.wait_for("worst15")
     after.press("q")

@@ -1,4 +1,4 @@
-"""Intervals cover the truth as often as they say, and are the same wherever a figure is given."""
+"""Bootstrap intervals: coverage, small-sample correction, agreement of screen and gate."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from tests.support import tiny
 
 
 @pytest.mark.parametrize("level", [0.8, 0.95, 0.99])
-def test_student_quantiles_are_scipys(level: float) -> None:
+def test_student_quantiles_equal_scipy(level: float) -> None:
     for freedom in (*range(1, 40), 199, 200, 201, 1000, 100_000):
         expected = stats.t.ppf((1 + level) / 2, freedom)
         assert bootstrap.student_quantile(freedom, level) == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize("level", [0.8, 0.95, 0.99])
-def test_the_interval_of_a_normal_mean_is_students(level: float) -> None:
-    """A normal bootstrap of b values divides by b, not by b - 1; corrected it is Student's."""
+def test_the_corrected_interval_of_a_normal_mean_is_student_s(level: float) -> None:
+    """A normal bootstrap of b values divides by b, not by b - 1; the correction restores it."""
     for b in (2, 5, 30):
         tail = (1 + level) / 2
         expected = stats.t.ppf(tail, b - 1) / np.sqrt(b)
@@ -35,12 +35,12 @@ def test_the_interval_of_a_normal_mean_is_students(level: float) -> None:
         assert half_width * bootstrap.correction_factor(b, level) == pytest.approx(expected)
 
 
-def test_one_unit_has_no_spread() -> None:
+def test_fewer_than_two_blocks_have_no_correction() -> None:
     factors = bootstrap.correction_factor(np.array([0.0, 1.0, 2.0]), 0.95)
     assert np.isnan(factors).tolist() == [True, True, False]
 
 
-def test_replicates_are_widened_around_the_value() -> None:
+def test_correction_widens_replicates_around_the_value() -> None:
     replicates = np.array([[1.0, 5.0], [3.0, 5.0]])
     widened = bootstrap.corrected(replicates, np.array([2.0, 5.0]), np.array([4.0, 4.0]), 0.95)
     assert widened.mean(axis=0) == pytest.approx([2.0, 5.0])
@@ -54,7 +54,7 @@ def test_unknown_replicates_have_no_bounds() -> None:
 
 
 @pytest.mark.parametrize("units", [3, 4, 6, 10])
-def test_few_blocks_keep_their_coverage(units: int) -> None:
+def test_few_blocks_have_the_nominal_coverage(units: int) -> None:
     """Without the correction, intervals over 4 blocks cover the mean in 75 % of the cases."""
     rng, covered = np.random.default_rng(units), []
     for _ in range(400):
@@ -66,7 +66,7 @@ def test_few_blocks_keep_their_coverage(units: int) -> None:
 
 
 @given(st.integers(1, 30), st.integers(1, 12), st.integers(1, 4), st.integers(0, 99))
-def test_circular_sums_are_those_of_the_wrapped_rows(
+def test_circular_block_sums_equal_sums_of_wrapped_rows(
     n: int, length: int, parts: int, seed: int
 ) -> None:
     length = min(length, n)
@@ -86,7 +86,7 @@ def test_too_few_values_have_an_estimate_without_bounds() -> None:
 
 
 def test_screen_and_gate_give_the_same_interval(tmp_path: Path) -> None:
-    """The mean of the same values has one interval, through `mean_interval` and through an axis."""
+    """`mean_interval` and a gap axis give the same interval for the mean of the same values."""
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=240)) as store:
         held_out = np.flatnonzero(run_metrics.held_out(store, "vanilla"))
         columns, trajectory = store.run_columns("vanilla"), store.instances.trajectory

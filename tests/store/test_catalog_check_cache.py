@@ -1,4 +1,4 @@
-"""A file is compared with the known catalog once per content, and again where anything differs."""
+"""The catalog check runs once per index content and again after any difference."""
 
 from __future__ import annotations
 
@@ -9,91 +9,93 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index import catalog_check, catalog_check_cache, locked_connection
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 
 @pytest.fixture
-def compared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]:
-    """The files that were compared, in a process that has opened none and with an empty cache."""
+def checked_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Path]:
+    """The checked files, in a process that has opened none, with an empty cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    found: list[Path] = []
+    files: list[Path] = []
     check = catalog_check.check
 
-    def noted(connection, tables, views, path) -> None:
-        found.append(path)
+    def recording_check(connection, tables, views, path) -> None:
+        files.append(path)
         check(connection, tables, views, path)
 
-    monkeypatch.setattr(catalog_check, "check", noted)
-    return found
+    monkeypatch.setattr(catalog_check, "check", recording_check)
+    return files
 
 
-def opened(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Open it as a new process would."""
+def open_in_new_process(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Open the index as a new process would."""
     monkeypatch.setattr(locked_connection, "_checked", {})
     locked_connection.connect(index).close()
 
 
-def index_of(store: Path) -> Path:
+def index_file(store: Path) -> Path:
     return store / layout.read_current(store).index
 
 
-def test_equal_content_is_compared_once(
-    own_store: Path, tmp_path: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+def test_equal_content_is_checked_once(
+    store_copy: Path, tmp_path: Path, checked_files: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = index_of(copied(own_store, tmp_path / "other.s2r"))
-    opened(index_of(own_store), monkeypatch)
-    opened(index_of(own_store), monkeypatch)
-    opened(other, monkeypatch)
-    assert compared == [index_of(own_store)]
+    other = index_file(copy_store(store_copy, tmp_path / "other.s2r"))
+    open_in_new_process(index_file(store_copy), monkeypatch)
+    open_in_new_process(index_file(store_copy), monkeypatch)
+    open_in_new_process(other, monkeypatch)
+    assert checked_files == [index_file(store_copy)]
 
 
-def test_another_expectation_is_compared_again(
-    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+def test_other_expected_views_are_checked_again(
+    store_copy: Path, checked_files: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    index = index_of(own_store)
-    opened(index, monkeypatch)
+    index = index_file(store_copy)
+    open_in_new_process(index, monkeypatch)
     monkeypatch.setattr(locked_connection, "_checked", {})
     with pytest.raises(RequestError):
         locked_connection.connect(index, views=())
-    assert compared == [index, index]
+    assert checked_files == [index, index]
 
 
-def test_what_was_refused_is_not_remembered(
-    own_store: Path, compared: list[Path], monkeypatch: pytest.MonkeyPatch
+def test_a_failed_check_is_not_cached(
+    store_copy: Path, checked_files: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    index = index_of(own_store)
+    index = index_file(store_copy)
     for _ in range(2):
         monkeypatch.setattr(locked_connection, "_checked", {})
         with pytest.raises(RequestError):
             locked_connection.connect(index, views=())
-    assert compared == [index, index]
+    assert checked_files == [index, index]
 
 
-@pytest.mark.parametrize("trouble", ["others may write", "a link", "a file"])
-def test_a_folder_that_is_not_the_users_alone_is_not_used(
-    own_store: Path,
+@pytest.mark.parametrize("problem", ["others may write", "a link", "a file"])
+def test_a_cache_folder_that_others_can_write_is_not_used(
+    store_copy: Path,
     tmp_path: Path,
-    compared: list[Path],
+    checked_files: list[Path],
     monkeypatch: pytest.MonkeyPatch,
-    trouble: str,
+    problem: str,
 ) -> None:
     folder = tmp_path / "cache" / "s2rtui" / "checked-indexes"
     folder.parent.mkdir(parents=True)
-    if trouble == "a file":
+    if problem == "a file":
         folder.touch()
-    elif trouble == "a link":
+    elif problem == "a link":
         (tmp_path / "elsewhere").mkdir()
         folder.symlink_to(tmp_path / "elsewhere")
     else:
         folder.mkdir()
         folder.chmod(0o777)
-    index = index_of(own_store)
+    index = index_file(store_copy)
     for _ in range(2):
-        opened(index, monkeypatch)
-    assert compared == [index, index]
+        open_in_new_process(index, monkeypatch)
+    assert checked_files == [index, index]
 
 
-def test_the_folder_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_cache_entries_is_limited(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     names = [f"{number:064x}" for number in range(catalog_check_cache.MAX_ENTRIES + 1)]
     for name in names:

@@ -1,4 +1,4 @@
-"""A store that lies: damaged, hostile or half there, it is refused or found out."""
+"""Damaged, hostile and incomplete stores are refused or detected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 
 
-def _changed(root: Path, **values: object) -> None:
+def _change_current(root: Path, **values: object) -> None:
     path = root / layout.CURRENT
     path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
 
@@ -32,20 +32,20 @@ def _changed(root: Path, **values: object) -> None:
         {"index": "../x.duckdb"}, {"bytes": 1}, {"sha256": "0"},
     ],
 )  # fmt: skip
-def test_a_current_file_that_lies_is_found_and_never_pruned_by(own_store: Path, values) -> None:
-    _changed(own_store, **values)
-    before = sorted(own_store.rglob("*"))
-    assert verify(own_store)
+def test_a_wrong_current_file_is_detected_and_prevents_pruning(store_copy: Path, values) -> None:
+    _change_current(store_copy, **values)
+    before = sorted(store_copy.rglob("*"))
+    assert verify(store_copy)
     if "bytes" not in values and "sha256" not in values:
         with pytest.raises(RequestError):
-            prune(own_store, keep=1)
-        assert sorted(own_store.rglob("*")) == before
+            prune(store_copy, keep=1)
+        assert sorted(store_copy.rglob("*")) == before
 
 
-def test_prune_refuses_what_it_does_not_know(own_store: Path) -> None:
-    _changed(own_store, schema=99)
+def test_prune_refuses_an_unknown_schema(store_copy: Path) -> None:
+    _change_current(store_copy, schema=99)
     with pytest.raises(RequestError, match="schema 99"):
-        prune(own_store)
+        prune(store_copy)
 
 
 def _publish_slowly(root: Path, started) -> None:
@@ -55,26 +55,26 @@ def _publish_slowly(root: Path, started) -> None:
         time.sleep(0.7)
 
 
-def test_prune_spares_what_is_published_while_it_waits(own_store: Path) -> None:
+def test_prune_keeps_a_generation_published_while_it_waits(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
     started = context.Event()
-    writer = context.Process(target=_publish_slowly, args=(own_store, started))
+    writer = context.Process(target=_publish_slowly, args=(store_copy, started))
     writer.start()
     assert started.wait(60)
-    prune(own_store, keep=1)
+    prune(store_copy, keep=1)
     writer.join()
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.provenance("late") == {"a": "1"}
-    assert verify(own_store) == []
+    assert verify(store_copy) == []
 
 
-def _sql(root: Path, statement: str) -> None:
-    """Change the published index behind the store's back, checksums included."""
+def _execute_on_index(root: Path, statement: str) -> None:
+    """Modify the published index directly and update its checksum."""
     current = layout.read_current(root)
     index = root / current.index
     with duckdb.connect(str(index)) as connection:
         connection.execute(statement)
-    _changed(root, sha256=input_files.sha256(index), bytes=index.stat().st_size)
+    _change_current(root, sha256=input_files.sha256(index), bytes=index.stat().st_size)
 
 
 @pytest.mark.parametrize(
@@ -90,10 +90,10 @@ def _sql(root: Path, statement: str) -> None:
         "INSERT INTO model SELECT * FROM model LIMIT 1",
     ],
 )
-def test_verify_recomputes_what_the_index_says(own_store: Path, statement: str) -> None:
-    assert verify(own_store) == []
-    _sql(own_store, statement)
-    assert verify(own_store)
+def test_verify_recomputes_the_derived_columns(store_copy: Path, statement: str) -> None:
+    assert verify(store_copy) == []
+    _execute_on_index(store_copy, statement)
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize(
@@ -107,11 +107,11 @@ def test_verify_recomputes_what_the_index_says(own_store: Path, statement: str) 
         "DROP VIEW pair; DROP TABLE room",
     ],
 )
-def test_names_do_not_lead_out_of_the_store(own_store: Path, statement: str) -> None:
-    _sql(own_store, statement)
+def test_names_cannot_refer_to_files_outside_the_store(store_copy: Path, statement: str) -> None:
+    _execute_on_index(store_copy, statement)
     with pytest.raises(RequestError):
-        _read_all(own_store)
-    assert verify(own_store)
+        _read_all(store_copy)
+    assert verify(store_copy)
 
 
 def _read_all(root: Path) -> None:
@@ -122,25 +122,25 @@ def _read_all(root: Path) -> None:
         store.heatmap("vanilla", "occlusion", "real", 0)
 
 
-def test_a_missing_or_damaged_shard_is_no_picture(own_store: Path) -> None:
-    with s2rstore.open(own_store) as store:
+def test_a_missing_or_damaged_shard_is_an_error(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as store:
         record, _ = store.array("vanilla", "occlusion", "real", "rgbd")
         assert np.abs(store.heatmap("vanilla", "occlusion", "real", 0)).max() > 0
-    shard = stored_array.shard_file(own_store / "runs.zarr" / record.path, 0, len(record.shape))
+    shard = stored_array.shard_file(store_copy / "runs.zarr" / record.path, 0, len(record.shape))
     content = shard.read_bytes()
     shard.unlink()
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="missing"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="missing"):
         store.heatmap("vanilla", "occlusion", "real", 0)
     shard.write_bytes(content[:-40])
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="damaged"):
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="damaged"):
         store.heatmap("vanilla", "occlusion", "real", 0)
-    (own_store / "runs.zarr" / record.path / "zarr.json").write_text("[]")
-    with s2rstore.open(own_store) as store, pytest.raises(RequestError, match="metadata"):
+    (store_copy / "runs.zarr" / record.path / "zarr.json").write_text("[]")
+    with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="metadata"):
         store.heatmap("vanilla", "occlusion", "real", 0)
-    assert verify(own_store)
+    assert verify(store_copy)
 
 
 @pytest.mark.parametrize("iid", [-1, 40])
-def test_there_is_no_heatmap_of_no_instance(tiny_store: Path, iid: int) -> None:
+def test_an_instance_out_of_range_has_no_heatmap(tiny_store: Path, iid: int) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="holds 0"):
         store.heatmap("vanilla", "occlusion", "real", iid)

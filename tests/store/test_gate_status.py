@@ -1,4 +1,4 @@
-"""The words of a gate and their exit codes."""
+"""Gate outcomes and their exit codes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, 
 
 
 @pytest.mark.parametrize(
-    ("headline", "golden", "judged", "word"),
+    ("headline", "golden", "judged", "outcome"),
     [
         ("PASS", None, True, "PASS"),
         ("PASS", "FAIL", True, "FAIL"),
@@ -36,13 +36,13 @@ def report(headline: str, golden: str | None, judged: bool = True) -> dict[str, 
         ("INCONCLUSIVE", None, False, None),
     ],
 )
-def test_the_worst_of_what_was_judged_decides(
-    headline: str, golden: str | None, judged: bool, word: str | None
+def test_the_worst_judged_outcome_decides(
+    headline: str, golden: str | None, judged: bool, outcome: str | None
 ) -> None:
-    assert report_outcome(report(headline, golden, judged)) == word
+    assert report_outcome(report(headline, golden, judged)) == outcome
 
 
-def test_words_and_codes() -> None:
+def test_outcomes_and_exit_codes() -> None:
     assert EXIT_CODES == {"PASS": 0, "FAIL": 1, "ERROR": 2, "INCONCLUSIVE": 3}
     assert worst_outcome([]) == "PASS"
     assert stored_status("FAIL") == "FAIL"

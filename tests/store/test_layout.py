@@ -1,4 +1,4 @@
-"""Files of a store are whole, and a failed write leaves nothing beside them."""
+"""Files are written atomically, and a failed write leaves no temporary file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from s2rstore.files import atomic_writes
 
 
-def test_a_file_is_replaced_and_nothing_is_left_beside(tmp_path: Path) -> None:
+def test_a_file_is_replaced_without_a_temporary_file(tmp_path: Path) -> None:
     path = tmp_path / "file"
     for content in (b"one", b"two"):
         atomic_writes.write_file(path, content)
@@ -19,16 +19,16 @@ def test_a_file_is_replaced_and_nothing_is_left_beside(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_write_that_fails_leaves_the_old_content_alone(
+def test_a_failed_write_keeps_the_old_content(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     path = tmp_path / "file"
     atomic_writes.write_file(path, b"old")
 
-    def full(descriptor: int) -> None:
+    def failing_fsync(descriptor: int) -> None:
         raise error
 
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", failing_fsync)
     with pytest.raises(type(error)):
         atomic_writes.write_file(path, b"new")
     assert path.read_bytes() == b"old"

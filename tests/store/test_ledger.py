@@ -1,4 +1,4 @@
-"""The ledger proves what is done; torn lines and changed files prove nothing."""
+"""The ledger of finished work units: changed files and torn lines are not accepted as finished."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
 
 
-def _unit(root: Path, name: str, content: bytes) -> None:
+def _write_file(root: Path, name: str, content: bytes) -> None:
     (root / name).write_bytes(content)
 
 
-def test_only_intact_files_are_proven(tmp_path: Path) -> None:
-    _unit(tmp_path, "a", b"one")
-    _unit(tmp_path, "b", b"two")
+def test_only_unchanged_files_are_proven(tmp_path: Path) -> None:
+    _write_file(tmp_path, "a", b"one")
+    _write_file(tmp_path, "b", b"two")
     ledger = Ledger(tmp_path)
     ledger.add("unit", [("a", 1), ("b", 1)])
-    assert all(ledger.proves(known) for known in ledger.by_path().values())
-    _unit(tmp_path, "b", b"twO")
+    assert all(ledger.proves(entries) for entries in ledger.by_path().values())
+    _write_file(tmp_path, "b", b"twO")
     assert not ledger.proves(ledger.by_path()["b"])
     (tmp_path / "b").unlink()
     assert not ledger.proves(ledger.by_path()["b"])
@@ -32,50 +32,50 @@ def test_only_intact_files_are_proven(tmp_path: Path) -> None:
     assert not ledger.proves([])
 
 
-def test_a_file_that_was_made_again_is_proven_whatever_the_process_numbers(tmp_path: Path) -> None:
-    _unit(tmp_path, "a", b"old")
+def test_a_rewritten_file_is_proven_by_its_newest_entry(tmp_path: Path) -> None:
+    _write_file(tmp_path, "a", b"old")
     Ledger(tmp_path).add("unit", [("a", 1)])
-    (own,) = (tmp_path / "ledger").glob("*.jsonl")
-    own.rename(own.with_name("zzz-9.jsonl"))
-    _unit(tmp_path, "a", b"new")
+    (file,) = (tmp_path / "ledger").glob("*.jsonl")
+    file.rename(file.with_name("zzz-9.jsonl"))
+    _write_file(tmp_path, "a", b"new")
     Ledger(tmp_path).add("unit", [("a", 1)])
     ledger = Ledger(tmp_path)
     assert ledger.proves(ledger.by_path()["a"])
-    _unit(tmp_path, "a", b"bad")
+    _write_file(tmp_path, "a", b"bad")
     assert not ledger.proves(ledger.by_path()["a"])
 
 
 @settings(max_examples=50, deadline=None)
 @given(cut=st.integers(1, 200))
-def test_a_torn_line_is_no_line(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+def test_a_torn_line_is_ignored(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
     root = tmp_path_factory.mktemp("ledger")
-    _unit(root, "a", b"one")
+    _write_file(root, "a", b"one")
     ledger = Ledger(root)
     ledger.add("first", [("a", 1)])
     ledger.add("second", [("a", 1)])
     path = next((root / "ledger").glob("*.jsonl"))
-    whole = path.read_bytes()
-    path.write_bytes(whole[: max(len(whole) - cut, 0)])
-    kept = {entry.key for entry in ledger.entries()}
-    assert kept <= {"first", "second"}
+    complete = path.read_bytes()
+    path.write_bytes(complete[: max(len(complete) - cut, 0)])
+    keys = {entry.key for entry in ledger.entries()}
+    assert keys <= {"first", "second"}
     ledger.add("third", [("a", 1)])
-    assert kept | {"third"} == {entry.key for entry in ledger.entries()}
+    assert keys | {"third"} == {entry.key for entry in ledger.entries()}
 
 
 @settings(max_examples=30, deadline=None)
 @given(
-    rows=st.integers(1, 40), shard=st.integers(1, 16), item=st.sampled_from([(), (3,), (2, 5)]),
+    rows=st.integers(1, 40), shard=st.integers(1, 16), shape=st.sampled_from([(), (3,), (2, 5)]),
     dtype=st.sampled_from(["uint8", "uint16", "float32", "float16"]), seed=st.integers(0, 99),
 )  # fmt: skip
-def test_shards_hold_what_was_written(
-    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, item: tuple[int, ...],
+def test_shards_contain_the_written_rows(
+    tmp_path_factory: pytest.TempPathFactory, rows: int, shard: int, shape: tuple[int, ...],
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan_layout(rows, item, dtype, shard)
+    plan = stored_array.plan_layout(rows, shape, dtype, shard)
     stored_array.create(path, plan)
     rng = np.random.default_rng(seed)
-    data = (rng.integers(0, 2, (rows, *item)) * rng.integers(0, 200)).astype(dtype)
+    data = (rng.integers(0, 2, (rows, *shape)) * rng.integers(0, 200)).astype(dtype)
     for number in range(plan.shards):
         block = data[number * shard : (number + 1) * shard]
         assert stored_array.write_shard(path, number, block).is_file()
@@ -89,7 +89,7 @@ def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
         stored_array.create(tmp_path / "a", stored_array.plan_layout(5, (2,), "float32", 2))
 
 
-def test_a_part_of_a_shard_is_refused(tmp_path: Path) -> None:
+def test_an_incomplete_shard_is_refused(tmp_path: Path) -> None:
     stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
         stored_array.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

@@ -1,4 +1,4 @@
-"""Ranks, accuracies and intervals against a second way of computing them."""
+"""Ranks, accuracies and intervals compared with independent computations."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ def test_habitat_yaw_gives_the_documented_forward(r: float) -> None:
     hnp.arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([0.0, 1.0, 2.5, np.nan]))
 )
 def test_ranks_order_by_error_then_index(error: np.ndarray) -> None:
-    known = [i for i in range(error.size) if not np.isnan(error[i])]
-    wanted = np.zeros(error.size, int)
-    for position, index in enumerate(sorted(known, key=lambda i: (error[i], i))):
-        wanted[index] = position + 1
-    assert (pose_metrics.rank(error) == wanted).all()
+    known_rows = [i for i in range(error.size) if not np.isnan(error[i])]
+    expected = np.zeros(error.size, int)
+    for position, index in enumerate(sorted(known_rows, key=lambda i: (error[i], i))):
+        expected[index] = position + 1
+    assert (pose_metrics.rank(error) == expected).all()
 
 
-def test_the_loss_is_the_papers() -> None:
+def test_the_loss_is_the_weighted_sum_of_the_paper() -> None:
     loss = pose_metrics.pose_loss(np.array([2.0]), np.array([0.5]))
     assert np.allclose(loss, 0.7 * 4 + 0.3 * 0.5)
 
 
-def test_the_interval_covers_the_mean_of_independent_values_about_as_often_as_it_says() -> None:
+def test_the_interval_of_independent_values_has_the_nominal_coverage() -> None:
     rng = np.random.default_rng(3)
     hits = 0
     for _ in range(200):
-        found = bootstrap.mean_interval(
+        result = bootstrap.mean_interval(
             rng.normal(1, 1, 200), settings=bootstrap.BootstrapSettings(400, block_length=5)
         )
-        hits += found.low <= 1 <= found.high
+        hits += result.low <= 1 <= result.high
     assert 175 <= hits <= 199
 
 
-def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
+def test_repeated_neighbouring_values_widen_the_interval() -> None:
     rng = np.random.default_rng(4)
     values = rng.normal(0, 1, 40)
     single = bootstrap.mean_interval(np.tile(values, 1).repeat(1))
@@ -67,31 +67,31 @@ def test_neighbouring_values_that_repeat_widen_the_interval() -> None:
     assert single.low < single.value < single.high
 
 
-def test_headlines_leave_out_what_the_model_was_trained_on(tiny_store) -> None:
+def test_metrics_exclude_training_instances(tiny_store) -> None:
     with s2rstore.open(tiny_store) as store:
         columns = store.run_columns("vanilla")
-        found = run_metrics.side_metrics(store, "vanilla", "sim")
-        keep = np.arange(40) % 5 == 4
-        assert (found.n, found.trained_on) == (8, 32)
-        assert np.isclose(found.accuracy.value, columns.sim.accuracy[keep].mean())
+        result = run_metrics.side_metrics(store, "vanilla", "sim")
+        held_out = np.arange(40) % 5 == 4
+        assert (result.n, result.trained_on) == (8, 32)
+        assert np.isclose(result.accuracy.value, columns.sim.accuracy[held_out].mean())
         real = run_metrics.side_metrics(store, "vanilla", "real")
         assert (real.n, real.trained_on) == (8, 32)
-        assert np.isclose(real.median_error, np.median(columns.real.error[keep]))
-        x, y = store.instances.x[keep], store.instances.y[keep]
-        off = np.hypot(x - x.mean(), y - y.mean())
+        assert np.isclose(real.median_error, np.median(columns.real.error[held_out]))
+        x, y = store.instances.x[held_out], store.instances.y[held_out]
+        distance = np.hypot(x - x.mean(), y - y.mean())
         assert np.isclose(
-            run_metrics.baseline_accuracy(store, "vanilla"), np.maximum(0, 1 - off / 12).mean()
+            run_metrics.baseline_accuracy(store, "vanilla"), np.maximum(0, 1 - distance / 12).mean()
         )
 
 
-def test_findings_name_the_worst_room(tmp_path) -> None:
+def test_the_summary_names_the_worst_room(tmp_path) -> None:
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
-        found = store_summary.worst_rooms(store, "vanilla")
+        worst_rooms = store_summary.worst_rooms(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
                HAVING count(*) >= 5 ORDER BY 2 DESC"""
         )
-        assert [(r.room, r.n) for r in found] == [(room, n) for room, _, n in medians]
-        assert np.isclose(found[0].real_median, medians[0][1])
-        assert any(found[0].room in line for line in store_summary.summary_lines(store))
+        assert [(r.room, r.n) for r in worst_rooms] == [(room, n) for room, _, n in medians]
+        assert np.isclose(worst_rooms[0].real_median, medians[0][1])
+        assert any(worst_rooms[0].room in line for line in store_summary.summary_lines(store))

@@ -1,4 +1,4 @@
-"""The extremes of a column, found without sorting it, are those of the sorted column."""
+"""Top-k selection without sorting equals selection from the sorted column."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from s2rstore.metrics.top_k import first_largest, top_k
 
 
-def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: bool) -> list[int]:
+def top_k_by_sorting(values: np.ndarray, base: np.ndarray, count: int, largest: bool) -> list[int]:
     rows = [i for i in range(values.size) if base[i] and not np.isnan(values[i])]
-    rows.sort(key=lambda i: (-values[i] if first_largest else values[i], i))
+    rows.sort(key=lambda i: (-values[i] if largest else values[i], i))
     return sorted(rows[:count])
 
 
@@ -20,21 +20,27 @@ def sorted_extremes(values: np.ndarray, base: np.ndarray, count: int, largest: b
     values=st.lists(st.sampled_from([0.0, 1.0, 1.5, -2.0, np.nan, np.inf, -np.inf]), max_size=30),
     seed=st.integers(0, 99), count=st.integers(0, 35), largest=st.booleans(),
 )  # fmt: skip
-def test_small_columns(values: list[float], seed: int, count: int, largest: bool) -> None:
+def test_top_k_of_small_columns(values: list[float], seed: int, count: int, largest: bool) -> None:
     column = np.array(values, dtype=np.float64)
     base = np.random.default_rng(seed).random(column.size) < 0.8
-    found = np.flatnonzero(top_k(column, base, count, first_largest))
-    assert found.tolist() == sorted_extremes(column, base, count, first_largest)
+    selected = np.flatnonzero(top_k(column, base, count, largest))
+    assert selected.tolist() == top_k_by_sorting(column, base, count, largest)
 
 
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**31), share=st.sampled_from([0, 1e-5, 0.01, 0.15, 0.5, 0.999, 1, 1.2]),
     digits=st.sampled_from([0, 1, 12]), kind=st.sampled_from(["float32", "float64"]),
-    known=st.sampled_from([0.0005, 0.5, 1.0]), ordered=st.booleans(), largest=st.booleans(),
+    base_share=st.sampled_from([0.0005, 0.5, 1.0]), ordered=st.booleans(), largest=st.booleans(),
 )  # fmt: skip
-def test_large_columns(
-    seed: int, share: float, digits: int, kind: str, known: float, ordered: bool, largest: bool
+def test_top_k_of_large_columns(
+    seed: int,
+    share: float,
+    digits: int,
+    kind: str,
+    base_share: float,
+    ordered: bool,
+    largest: bool,
 ) -> None:
     rng = np.random.default_rng(seed)
     n = 90_000
@@ -43,27 +49,27 @@ def test_large_columns(
         values.sort()
     values[rng.integers(0, n, 50)] = np.nan
     values[rng.integers(0, n, 5)] = np.inf
-    base = rng.random(n) < known
+    base = rng.random(n) < base_share
     count = int(share * base.sum())
-    found = np.flatnonzero(top_k(values, base, count, first_largest))
-    keys = -values if first_largest else values
+    selected = np.flatnonzero(top_k(values, base, count, largest))
+    keys = -values if largest else values
     rows = np.flatnonzero(base & ~np.isnan(values))
-    wanted = rows[np.argsort(keys[rows], kind="stable")][:count]
-    assert found.tolist() == np.sort(wanted).tolist()
+    expected = rows[np.argsort(keys[rows], kind="stable")][:count]
+    assert selected.tolist() == np.sort(expected).tolist()
 
 
 @pytest.mark.parametrize("largest", [True, False])
-def test_a_sample_that_misleads_does_no_harm(largest: bool) -> None:
+def test_an_unrepresentative_sample_gives_the_correct_result(largest: bool) -> None:
     values = np.zeros(200_000)
-    values[1::2] = np.arange(100_000)  # every sampled row is a zero or rises with its place
+    values[1::2] = np.arange(100_000)  # every sampled row is 0 or increases with its index
     base = np.ones(values.size, dtype=bool)
     for count in (1, 777, 150_000):
-        found = np.flatnonzero(top_k(values, base, count, first_largest))
-        wanted = np.argsort(-values if first_largest else values, kind="stable")[:count]
-        assert found.tolist() == np.sort(wanted).tolist()
+        selected = np.flatnonzero(top_k(values, base, count, largest))
+        expected = np.argsort(-values if largest else values, kind="stable")[:count]
+        assert selected.tolist() == np.sort(expected).tolist()
 
 
-def test_the_largest_of_some_rows_is_their_first_known_one() -> None:
+def test_first_largest_returns_the_first_of_equal_values() -> None:
     values = np.array([0.0, 2.0, 0.0, 5.0, 5.0, np.nan])
     assert first_largest(values, np.arange(6)) == 3
     assert first_largest(values, np.arange(3)) == 1

@@ -1,4 +1,4 @@
-"""Generations: published at once or not at all, never rewritten, readable by plain DuckDB."""
+"""Index generations: published atomically, never modified, readable by plain DuckDB."""
 
 from __future__ import annotations
 
@@ -20,45 +20,45 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 
 
-def test_a_failed_edit_leaves_the_generation_as_it_was(own_store: Path) -> None:
-    before = layout.read_current(own_store)
-    with contextlib.suppress(ZeroDivisionError), edit(own_store) as draft:
+def test_a_failed_edit_keeps_the_published_generation(store_copy: Path) -> None:
+    before = layout.read_current(store_copy)
+    with contextlib.suppress(ZeroDivisionError), edit(store_copy) as draft:
         draft.delete("run")
         raise ZeroDivisionError
-    assert layout.read_current(own_store) == before
-    assert not list((own_store / "index").glob(".building*"))
-    assert verify(own_store) == []
+    assert layout.read_current(store_copy) == before
+    assert not list((store_copy / "index").glob(".building*"))
+    assert verify(store_copy) == []
 
 
-def test_readers_keep_their_generation(own_store: Path) -> None:
-    with s2rstore.open(own_store) as store:
+def test_readers_keep_their_generation(store_copy: Path) -> None:
+    with s2rstore.open(store_copy) as store:
         first = store.generation
-        with edit(own_store) as draft:
+        with edit(store_copy) as draft:
             draft.set_provenance("test", {"told": "new"})
             draft.delete("run", run="dataaug")
         assert store.provenance("test") == {}
         assert "dataaug" in store.runs
         assert store.latest_generation() == first + 1
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.provenance("test") == {"told": "new"}
         assert "dataaug" not in store.runs
 
 
-def test_an_index_name_is_never_used_again(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_an_index_name_is_never_used_again(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 1})
-    newest = layout.read_current(own_store).generation
-    (own_store / layout.index_name(newest + 5)).touch()
-    with edit(own_store) as draft:
+    newest = layout.read_current(store_copy).generation
+    (store_copy / layout.index_name(newest + 5)).touch()
+    with edit(store_copy) as draft:
         draft.set_provenance("a", {"b": 2})
-    assert layout.read_current(own_store).generation == newest + 6
+    assert layout.read_current(store_copy).generation == newest + 6
 
 
 def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -> None:
     index = tiny_store / layout.read_current(tiny_store).index
     path = shutil.copy(index, tmp_path)  # DuckDB opens a file only once per process
     with duckdb.connect(str(path), read_only=True) as plain:
-        silent = plain.execute(
+        undescribed = plain.execute(
             """SELECT table_name, column_name FROM duckdb_columns()
                WHERE NOT internal AND coalesce(comment, '') = ''"""
         ).fetchall()
@@ -69,16 +69,16 @@ def test_every_table_and_column_is_described(tiny_store: Path, tmp_path: Path) -
         databases = "SELECT tags FROM duckdb_databases() WHERE NOT internal"
         tags = plain.execute(databases).fetchall()
         pairs = plain.execute("SELECT count(*) FROM pair").fetchall()
-    assert silent == []
+    assert undescribed == []
     assert tables == []
     assert pairs == [(80,)]
     assert schema.STORAGE_VERSION in str(tags)
 
 
-def test_nan_becomes_null(own_store: Path) -> None:
-    with edit(own_store) as draft:
+def test_nan_becomes_null(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
         draft.insert("instance", {"iid": [99], "x": [float("nan")], "room": [None]})
-    with s2rstore.open(own_store) as store:
+    with s2rstore.open(store_copy) as store:
         assert store.execute("SELECT x, room FROM instance WHERE iid = 99") == [(None, None)]
 
 
@@ -88,42 +88,42 @@ def _publish_many(path: str, count: int) -> None:
             draft.set_provenance("many", {f"n{number}": number})
 
 
-def test_readers_never_meet_a_torn_state(own_store: Path) -> None:
+def test_readers_always_see_a_consistent_generation(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
-    writer = context.Process(target=_publish_many, args=(str(own_store), 8))
+    writer = context.Process(target=_publish_many, args=(str(store_copy), 8))
     writer.start()
-    seen = set()
+    generations = set()
     try:
         while writer.is_alive():
-            with s2rstore.open(own_store) as store:
-                told = store.provenance("many")
-                assert len(told) in {0, *range(9)}
+            with s2rstore.open(store_copy) as store:
+                values = store.provenance("many")
+                assert len(values) in {0, *range(9)}
                 assert len(store.run_columns("vanilla").valid) == 40
-                seen.add(store.generation)
+                generations.add(store.generation)
     finally:
         writer.join()
     assert writer.exitcode == 0
-    assert len(seen) >= 2
-    assert verify(own_store) == []
+    assert len(generations) >= 2
+    assert verify(store_copy) == []
 
 
-def test_two_writers_take_turns(own_store: Path) -> None:
+def test_two_writers_publish_one_after_the_other(store_copy: Path) -> None:
     context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=_publish_many, args=(str(own_store), 4)) for _ in range(2)]
-    before = layout.read_current(own_store).generation
+    writers = [context.Process(target=_publish_many, args=(str(store_copy), 4)) for _ in range(2)]
+    before = layout.read_current(store_copy).generation
     for writer in writers:
         writer.start()
     for writer in writers:
         writer.join()
     assert [writer.exitcode for writer in writers] == [0, 0]
-    assert layout.read_current(own_store).generation == before + 8
+    assert layout.read_current(store_copy).generation == before + 8
 
 
-def test_the_compute_lock_names_its_holder(own_store: Path) -> None:
+def test_the_compute_lock_names_its_holder(store_copy: Path) -> None:
     with (
-        locks.compute_lock(own_store),
+        locks.compute_lock(store_copy),
         pytest.raises(StoreBusyError, match="process"),
-        locks.compute_lock(own_store),
+        locks.compute_lock(store_copy),
     ):
         pass
 
@@ -132,37 +132,37 @@ def test_the_compute_lock_names_its_holder(own_store: Path) -> None:
     ("content", "hint"),
     [(None, "not a store"), ("{", "damaged"), ('{"generation": 1}', "damaged")],
 )
-def test_what_is_no_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
+def test_an_invalid_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
     if content is not None:
         (tmp_path / "CURRENT.json").write_text(content)
     with pytest.raises(RequestError, match=hint):
         s2rstore.open(tmp_path)
 
 
-def test_a_store_of_another_schema_is_refused(own_store: Path) -> None:
-    current = json.loads((own_store / "CURRENT.json").read_text())
+def test_a_store_of_another_schema_is_refused(store_copy: Path) -> None:
+    current = json.loads((store_copy / "CURRENT.json").read_text())
     current["schema"] = 999
-    (own_store / "CURRENT.json").write_text(json.dumps(current))
+    (store_copy / "CURRENT.json").write_text(json.dumps(current))
     with pytest.raises(RequestError, match="schema 999"):
-        s2rstore.open(own_store)
+        s2rstore.open(store_copy)
 
 
-def test_prune_keeps_what_kept_generations_reference(own_store: Path) -> None:
+def test_prune_keeps_data_of_retained_generations(store_copy: Path) -> None:
     for number in range(4):
-        with edit(own_store) as draft:
+        with edit(store_copy) as draft:
             draft.set_provenance("n", {"number": number})
-    with edit(own_store) as draft:
+    with edit(store_copy) as draft:
         draft.delete("zarr_array", run="dataaug")
-    orphan = own_store / "runs.zarr" / "vanilla" / "orphan"
+    orphan = store_copy / "runs.zarr" / "vanilla" / "orphan"
     orphan.mkdir()
     (orphan / "file").write_bytes(b"123")
-    told = prune(own_store, keep=1, dry_run=True)
+    planned = prune(store_copy, keep=1, dry_run=True)
     assert orphan.exists()
-    assert prune(own_store, keep=1) == told
+    assert prune(store_copy, keep=1) == planned
     assert not orphan.exists()
-    assert not (own_store / "runs.zarr" / "dataaug").exists()
-    assert verify(own_store) == []
-    with s2rstore.open(own_store) as store:
+    assert not (store_copy / "runs.zarr" / "dataaug").exists()
+    assert verify(store_copy) == []
+    with s2rstore.open(store_copy) as store:
         assert store.heatmap("vanilla", "occlusion", "real", 3).shape == (6, 6)
 
 
@@ -183,13 +183,13 @@ def _cut_index(root: Path) -> None:
     index.write_bytes(index.read_bytes()[:-100])
 
 
-@pytest.mark.parametrize("harm", [_damage_shard, _remove_shard, _cut_index])
-def test_verify_finds_damage(own_store: Path, harm) -> None:
-    harm(own_store)
-    assert verify(own_store)
+@pytest.mark.parametrize("damage_store", [_damage_shard, _remove_shard, _cut_index])
+def test_verify_detects_damage(store_copy: Path, damage_store) -> None:
+    damage_store(store_copy)
+    assert verify(store_copy)
 
 
-def test_the_sandbox_reaches_no_other_file(tiny_store: Path, tmp_path: Path) -> None:
+def test_sql_cannot_access_other_files(tiny_store: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret.csv"
     secret.write_text("a\n1\n")
     with s2rstore.open(tiny_store) as store:

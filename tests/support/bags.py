@@ -1,4 +1,4 @@
-"""ROS bags of both generations, written from logs."""
+"""Write ROS 1 and ROS 2 bags from motion logs."""
 
 from __future__ import annotations
 
@@ -15,36 +15,38 @@ from rosbags.typesys import Stores, get_typestore
 from s2rtools.motion_logs import Log
 
 Topics = Mapping[str, tuple[str, Log]]
-"""Per topic its kind and the poses."""
+"""Message type and poses per topic."""
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 
 
-def message(store: Any, kind: str, log: Log, i: int, ros1: bool, stamped: bool = True) -> Any:
+def build_message(
+    store: Any, message_type: str, log: Log, i: int, ros1: bool, stamped: bool = True
+) -> Any:
     types = store.types
     ns = round(log.time[i] * 1e9) if stamped else 0
     stamp = types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
     extra = {"seq": i} if ros1 else {}
     header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="odom", **extra)
-    at = types["geometry_msgs/msg/Point"](x=log.x[i], y=log.y[i], z=0.0)
+    position = types["geometry_msgs/msg/Point"](x=log.x[i], y=log.y[i], z=0.0)
     z, w = np.sin(log.heading[i] / 2), np.cos(log.heading[i] / 2)
-    turn = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
-    pose = types["geometry_msgs/msg/Pose"](position=at, orientation=turn)
-    if kind == POSE:
+    orientation = types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
+    pose = types["geometry_msgs/msg/Pose"](position=position, orientation=orientation)
+    if message_type == POSE:
         return types[POSE](header=header, pose=pose)
     zero = types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
     twist = types["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
-    none = np.zeros(36)
+    covariance = np.zeros(36)
     return types[ODOMETRY](
         header=header,
         child_frame_id="base",
-        pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=none),
-        twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=none),
+        pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=covariance),
+        twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=covariance),
     )
 
 
 def write(path: Path, topics: Topics, stamped: bool = True) -> Path:
-    """A ROS 1 bag where the name ends so, else a ROS 2 folder (MCAP where the name has it)."""
+    """Write a ROS 1 bag if the name ends in ".bag", else a ROS 2 folder ("mcap" selects MCAP)."""
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     if ros1:
@@ -54,9 +56,13 @@ def write(path: Path, topics: Topics, stamped: bool = True) -> Path:
         writer = Writer2(path, version=9, storage_plugin=plugin)
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
     with writer as bag:
-        for topic, (kind, log) in topics.items():
-            connection = bag.add_connection(topic, kind, typestore=store)
+        for topic, (message_type, log) in topics.items():
+            connection = bag.add_connection(topic, message_type, typestore=store)
             for i in range(log.time.size):
-                told = message(store, kind, log, i, ros1, stamped)
-                bag.write(connection, round(log.time[i] * 1e9) + 5_000_000, serialize(told, kind))
+                content = build_message(store, message_type, log, i, ros1, stamped)
+                bag.write(
+                    connection,
+                    round(log.time[i] * 1e9) + 5_000_000,
+                    serialize(content, message_type),
+                )
     return path

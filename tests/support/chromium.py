@@ -16,14 +16,14 @@ from typing import Any
 
 import aiohttp
 
-PATIENCE = 60.0
+TIMEOUT_SECONDS = 60.0
 _FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-dev-shm-usage", "--no-proxy-server", "--remote-debugging-port=0",
     "--window-size=1280,800",
 )  # fmt: skip
-# The terminal of the page is kept where a test can read its cells.
+# Stores the terminal of the page in a global variable, so that a test can read its cells.
 _HOOK = """
 Object.defineProperty(Object.prototype, "terminal", {
   configurable: true,
@@ -44,7 +44,7 @@ def missing_program() -> str | None:
 
 
 class Page:
-    """One page; `requests` are the addresses that it has asked for, `failures` what went wrong."""
+    """A browser page; `requests` lists the requested addresses, `failures` the errors."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._socket = socket
@@ -56,33 +56,33 @@ class Page:
 
     async def _read(self) -> None:
         async for message in self._socket:
-            told = json.loads(message.data)
-            if "id" in told:
-                self._answers.pop(told["id"]).set_result(told)
+            content = json.loads(message.data)
+            if "id" in content:
+                self._answers.pop(content["id"]).set_result(content)
             else:
-                self._note(told["method"], told["params"])
+                self._note(content["method"], content["params"])
 
-    def _note(self, method: str, told: dict[str, Any]) -> None:
+    def _note(self, method: str, parameters: dict[str, Any]) -> None:
         if method == "Network.requestWillBeSent":
-            self.requests.append(told["request"]["url"])
+            self.requests.append(parameters["request"]["url"])
         elif method == "Network.webSocketCreated":
-            self.requests.append(told["url"])
+            self.requests.append(parameters["url"])
         elif method == "Network.loadingFailed":
-            self.failures.append(told["errorText"])
+            self.failures.append(parameters["errorText"])
         elif method == "Runtime.exceptionThrown":
-            self.failures.append(told["exceptionDetails"]["text"])
-        elif method == "Log.entryAdded" and told["entry"]["level"] == "error":
-            self.failures.append(told["entry"]["text"])
+            self.failures.append(parameters["exceptionDetails"]["text"])
+        elif method == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+            self.failures.append(parameters["entry"]["text"])
 
     async def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """The result of a DevTools command."""
+        """Send a DevTools command and return its result."""
         number = next(self._numbers)
         answer = asyncio.get_running_loop().create_future()
         self._answers[number] = answer
         await self._socket.send_json({"id": number, "method": method, "params": parameters})
-        told = await asyncio.wait_for(answer, PATIENCE)
-        assert "error" not in told, told
-        return dict(told["result"])
+        response = await asyncio.wait_for(answer, TIMEOUT_SECONDS)
+        assert "error" not in response, response
+        return dict(response["result"])
 
     async def open(self, url: str) -> None:
         for domain in ("Page", "Network", "Runtime", "Log"):
@@ -90,21 +90,21 @@ class Page:
         await self.call("Page.addScriptToEvaluateOnNewDocument", source=_HOOK)
         await self.call("Page.navigate", url=url)
 
-    async def value(self, expression: str) -> Any:
-        """What JavaScript in the page says."""
-        told = await self.call("Runtime.evaluate", expression=expression, returnByValue=True)
-        return told["result"].get("value")
+    async def evaluate(self, expression: str) -> Any:
+        """The value of a JavaScript expression in the page."""
+        response = await self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return response["result"].get("value")
 
     async def text(self) -> str:
         """The cells of the page's terminal."""
-        return str(await self.value(_CELLS))
+        return str(await self.evaluate(_CELLS))
 
-    async def wait_for(self, wanted: str) -> str:
-        """The terminal's text once it holds `wanted`."""
-        limit = time.monotonic() + PATIENCE
-        while wanted not in (text := await self.text()):
+    async def wait_for(self, expected: str) -> str:
+        """Wait until the terminal's text contains `expected` and return the text."""
+        limit = time.monotonic() + TIMEOUT_SECONDS
+        while expected not in (text := await self.text()):
             if time.monotonic() > limit:
-                raise AssertionError(f"waited in vain for {wanted!r}; the terminal:\n{text}")
+                raise AssertionError(f"timed out waiting for {expected!r}; the terminal:\n{text}")
             await asyncio.sleep(0.05)
         return text
 
@@ -113,15 +113,15 @@ class Page:
             text = {"text": character} if kind == "keyDown" else {}
             await self.call("Input.dispatchKeyEvent", type=kind, key=character, **text)
 
-    async def picture(self) -> bytes:
-        """The page as PNG."""
-        told = await self.call("Page.captureScreenshot", format="png")
-        return base64.b64decode(told["data"])
+    async def screenshot(self) -> bytes:
+        """A PNG screenshot of the page."""
+        response = await self.call("Page.captureScreenshot", format="png")
+        return base64.b64decode(response["data"])
 
 
 @asynccontextmanager
 async def browser(profile: Path) -> AsyncIterator[Page]:
-    """A page of a fresh browser, whose profile lies in an empty folder."""
+    """A page of a new browser with an empty profile folder."""
     command = ["chromium", *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -129,7 +129,7 @@ async def browser(profile: Path) -> AsyncIterator[Page]:
         async with aiohttp.ClientSession() as session:
             async with session.get(f"http://127.0.0.1:{port}/json/list") as answer:
                 targets = await answer.json()
-            target = next(one for one in targets if one["type"] == "page")
+            target = next(candidate for candidate in targets if candidate["type"] == "page")
             address = target["webSocketDebuggerUrl"]
             async with session.ws_connect(address, max_msg_size=1 << 26) as socket:
                 yield Page(socket)
@@ -140,7 +140,7 @@ async def browser(profile: Path) -> AsyncIterator[Page]:
 
 async def _port(profile: Path, process: subprocess.Popen[bytes]) -> int:
     file = profile / "DevToolsActivePort"
-    limit = time.monotonic() + PATIENCE
+    limit = time.monotonic() + TIMEOUT_SECONDS
     while time.monotonic() < limit and process.poll() is None:
         if file.exists() and (lines := file.read_text().splitlines()):
             return int(lines[0])

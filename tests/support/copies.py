@@ -1,4 +1,4 @@
-"""Copies of stores, for tests that write."""
+"""Copy stores for tests that modify them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ import shutil
 from pathlib import Path
 
 
-def copied(store: Path, target: Path) -> Path:
-    """A copy at `target`, which must not exist."""
+def copy_store(store: Path, target: Path) -> Path:
+    """Copy a store to `target`, which must not exist."""
     return Path(shutil.copytree(store, target))

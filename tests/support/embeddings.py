@@ -1,4 +1,4 @@
-"""Embeddings made by code, added to a synthetic store."""
+"""Add synthetic embeddings to a store."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from s2rstore.index.transaction import edit
 
 
 def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") -> None:
-    """Publish `points` (N, D) of each side as the run's array of a kind."""
+    """Publish `points` (N, D) per side as the run's array of the given kind."""
     ledger = Ledger(path)
     with edit(path) as draft:
         for side, rows in points.items():

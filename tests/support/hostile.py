@@ -1,4 +1,4 @@
-"""Stores, notebooks and histories whose texts try to steer the terminal and the application."""
+"""Stores, notebooks and histories whose texts contain terminal escapes, markup and controls."""
 
 from __future__ import annotations
 
@@ -11,62 +11,62 @@ from bench.edited_index import Statement, edited
 from s2rstore.gap_history import reader
 from s2rstore.gap_history import schema as history_schema
 from s2rstore.index import schema
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 CLIPBOARD = "\x1b]52;c;aGFja2Vk\x07"
-"""A complete OSC 52 sequence: a terminal that obeys writes the user's clipboard."""
+"""A complete OSC 52 sequence, with which a terminal overwrites the user's clipboard."""
 C1 = "\x9b31m\x85"
 BIDI = "\u202e\u2066\u2069\u200f"
 MARKUP = "[ @click=app.quit]CLICK[/] [/ [b $\\frac$"
 HOSTILE = f"{CLIPBOARD}{C1}{BIDI}\u2028\u2029\x7f\x00\r\n\t{MARKUP}".replace("\x00", "")
-"""All of it in one name."""
+"""All hostile sequences in one text."""
 
-_CHECKED = {"run", "model", "domain", "trajectory", "hash", "key", "sha256", "path", "dtype",
+_VALIDATED = {"run", "model", "domain", "trajectory", "hash", "key", "sha256", "path", "dtype",
             "shape", "axes", "kind", "side", "mode", "split", "floor_plan", "sim_domain",
             "real_domain", "sim_adjustments", "real_adjustments", "source",
             "convention", "metadata_sha256"}  # fmt: skip
-"""Columns that are more than text to show: they have tests of their own."""
-FREE = tuple(
+"""Columns whose content is validated and tested separately."""
+FREE_TEXT_COLUMNS = tuple(
     (table.name, column.name)
     for table in schema.TABLES
     for column in table.columns
-    if column.type == "VARCHAR" and column.name not in _CHECKED
+    if column.type == "VARCHAR" and column.name not in _VALIDATED
 )
-"""Table and column of all text that a store may hold as it likes."""
+"""Table and column of every text that may have any content."""
 
 
 def edit(store: Path, *statements: Statement) -> Path:
-    """Change the published index in place, as somebody who sends a store can."""
+    """Modify the published index in place, as the author of a malicious store can."""
     edited(store, statements)
     return store
 
 
-def poisoned(source: Path, target: Path, text: str = HOSTILE) -> Path:
-    """A copy of a store with `text` in every free text column; rooms keep distinct ends."""
-    store = copied(source, target)
-    changes: list[Statement] = []
-    for table, column in FREE:
+def with_hostile_texts(source: Path, target: Path, text: str = HOSTILE) -> Path:
+    """Copy a store with `text` in every free text column; room names stay distinct."""
+    store = copy_store(source, target)
+    statements: list[Statement] = []
+    for table, column in FREE_TEXT_COLUMNS:
         if column == "room":
-            changes.append((f"UPDATE {table} SET room = ? || room", [text]))
+            statements.append((f"UPDATE {table} SET room = ? || room", [text]))
         elif (table, column) != ("provenance", "what"):
-            changes.append((f'UPDATE "{table}" SET "{column}" = ?', [text]))
+            statements.append((f'UPDATE "{table}" SET "{column}" = ?', [text]))
     adjustments = json.dumps([{"name": text, "value": 1.5}])
-    changes += [
+    statements += [
         ("UPDATE run SET sim_adjustments = ?", [adjustments]),
         ("UPDATE model SET convention = ?", [json.dumps({"heading": text})]),
         ("UPDATE domain SET source = ?", [json.dumps({"cameras": text})]),
         ("INSERT INTO provenance VALUES ('dataset', ?, ?)", [text, text]),
         ("INSERT INTO provenance VALUES ('score', 'report', ?)", [json.dumps({"runs": [text]})]),
     ]
-    return edit(store, *changes)
+    return edit(store, *statements)
 
 
 def with_nights(store: Path, text: str = HOSTILE) -> Path:
-    """Give a store a history of two nights whose texts are `text`."""
+    """Add a history of two nights whose texts are `text` to a store."""
     path = reader.history_path(store)
     path.parent.mkdir(exist_ok=True)
-    told = {"worst", "reason", "headline", "golden", "expression", "model", "name", "evidence",
-            "run_key", "written_at", "outcome"}  # fmt: skip
+    text_columns = {"worst", "reason", "headline", "golden", "expression", "model", "name",
+                    "evidence", "run_key", "written_at", "outcome"}  # fmt: skip
     with duckdb.connect(str(path)) as connection:
         for statement in history_schema.statements():
             connection.execute(statement)
@@ -81,9 +81,9 @@ def with_nights(store: Path, text: str = HOSTILE) -> Path:
                     "run": "vanilla",
                     "evidence_since": "2026-01-01",
                 }
-                plain = {"VARCHAR": "x", "INTEGER": 0, "DOUBLE": 9.0, "DATE": "2026-01-01"}
-                value = fixed.get(column.name, plain[column.type])
-                row[column.name] = text if column.name in told else value
+                defaults = {"VARCHAR": "x", "INTEGER": 0, "DOUBLE": 9.0, "DATE": "2026-01-01"}
+                value = fixed.get(column.name, defaults[column.type])
+                row[column.name] = text if column.name in text_columns else value
             _insert(connection, "night", row)
             axis = {c.name: 9.0 for c in history_schema.TABLES[1].columns} | {
                 "measured": number, "position": 0, "axis": text, "state": text, "measure": text,
@@ -95,12 +95,14 @@ def with_nights(store: Path, text: str = HOSTILE) -> Path:
 
 def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: dict[str, object]) -> None:
     names = ", ".join(f'"{name}"' for name in row)
-    marks = ", ".join("?" * len(row))
-    connection.execute(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', list(row.values()))
+    placeholders = ", ".join("?" * len(row))
+    connection.execute(
+        f'INSERT INTO "{table}" ({names}) VALUES ({placeholders})', list(row.values())
+    )
 
 
 def notebook(folder: Path, dataset_hash: str = "0" * 64, **sections: object) -> Path:
-    """Write a notebook's file as somebody who shares an account, or a home, can."""
+    """Write a notebook file, as anyone with access to the home folder can."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{dataset_hash[:16]}.json"
     content = {"version": 1, "dataset": dataset_hash, **sections}
@@ -108,12 +110,12 @@ def notebook(folder: Path, dataset_hash: str = "0" * 64, **sections: object) -> 
     return path
 
 
-def saved(expression: str, **changes: object) -> dict[str, object]:
-    """A notebook's entry of a saved selection."""
-    facts = {"generation": 1, "run": "vanilla", "count": 1, "trajectories": None}
-    return {"expression": expression, **facts, **changes}
+def saved_entry(expression: str, **changes: object) -> dict[str, object]:
+    """The entry of a saved selection in a notebook file."""
+    defaults = {"generation": 1, "run": "vanilla", "count": 1, "trajectories": None}
+    return {"expression": expression, **defaults, **changes}
 
 
 def control_characters(text: str) -> set[str]:
-    """What of a text steers a terminal; line feeds do not."""
+    """The non-printable characters of a text other than line feeds."""
     return {c for c in text if not c.isprintable() and c != "\n"}

@@ -1,4 +1,4 @@
-"""A small store as `s2r ingest` writes it, with a floor plan, drives and weights."""
+"""Build a small store with `s2r ingest`'s functions: floor plan, drives and model weights."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tests.support import pairs
 LOGS = ("real", "sim", "untuned", "commands")
 
 
-def ingested(folder: Path, n: int = 4) -> Path:
-    """Write the store in `folder` and give its path."""
+def build_ingested_store(folder: Path, n: int = 4) -> Path:
+    """Write the store into `folder` and return its path."""
     header = pairs.sim2realviz(folder / "data", n=n)
     scan = IMPORTERS["sim2realviz"](folder / "data", ScanOptions(header=header, frame=(16, 16)))
     scan.floor_plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
-    scan.drives = _drives
+    scan.drives = _write_drives
     build(scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
     content = bytes(range(256)) * 4
     weights = Weights("resposenet", "a" * 64, content, ".safetensors", (16, 16), 4)
@@ -31,7 +31,7 @@ def ingested(folder: Path, n: int = 4) -> Path:
     return folder / "s.s2r"
 
 
-def _drives(folder: Path) -> None:
+def _write_drives(folder: Path) -> None:
     for name in ("one", "two"):
         (folder / name).mkdir(parents=True)
         for log in LOGS:

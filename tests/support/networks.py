@@ -1,4 +1,4 @@
-"""Networks for tests: random weights that give lively outputs, local and not."""
+"""Small networks with random weights, with and without local trunks."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 
 
-class Small(PoseNetwork):
-    """A trunk of choice under the usual pooled head."""
+class SmallPoseNetwork(PoseNetwork):
+    """A given trunk with the usual pooled head."""
 
     architecture: ClassVar[str] = "small"
     convention = OutputConvention("cos_sin")
@@ -41,7 +41,7 @@ class Small(PoseNetwork):
         return self.out(embedding)
 
 
-class Residual(nn.Module):
+class ResidualBlock(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.conv = nn.Conv2d(channels, channels, 3, padding=1)
@@ -52,7 +52,7 @@ class Residual(nn.Module):
 
 
 class Branches(nn.Module):
-    """Two paths of different reach, joined by channels."""
+    """Two branches with different receptive fields, concatenated by channels."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,8 +65,8 @@ class Branches(nn.Module):
         return functional.relu(self.after(joined))
 
 
-class Twice(nn.Module):
-    """One tensor that is joined with itself."""
+class SelfConcatenation(nn.Module):
+    """A tensor concatenated with itself."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -90,7 +90,7 @@ class SqueezeExcite(nn.Module):
 
 
 def local_trunks() -> dict[str, tuple[nn.Module, int]]:
-    """Trunks that can be recomputed by locality, with their channels."""
+    """Trunks that support incremental inference, with their channel counts."""
     return {
         "plain": (nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.ReLU(inplace=True)), 8),
         "strided": (
@@ -106,16 +106,16 @@ def local_trunks() -> dict[str, tuple[nn.Module, int]]:
             ), 8,
         ),
         "residual": (
-            nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2), Residual(8),
-                          Residual(8)), 8,
+            nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2),
+                          ResidualBlock(8), ResidualBlock(8)), 8,
         ),
         "branches": (Branches(), 8),
-        "twice": (Twice(), 8),
+        "twice": (SelfConcatenation(), 8),
     }  # fmt: skip
 
 
-def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
-    """Trunks with something global in them."""
+def nonlocal_trunks() -> dict[str, tuple[nn.Module, int]]:
+    """Trunks with a global operation, with their channel counts."""
     return {
         "group norm": (nn.Sequential(nn.Conv2d(4, 8, 3, padding=1), nn.GroupNorm(2, 8)), 8),
         "instance norm": (nn.Sequential(nn.Conv2d(4, 8, 3), nn.InstanceNorm2d(8)), 8),
@@ -132,15 +132,15 @@ def foreign_trunks() -> dict[str, tuple[nn.Module, int]]:
     }  # fmt: skip
 
 
-def lively(network: nn.Module, seed: int = 0) -> nn.Module:
-    """Weights and statistics under which every layer passes a signal of its size on."""
+def randomize_weights(network: nn.Module, seed: int = 0) -> nn.Module:
+    """Set random weights and statistics that preserve the signal's scale in every layer."""
     generator = torch.Generator().manual_seed(seed)
     for module in network.modules():
         if isinstance(module, nn.Conv2d | nn.Linear):
-            fan = module.weight[0].numel()
+            fan_in = module.weight[0].numel()
             with torch.no_grad():
                 module.weight.copy_(
-                    torch.randn(module.weight.shape, generator=generator) * (2 / fan) ** 0.5
+                    torch.randn(module.weight.shape, generator=generator) * (2 / fan_in) ** 0.5
                 )
                 if module.bias is not None:
                     module.bias.copy_(torch.randn(module.bias.shape, generator=generator) * 0.1)
@@ -150,14 +150,14 @@ def lively(network: nn.Module, seed: int = 0) -> nn.Module:
     return network.eval().requires_grad_(False)
 
 
-def small(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel:
-    network = Small(trunk, channels, size)
-    lively(network)
+def small_model(trunk: nn.Module, channels: int, size: tuple[int, int]) -> LoadedModel:
+    network = SmallPoseNetwork(trunk, channels, size)
+    randomize_weights(network)
     return LoadedModel("small", "small", network, network.convention, "0" * 64)
 
 
-def built(architecture: str) -> LoadedModel:
+def build_model(architecture: str) -> LoadedModel:
     network = build_network(architecture)
-    lively(network)
+    randomize_weights(network)
     heading = "cos_sin" if architecture == "resposenet" else "radians"
     return LoadedModel(architecture, architecture, network, OutputConvention(heading), "0" * 64)

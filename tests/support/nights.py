@@ -1,4 +1,4 @@
-"""Nights made by code: reports as `s2r gap` gives them, and configurations that need no images."""
+"""Synthetic nights: reports as `s2r gap` writes them, and configurations that need no images."""
 
 from __future__ import annotations
 
@@ -22,62 +22,63 @@ CLOCK = datetime.datetime(2026, 11, 16, 3, 0, tzinfo=datetime.UTC)
 
 
 def day(number: int) -> datetime.date:
-    """Night 1 is the first."""
+    """The date of night `number`, counted from 1."""
     return FIRST + datetime.timedelta(days=number - 1)
 
 
 def clock() -> Callable[[], datetime.datetime]:
-    """An hour later at every look."""
+    """A clock that advances by one hour per call."""
     hours = itertools.count()
     return lambda: CLOCK + datetime.timedelta(hours=next(hours))
 
 
-def axis(name: str, gap: float, half: float = 2.0, **others: Any) -> dict[str, Any]:
-    """One axis of a report whose G is `gap` +- `half`, on a scale of 0.1 .. 1.1 m."""
+def axis(name: str, gap: float, margin: float = 2.0, **overrides: Any) -> dict[str, Any]:
+    """One axis of a report with the gap `gap` +- `margin`, on a scale of 0.1 .. 1.1 m."""
     value = 0.1 + gap / 100
-    found = {
+    fields = {
         "axis": name, "measure": f"{name} measure", "unit": "m", "n": 200, "floor": 0.1,
-        "floor_low": 0.08, "floor_high": 0.12, "value": value, "value_low": value - half / 100,
-        "value_high": value + half / 100, "gap": gap, "gap_low": gap - half, "gap_high": gap + half,
+        "floor_low": 0.08, "floor_high": 0.12, "value": value, "value_low": value - margin / 100,
+        "value_high": value + margin / 100, "gap": gap, "gap_low": gap - margin,
+        "gap_high": gap + margin,
         "anchor": 1.1, "anchor_state": "bad", "fingerprint": {}, "details": {}, "notes": [],
     }  # fmt: skip
-    return found | others
+    return fields | overrides
 
 
-def report(store: Store, axes: Mapping[str, float], half: float = 2.0, **others: Any
+def report(store: Store, axes: Mapping[str, float], margin: float = 2.0, **overrides: Any
            ) -> dict[str, Any]:  # fmt: skip
-    """A judged report with these G per axis."""
-    listed = [axis(name, gap, half) for name, gap in axes.items()]
-    worst = max(listed, key=lambda each: each["gap"])
-    word = "INCONCLUSIVE"
+    """A judged report with the given gap G per axis."""
+    listed = [axis(name, gap, margin) for name, gap in axes.items()]
+    worst = max(listed, key=lambda entry: entry["gap"])
+    outcome = "INCONCLUSIVE"
     if worst["gap_high"] < THRESHOLD:
-        word = "PASS"
+        outcome = "PASS"
     elif worst["gap_low"] > THRESHOLD:
-        word = "FAIL"
+        outcome = "FAIL"
     run = store.run(None)
-    made = {
+    fields = {
         "dataset": {"name": store.dataset.name, "hash": store.dataset.hash}, "run": run.run,
         "run_key": run.key, "model": run.model, "model_sha256": "0" * 64, "expression": "all",
         "selected": 40, "drives": [], "settings": {"seed": 1}, "axes": listed, "absent": {},
         "inconclusive": {}, "across": None, "golden": None, "reference": {"sha256": "1" * 64},
         "verdict": {
-            "outcome": word, "threshold": THRESHOLD, "worst": worst["axis"], "gap": worst["gap"],
+            "outcome": outcome, "threshold": THRESHOLD, "worst": worst["axis"], "gap": worst["gap"],
             "gap_low": worst["gap_low"], "gap_high": worst["gap_high"],
             "reason": "the interval against the threshold",
         },
     }  # fmt: skip
-    return made | others
+    return fields | overrides
 
 
 def golden(change: float, margin: float = 0.05) -> dict[str, Any]:
-    """The golden run of a report."""
-    word = "PASS" if change + 0.01 < margin else "FAIL"
-    return {"outcome": word, "change": change, "change_low": change - 0.01,
+    """The golden-run section of a report."""
+    outcome = "PASS" if change + 0.01 < margin else "FAIL"
+    return {"outcome": outcome, "change": change, "change_low": change - 0.01,
             "change_high": change + 0.01, "margin": margin, "n": 40, "missing": 0}  # fmt: skip
 
 
-def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> NightlyConfig:
-    """A configuration on a store with a folder of drives, read from its file."""
+def write_config(folder: Path, store: Path, text: str = "", name: str = "lab") -> NightlyConfig:
+    """Write a configuration for a store with a folder of drives, and read it."""
     drives = folder / "drives" / "one"
     drives.mkdir(parents=True, exist_ok=True)
     (drives / "real.csv").write_text("time,x,y,heading\n0,0,0,0\n")
@@ -90,7 +91,7 @@ def written(folder: Path, store: Path, text: str = "", name: str = "lab") -> Nig
 
 
 class Week:
-    """A week of nights on new logs each, with noise; `regression` is added from a day on."""
+    """A week of nights, each with new logs and noise; `regression` is added from a day on."""
 
     def __init__(
         self, config: NightlyConfig, regression: Mapping[str, float], from_day: int
@@ -105,12 +106,14 @@ class Week:
         self.calls += 1
         gaps = {"visual": 4.0, "task": 7.0, "dynamics": 5.0}
         noise = self._rng.normal(0, 0.8, len(gaps))
-        made = {name: gap + e for (name, gap), e in zip(gaps.items(), noise, strict=True)}
+        noisy_gaps = {name: gap + e for (name, gap), e in zip(gaps.items(), noise, strict=True)}
         if self._day >= self.from_day:
-            made = {name: gap + self.regression.get(name, 0.0) for name, gap in made.items()}
+            noisy_gaps = {
+                name: gap + self.regression.get(name, 0.0) for name, gap in noisy_gaps.items()
+            }
         change = float(self._rng.normal(0, 0.005))
         absent = {"delay": "no drive has commands"}
-        return report(store, made, golden=golden(change), absent=absent)
+        return report(store, noisy_gaps, golden=golden(change), absent=absent)
 
     def estimate(self, sysid: object) -> list[dict[str, Any]]:
         return [{"parameter": "damping", "value": 0.8, "value_low": 0.75, "value_high": 0.86,

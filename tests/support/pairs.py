@@ -1,4 +1,4 @@
-"""Small paired data sets on disk, in both layouts that ingest reads."""
+"""Write small paired data sets in both layouts that `s2r ingest` reads."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ depth_raw_max = 249
 """
 
 
-def pictures(x: float, y: float, heading: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """An RGB picture and a depth picture that depend on the pose, with a little noise."""
+def render_pair(x: float, y: float, heading: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """An RGB image and a depth image that depend on the pose, with a little noise."""
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(np.linspace(-1, 1, WIDTH), np.linspace(-1, 1, HEIGHT))
     angle = heading + 0.7 * u
@@ -72,7 +72,7 @@ def pictures(x: float, y: float, heading: float, seed: int) -> tuple[np.ndarray,
     return np.clip(rgb, 0, 255).astype(np.uint8), depth.astype(np.uint8)
 
 
-def walk(n: int) -> list[tuple[float, float, float]]:
+def circular_poses(n: int) -> list[tuple[float, float, float]]:
     t = np.linspace(0, 2 * np.pi, n, endpoint=False)
     return [
         (round(float(4 + 3 * np.cos(a)), 3), round(float(3 + 2 * np.sin(a)), 3), float(a))
@@ -80,19 +80,19 @@ def walk(n: int) -> list[tuple[float, float, float]]:
     ]
 
 
-def _save(path: Path, picture: np.ndarray) -> None:
+def _save(path: Path, image: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    shown = picture if picture.ndim == 2 else picture[..., ::-1]
-    assert cv2.imwrite(str(path), shown, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    encoded = image if image.ndim == 2 else image[..., ::-1]
+    assert cv2.imwrite(str(path), encoded, [cv2.IMWRITE_JPEG_QUALITY, 95])
 
 
 def sim2realviz(
     root: Path, n: int = 24, trajectories: tuple[str, ...] = ("traj1",), edit: bool = False
 ) -> Path:
-    """The Sim2RealViz layout; gives the calibration file (cameras of 64 x 48 images)."""
+    """Write the Sim2RealViz layout and return the calibration file (cameras of 64 x 48 images)."""
     for number, trajectory in enumerate(trajectories):
         rows = []
-        for index, (x, y, heading) in enumerate(walk(n)):
+        for index, (x, y, heading) in enumerate(circular_poses(n)):
             degrees = round(float(np.degrees(-np.pi / 2 - heading)))
             degrees = (degrees + 180) % 360 - 180
             sim = f"x{x:.3f}_y0.047_z{y:.3f}_r{degrees}"
@@ -101,7 +101,7 @@ def sim2realviz(
             if edit:
                 domains.append(("sim_edit", sim, 0.05))
             for domain, name, shift in domains:
-                rgb, depth = pictures(x + shift, y, heading + shift, 100 * number + index)
+                rgb, depth = render_pair(x + shift, y, heading + shift, 100 * number + index)
                 _save(root / trajectory / domain / f"{name}_rgb.jpeg", rgb)
                 _save(root / trajectory / domain / f"{name}_depth.jpeg", depth)
             rows.append((f"{real}_rgb.jpeg", f"{sim}_rgb.jpeg"))
@@ -115,12 +115,12 @@ def sim2realviz(
 
 
 def manifest(root: Path, n: int = 12, bits: int = 8) -> Path:
-    """A CSV manifest with PNG pictures and its TOML header; gives the manifest."""
+    """Write a CSV manifest with PNG images and its TOML header; return the manifest."""
     root.mkdir(parents=True, exist_ok=True)
     rows = []
-    for index, (x, y, heading) in enumerate(walk(n)):
+    for index, (x, y, heading) in enumerate(circular_poses(n)):
         for domain, shift in (("sim", 0.0), ("real", 0.1)):
-            rgb, depth = pictures(x + shift, y, heading, index)
+            rgb, depth = render_pair(x + shift, y, heading, index)
             names = f"{domain}/{index}_rgb.png", f"{domain}/{index}_depth.png"
             (root / domain).mkdir(exist_ok=True)
             cv2.imwrite(str(root / names[0]), rgb[..., ::-1])

@@ -1,4 +1,4 @@
-"""`s2r serve` as a process of its own."""
+"""Run `s2r serve` as a separate process."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pathlib import Path
 
 from bench.support.processes import applications_below, wait_until
 
-StartServer = Callable[..., "Served"]
+StartServer = Callable[..., "ServerProcess"]
 
 
 @dataclass(frozen=True, slots=True)
-class Served:
-    """A running server."""
+class ServerProcess:
+    """A running server process."""
 
     port: int
     process: subprocess.Popen[str]
@@ -32,40 +32,40 @@ class Served:
 
     @property
     def url(self) -> str:
-        """The address of the page."""
+        """The address of the page, with its token."""
         return f"{self.root}?token={self.token}"
 
     @property
     def socket(self) -> str:
-        """The address of a session."""
+        """The WebSocket address of a session."""
         return f"{self.root}ws/{self.token}".rstrip("/")
 
     @property
     def applications(self) -> list[int]:
-        """Ids of the applications that it has opened."""
+        """Process ids of the applications that the server has started."""
         return applications_below(self.process.pid)
 
 
 @contextmanager
 def servers(store: Path, data_home: Path) -> Iterator[StartServer]:
-    """Starts servers of a store, in the folder `cwd` if given; they end with the context."""
-    started: list[Served] = []
+    """A function that starts servers of a store in the folder `cwd`; all end with the context."""
+    started: list[ServerProcess] = []
     (data_home / "s2rtui").mkdir(parents=True)
     (data_home / "s2rtui" / "toured").touch()
 
-    def start(*options: str, cwd: Path | None = None) -> Served:
+    def start(*options: str, cwd: Path | None = None) -> ServerProcess:
         port = _free_port()
-        words = [sys.executable, "-P", "-m", "s2rtui", "serve", str(store), "--port", str(port)]
+        command = [sys.executable, "-P", "-m", "s2rtui", "serve", str(store), "--port", str(port)]
         path = os.pathsep.join(part for part in sys.path if part)
         environment = {**os.environ, "PYTHONPATH": path, "XDG_DATA_HOME": str(data_home)}
         environment.pop("PYTHONSAFEPATH", None)
         process = subprocess.Popen(
-            [*words, *options], stdout=subprocess.PIPE, text=True, env=environment, cwd=cwd
+            [*command, *options], stdout=subprocess.PIPE, text=True, env=environment, cwd=cwd
         )
         assert process.stdout is not None
         line = process.stdout.readline()
         token = re.search(r"token=([\w-]+)", line)
-        started.append(Served(port, process, data_home, token[1] if token else ""))
+        started.append(ServerProcess(port, process, data_home, token[1] if token else ""))
         assert store.name in line, line
         assert wait_until(lambda: _listens(port))
         return started[-1]
@@ -87,6 +87,6 @@ def _listens(port: int) -> bool:
 
 
 def _free_port() -> int:
-    with socket.socket() as held:
-        held.bind(("127.0.0.1", 0))
-        return int(held.getsockname()[1])
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])

@@ -1,4 +1,4 @@
-"""The line of text by which a session shares its selection."""
+"""The text line with which a session shares its selection."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from s2rtui.session.shared_selection import current_selection, shared_text
 
 
 def shared_line(session: Session) -> str:
-    """What the user of a session copies."""
+    """The text that a user of the session copies."""
     return shared_text(current_selection(session.state), session.store.dataset.hash)

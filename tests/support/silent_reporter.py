@@ -1,10 +1,10 @@
-"""A reporter that keeps to itself."""
+"""A progress reporter that prints nothing."""
 
 from __future__ import annotations
 
 
-class Quiet:
-    """Counts steps and keeps lines."""
+class SilentReporter:
+    """Counts the steps and collects the lines."""
 
     def __init__(self) -> None:
         self.steps = 0

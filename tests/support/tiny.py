@@ -1,4 +1,4 @@
-"""A small synthetic store, made by code: two trajectories, two rooms, runs of known error."""
+"""A small synthetic store: two trajectories, two rooms, and runs with known errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def poses(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) -> Path:
-    """Write a store of `n` instances at `path` and give it back."""
+    """Write a store of `n` instances at `path` and return the path."""
     path.mkdir(parents=True)
     rng = np.random.default_rng(seed)
     first = n * 5 // 8
@@ -141,12 +141,12 @@ def _frames(path: Path, n: int, first: int, rng) -> None:
     ledger = Ledger(path)
     for domain in ("sim", "real"):
         for name, count in (("a", first), ("b", n - first)):
-            for image, item, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
+            for image, shape, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
                 relative = Path(layout.FRAMES, domain, name, image)
                 stored_array.create(
-                    path / relative, stored_array.plan_layout(count, item, "uint8", 16)
+                    path / relative, stored_array.plan_layout(count, shape, "uint8", 16)
                 )
-                rows = rng.integers(0, top, (count, *item)).astype(np.uint8)
+                rows = rng.integers(0, top, (count, *shape)).astype(np.uint8)
                 _write(path, ledger, relative, rows, 16)
 
 
@@ -164,17 +164,17 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
                     for mode in ("rgb", "depth", "rgbd")
                 ),
             ]
-            for kind, side, mode, item, axes in specs:
+            for kind, side, mode, shape, axes in specs:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
-                plan = stored_array.plan_layout(n, item, "float32", 16)
+                plan = stored_array.plan_layout(n, shape, "float32", 16)
                 stored_array.create(path / layout.RUNS / relative, plan)
-                rows = rng.normal(0, 1, (n, *item)).astype(np.float32)
+                rows = rng.normal(0, 1, (n, *shape)).astype(np.float32)
                 _write(path, ledger, Path(layout.RUNS, relative), rows, 16)
                 draft.insert_row(
                     "zarr_array",
                     {"run": run, "kind": kind, "side": side, "mode": mode, "path": relative,
-                     "dtype": "float32", "shape": [n, *item],
+                     "dtype": "float32", "shape": [n, *shape],
                      "axes": ["iid", *axes.split(" x ")], "scale": 1.0, "zero": 0.0, "unit": "m"},
                 )  # fmt: skip
 
@@ -182,5 +182,7 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
 def _write(path: Path, ledger: Ledger, relative: Path, rows: np.ndarray, shard: int) -> None:
     for number, start in enumerate(range(0, len(rows), shard)):
         file = stored_array.write_shard(path / relative, number, rows[start : start + shard])
-        inside = file.relative_to(path).as_posix()
-        ledger.add(f"{relative.as_posix()}:{number}", [(inside, len(rows[start : start + shard]))])
+        relative_file = file.relative_to(path).as_posix()
+        ledger.add(
+            f"{relative.as_posix()}:{number}", [(relative_file, len(rows[start : start + shard]))]
+        )

@@ -1,4 +1,4 @@
-"""The world: the same bytes from the same seed, rooms that hang together, changes that show."""
+"""The synthetic world: deterministic images, free trajectories and visible factors."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def data() -> WorldData:
     return WorldData(WorldRecipe(count=20, frame=64))
 
 
-def test_every_kind_of_change_is_there(world: World) -> None:
+def test_every_kind_of_object_change_occurs(world: World) -> None:
     changes = {(item.name, item.change) for item in world.objects if item.change}
-    for wanted in (("bicycle", "removed"), ("extinguisher", "removed"), ("door", "closed"),
+    for expected in (("bicycle", "removed"), ("extinguisher", "removed"), ("door", "closed"),
                    ("cartons", "added"), ("poster", "removed")):  # fmt: skip
-        assert wanted in changes
+        assert expected in changes
     assert {"moved"} <= {change for _, change in changes}
     assert len(world.changed_objects({"objects": 1.0})) >= 12
     assert world.changed_objects({}) == []
@@ -50,34 +50,34 @@ def test_every_kind_of_change_is_there(world: World) -> None:
     )
 
 
-def test_the_two_trajectories_are_free_and_apart(world: World) -> None:
+def test_the_trajectories_are_free_of_obstacles_and_separate(world: World) -> None:
     first, second = (world.poses(name, 60) for name in ("traj1", "traj2"))
     for poses in (first, second):
         assert 40 <= len(poses) <= 60
         assert world.has_content(poses).mean() > 0.95
-    away = np.hypot(*(first[:, None, :2] - second[None, :, :2]).transpose(2, 0, 1))
-    assert (away.min(axis=1) < 0.5).mean() < 0.25
+    distances = np.hypot(*(first[:, None, :2] - second[None, :, :2]).transpose(2, 0, 1))
+    assert (distances.min(axis=1) < 0.5).mean() < 0.25
 
 
 def test_views_are_reproducible_and_finite(data: WorldData) -> None:
     poses, numbers = data.poses["traj1"], np.arange(len(data.poses["traj1"]))
     for side in ("sim", "real"):
-        one, two = (data.views(side, poses, numbers) for _ in range(2))
-        assert np.array_equal(one.rgb, two.rgb)
-        assert np.array_equal(one.depth, two.depth)
-        assert np.isfinite(one.depth).all()
-        assert one.rgb.std(axis=(1, 2)).mean() > 15
-    alone = data.views("real", poses[7:8], numbers[7:8])
-    assert np.array_equal(alone.rgb[0], one.rgb[7])
+        first, second = (data.views(side, poses, numbers) for _ in range(2))
+        assert np.array_equal(first.rgb, second.rgb)
+        assert np.array_equal(first.depth, second.depth)
+        assert np.isfinite(first.depth).all()
+        assert first.rgb.std(axis=(1, 2)).mean() > 15
+    single = data.views("real", poses[7:8], numbers[7:8])
+    assert np.array_equal(single.rgb[0], first.rgb[7])
 
 
-def test_a_seed_makes_one_world_that_nobody_changes(data: WorldData) -> None:
+def test_worlds_are_shared_per_seed_and_read_only(data: WorldData) -> None:
     assert data.world is WorldData(WorldRecipe(count=3)).world
     assert data.world.objects == World(data.recipe.seed).objects
     assert not data.poses["traj1"].flags.writeable
 
 
-def test_without_factors_reality_is_the_simulation() -> None:
+def test_without_factors_real_equals_sim() -> None:
     data = WorldData(WorldRecipe(count=4, frame=32, factors=parse_factors("none")))
     poses = data.poses["traj2"]
     sim, real = (data.views(side, poses, np.arange(len(poses))) for side in ("sim", "real"))
@@ -86,36 +86,36 @@ def test_without_factors_reality_is_the_simulation() -> None:
 
 
 @pytest.mark.parametrize("name", list(FACTORS))
-def test_a_factor_alone_changes_its_own_part(data: WorldData, name: str) -> None:
+def test_each_factor_changes_only_its_part(data: WorldData, name: str) -> None:
     poses = data.poses["traj1"]
     numbers = np.arange(len(poses))
     world = data.world
-    plain = world.renderer({}).render(poses, standard_camera(64))
+    unchanged = world.renderer({}).render(poses, standard_camera(64))
     views = world.renderer({name: 1.0}).render(poses, side_camera(64, {name: 1.0}))
-    made = apply_sensor_factors(views, {name: 1.0}, 1, numbers)
-    none = apply_sensor_factors(plain, {name: 0.0}, 1, numbers)
-    assert np.array_equal(none.rgb, plain.rgb)
-    assert np.array_equal(none.depth, plain.depth)
+    with_factor = apply_sensor_factors(views, {name: 1.0}, 1, numbers)
+    without_factor = apply_sensor_factors(unchanged, {name: 0.0}, 1, numbers)
+    assert np.array_equal(without_factor.rgb, unchanged.rgb)
+    assert np.array_equal(without_factor.depth, unchanged.depth)
     geometry = name in ("camera", "objects", "depth")
     colour = name != "depth" and not FACTORS[name].moves_robot
-    assert np.array_equal(made.depth, plain.depth) != geometry
-    assert np.array_equal(made.rgb, plain.rgb) != colour
+    assert np.array_equal(with_factor.depth, unchanged.depth) != geometry
+    assert np.array_equal(with_factor.rgb, unchanged.rgb) != colour
 
 
-def test_restoring_an_object_changes_only_where_it_is(data: WorldData) -> None:
+def test_restoring_an_object_changes_only_its_pixels(data: WorldData) -> None:
     world, camera = data.world, standard_camera(64)
     poses = np.concatenate(list(data.poses.values()))
     real = world.renderer({"objects": 1.0}).render(poses, camera, samples=0)
     sim = world.renderer({}).render(poses, camera, samples=0)
-    seen = 0
+    visible_changes = 0
     for number in world.changed_objects({"objects": 1.0})[:4]:
         restored = world.renderer({"objects": 1.0}, restored=number).render(poses, camera, 0)
-        involved = (real.identity == number) | (restored.identity == number)
-        assert np.array_equal(restored.identity[~involved], real.identity[~involved])
-        own = restored.identity == number
-        assert (sim.depth[own] <= restored.depth[own] + 1e-5).all()
-        seen += int(involved.any())
-    assert seen
+        is_affected = (real.identity == number) | (restored.identity == number)
+        assert np.array_equal(restored.identity[~is_affected], real.identity[~is_affected])
+        shows_object = restored.identity == number
+        assert (sim.depth[shows_object] <= restored.depth[shows_object] + 1e-5).all()
+        visible_changes += int(is_affected.any())
+    assert visible_changes
 
 
 def box_scene() -> WorldScene:
@@ -127,7 +127,7 @@ def box_scene() -> WorldScene:
 
 
 def test_depth_agrees_with_geometry() -> None:
-    """A crate's face 1.5 m ahead, the floor below it, the ceiling above."""
+    """The face of a crate 1.5 m ahead, the floor below and the ceiling above."""
     lens = Intrinsics(40.0, 40.0, 32.0, 32.0, 0.0)
     views = RayCaster(box_scene()).render(
         np.array([[10.0, 10.0, 0.0]]), Camera((64, 64), lens, 0.6), samples=0
@@ -143,54 +143,55 @@ def test_depth_agrees_with_geometry() -> None:
     assert (views.identity[0][floor] == 0).all()
 
 
-def test_the_camera_stays_adjustable(data: WorldData) -> None:
-    """Height, field of view and pitch move what is seen, neutral values nothing."""
+def test_the_camera_can_be_moved(data: WorldData) -> None:
+    """Height, field of view and pitch change the view; neutral values do not."""
     poses = data.poses["traj1"][:6]
     numbers = np.arange(6)
-    own = data.camera("sim")
-    plain = data.views("sim", poses, numbers)
-    same = data.views("sim", poses, numbers, camera=own.moved())
-    assert np.array_equal(plain.rgb, same.rgb)
-    raised = data.views("sim", poses, numbers, camera=own.moved(height=0.2))
-    wide = data.views("sim", poses, numbers, camera=own.moved(zoom=0.8))
-    tilted = data.views("sim", poses, numbers, camera=own.moved(pitch=0.2))
+    camera = data.camera("sim")
+    unchanged = data.views("sim", poses, numbers)
+    unmoved = data.views("sim", poses, numbers, camera=camera.moved())
+    assert np.array_equal(unchanged.rgb, unmoved.rgb)
+    raised = data.views("sim", poses, numbers, camera=camera.moved(height=0.2))
+    wide = data.views("sim", poses, numbers, camera=camera.moved(zoom=0.8))
+    tilted = data.views("sim", poses, numbers, camera=camera.moved(pitch=0.2))
     for other in (raised, wide, tilted):
-        assert np.abs(other.depth - plain.depth).mean() > 0.01
-    floor = plain.depth[:, 60:, 20:44].mean()
+        assert np.abs(other.depth - unchanged.depth).mean() > 0.01
+    floor = unchanged.depth[:, 60:, 20:44].mean()
     assert raised.depth[:, 60:, 20:44].mean() > floor
     assert tilted.depth[:, 60:, 20:44].mean() > floor
 
 
 def test_odometry_drifts(data: WorldData) -> None:
     poses, odometry = data.poses["traj1"], data.odometry("traj1")
-    away = np.hypot(*(odometry - poses)[:, :2].T)
-    assert away[0] == 0
-    assert 0.05 < away[-1] < 6
+    distances = np.hypot(*(odometry - poses)[:, :2].T)
+    assert distances[0] == 0
+    assert 0.05 < distances[-1] < 6
 
 
 @pytest.mark.parametrize("text", ["moon", "lights=x", "lights=-1", "lights=2.5"])
-def test_wrong_factors_are_refused(text: str) -> None:
+def test_invalid_factors_are_rejected(text: str) -> None:
     with pytest.raises(RequestError):
         parse_factors(text)
 
 
-def test_factor_texts() -> None:
+def test_factors_are_parsed_from_text() -> None:
     assert parse_factors("") == complete_severities()
     assert set(parse_factors("none").values()) == {0.0}
-    chosen = parse_factors("lights=0.5,objects")
-    assert (chosen["lights"], chosen["objects"], chosen["camera"]) == (0.5, 1.0, 0.0)
+    severities = parse_factors("lights=0.5,objects")
+    assert (severities["lights"], severities["objects"], severities["camera"]) == (0.5, 1.0, 0.0)
 
 
-def test_the_shipped_models_know_these_images() -> None:
-    """Whoever changes what the world looks like trains the shipped models again.
+def test_the_rendered_images_match_the_pretrained_models() -> None:
+    """The pretrained models must be trained again whenever the rendered images change.
 
-    Processors round differently, so a few pixels may differ; the golden file's own hash may not.
+    Rounding differs between processors, so a few pixels may differ; the hash of the golden file
+    may not.
     """
     digest = hashlib.sha256(pretrained.GOLDEN.read_bytes()).hexdigest()
     for name in pretrained.PRETRAINED_MODELS:
         assert pretrained.model_description(name)["golden"] == digest
     golden = np.load(pretrained.GOLDEN)
     for name, image in pretrained.golden_views().items():
-        away = np.abs(image.astype(float) - golden[name])
-        assert (away > 3).mean() < 0.005, name
-        assert away[away <= 3].mean() < 0.05, name
+        differences = np.abs(image.astype(float) - golden[name])
+        assert (differences > 3).mean() < 0.005, name
+        assert differences[differences <= 3].mean() < 0.05, name

@@ -1,4 +1,4 @@
-"""Small drives of known truth, and what was identified from them."""
+"""Small drives with known parameters, and identifications from them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from s2rtools.sysid import Identification, Recording, SysidSettings, identify, m
 QUICK = SysidSettings(seeds=1, evaluations=160)
 
 
-class Silent:
-    """A reporter that adds up what it is told."""
+class StepCounter:
+    """A reporter that adds up the steps."""
 
     def __init__(self) -> None:
         self.total, self.done = 0, 0
@@ -28,32 +28,32 @@ class Silent:
     def say(self, line: str) -> None: ...
 
 
-Made = tuple[Path, tuple[Drive, ...]]
+DriveFolder = tuple[Path, tuple[Drive, ...]]
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
-    """Folders of drives by severity and recording, each made once."""
-    kept: dict[str, Made] = {}
+def drive_folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., DriveFolder]:
+    """Folders of drives by severity and recording, each created once."""
+    cache: dict[str, DriveFolder] = {}
 
-    def make(efforts: bool = False, **severities: float) -> Made:
+    def make_folder(efforts: bool = False, **severities: float) -> DriveFolder:
         key = f"{efforts}{sorted(severities.items())}"
-        if key not in kept:
+        if key not in cache:
             folder = tmp_path_factory.mktemp("drives") / "all"
             recording = Recording(count=8, seconds=9.5, efforts=efforts)
-            kept[key] = folder, make_drives(folder, 11, severities, recording)
-        return kept[key]
+            cache[key] = folder, make_drives(folder, 11, severities, recording)
+        return cache[key]
 
-    return make
-
-
-@pytest.fixture(scope="session")
-def plain(made: Callable[..., Made]) -> Identification:
-    """Latency and mass differ; the simulator can follow."""
-    return identify(made(latency=0.8, mass=1.0)[1], QUICK, Silent())
+    return make_folder
 
 
 @pytest.fixture(scope="session")
-def unequal(made: Callable[..., Made]) -> Identification:
-    """The real wheels are of unequal radius, which no searched parameter can follow."""
-    return identify(made(latency=0.8, wheels=1.0)[1], QUICK, Silent())
+def identified(drive_folder: Callable[..., DriveFolder]) -> Identification:
+    """Latency and mass differ; the simulator can represent both."""
+    return identify(drive_folder(latency=0.8, mass=1.0)[1], QUICK, StepCounter())
+
+
+@pytest.fixture(scope="session")
+def identified_unequal_wheels(drive_folder: Callable[..., DriveFolder]) -> Identification:
+    """The real wheels have different radii, which no searched parameter can represent."""
+    return identify(drive_folder(latency=0.8, wheels=1.0)[1], QUICK, StepCounter())

@@ -1,4 +1,4 @@
-"""Estimates that the end of a range decides."""
+"""Estimates at the limits of their ranges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from s2rtools.sysid.identifiability import at_range_limits
 from s2rtools.sysid.parameter_space import space_of
 from s2rtools.sysid.simulators import Planar
 
-SPACE = space_of(Planar(), ("mass", "drag"), {}, True)  # and the latency: drag and latency from 0
+SPACE = space_of(
+    Planar(), ("mass", "drag"), {}, True
+)  # the latency is added; drag and latency start at 0
 
 
 @pytest.mark.parametrize(
@@ -26,8 +28,10 @@ SPACE = space_of(Planar(), ("mass", "drag"), {}, True)  # and the latency: drag 
         ("drag", 0.001, -0.02, 0.02, False),
     ],
 )
-def test_an_end_is_reached(name: str, value: float, low: float, high: float, reached: bool) -> None:
-    at = SPACE.names.index(name)
+def test_estimates_at_a_range_limit_are_reported(
+    name: str, value: float, low: float, high: float, reached: bool
+) -> None:
+    index = SPACE.names.index(name)
     cube, limits = np.full(3, 0.5), np.array([[0.4] * 3, [0.6] * 3])
-    cube[at], limits[0, at], limits[1, at] = value, low, high
+    cube[index], limits[0, index], limits[1, index] = value, low, high
     assert at_range_limits(SPACE, cube, limits) == ((name,) if reached else ())

@@ -1,4 +1,4 @@
-"""Held-out error: windows of one drive are no independent evidence, and headings count."""
+"""Held-out error: windows of one drive are not independent, and headings are included."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pytest
 from s2rtools.sysid.heldout_error import HeldOut, compared, grouped_mean_replicates
 
 
-def judged(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
-    """Drives' windows whose places get better by so much, headings worse by a share."""
+def comparison_of(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
+    """Windows of drives whose positions improve by `gains` and headings worsen by a share."""
     drives = np.repeat(np.arange(len(gains)), [len(group) for group in gains])
     before = np.full((len(drives), 2), 1.0)
     after = np.stack([1.0 - np.concatenate(gains), before[:, 1] * (1 + heading)], axis=1)
@@ -17,40 +17,40 @@ def judged(gains: list[list[float]], heading: float = 0.0) -> HeldOut:
 
 
 @pytest.mark.parametrize("drives", [2, 3, 10])
-def test_windows_of_one_drive_count_as_one(drives: int) -> None:
+def test_windows_of_one_drive_are_one_unit(drives: int) -> None:
     rng = np.random.default_rng(1)
     offsets = rng.normal(0.02, 0.1, drives)
-    few = judged([[offset] * 4 for offset in offsets])
-    many = judged([[offset] * 100 for offset in offsets])
-    width = few.high - few.low
-    assert many.high - many.low == pytest.approx(width, rel=0.1)
+    few_windows = comparison_of([[offset] * 4 for offset in offsets])
+    many_windows = comparison_of([[offset] * 100 for offset in offsets])
+    width = few_windows.high - few_windows.low
+    assert many_windows.high - many_windows.low == pytest.approx(width, rel=0.1)
     spread = offsets.std() / np.sqrt(drives)
     assert width > 2 * spread
 
 
-def test_one_drive_in_which_it_got_worse_is_enough_to_doubt() -> None:
-    assert judged([[0.1] * 20, [0.1] * 20]).helps
-    assert not judged([[0.1] * 20, [-0.02] * 20]).helps
+def test_one_worse_drive_prevents_acceptance() -> None:
+    assert comparison_of([[0.1] * 20, [0.1] * 20]).helps
+    assert not comparison_of([[0.1] * 20, [-0.02] * 20]).helps
 
 
-def test_a_heading_that_got_worse_does_not_help() -> None:
+def test_a_worse_heading_prevents_acceptance() -> None:
     gains = [[0.1, 0.2]] * 3
-    assert judged(gains, heading=-0.5).helps
-    assert judged(gains, heading=0.01).helps
-    assert not judged(gains, heading=0.1).helps
+    assert comparison_of(gains, heading=-0.5).helps
+    assert comparison_of(gains, heading=0.01).helps
+    assert not comparison_of(gains, heading=0.1).helps
 
 
-def test_intervals_over_many_drives_cover_the_truth() -> None:
+def test_intervals_over_many_drives_have_the_nominal_coverage() -> None:
     rng = np.random.default_rng(2)
     covered = 0
     for _ in range(200):
         drives = rng.normal(0.05, 0.1, 8)
-        found = judged([(drive + rng.normal(0, 0.02, 5)).tolist() for drive in drives])
-        covered += found.low <= 0.05 <= found.high
+        comparison = comparison_of([(drive + rng.normal(0, 0.02, 5)).tolist() for drive in drives])
+        covered += comparison.low <= 0.05 <= comparison.high
     assert covered >= 180
 
 
-def test_grouped_mean_replicates_weigh_windows_alike() -> None:
+def test_grouped_replicates_weight_all_windows_equally() -> None:
     groups = [np.full(30, 1.0), np.full(10, 0.0)]
-    drawn = grouped_mean_replicates(groups, 4000, np.random.default_rng(3))
-    assert set(np.round(drawn, 6)) == {0.0, 0.75, 1.0}
+    replicates = grouped_mean_replicates(groups, 4000, np.random.default_rng(3))
+    assert set(np.round(replicates, 6)) == {0.0, 0.75, 1.0}

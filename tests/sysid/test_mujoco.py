@@ -1,4 +1,4 @@
-"""The same robot in MuJoCo."""
+"""The MuJoCo simulator compared with the planar robot."""
 
 from __future__ import annotations
 
@@ -24,69 +24,71 @@ def commands(seed: int = 0) -> Commands:
     return Commands(0.05 * np.arange(80), channels, 0.05, "", "")
 
 
-def test_it_drives_as_the_planar_robot_but_for_the_slip_of_tyres() -> None:
+def test_the_path_equals_the_planar_robot_except_for_tyre_slip() -> None:
     start = np.array([1.0, -0.5, 2.0, 0.3, 0.2])
-    one = SIMULATORS["mujoco"]().simulate({}, commands(), start, TIMES)
-    other = Planar().simulate({"drag": 0.0}, commands(), start, TIMES)
-    assert np.hypot(*(one - other)[:, :2].T).max() < 0.05
-    assert np.abs((one - other)[:, 2]).max() < 0.08
-    assert np.hypot(*(other - start)[:, :2].T).max() > 1.0
+    mujoco = SIMULATORS["mujoco"]().simulate({}, commands(), start, TIMES)
+    planar = Planar().simulate({"drag": 0.0}, commands(), start, TIMES)
+    assert np.hypot(*(mujoco - planar)[:, :2].T).max() < 0.05
+    assert np.abs((mujoco - planar)[:, 2]).max() < 0.08
+    assert np.hypot(*(planar - start)[:, :2].T).max() > 1.0
 
 
 @pytest.mark.parametrize("name", ["mass", "friction", "damping", "gain"])
-def test_each_parameter_acts_as_in_the_planar_robot(name: str) -> None:
-    moved = {}
+def test_each_parameter_has_the_effect_of_the_planar_robot(name: str) -> None:
+    distance_changes = {}
     for simulator in (SIMULATORS["mujoco"](), Planar()):
         base = {"drag": 0.0} if simulator.name == "planar" else {}
         changed = {**base, name: 1.4 * simulator.defaults()[name]}
         paths = [simulator.simulate(v, commands(), np.zeros(5), TIMES) for v in (base, changed)]
-        moved[simulator.name] = np.hypot(*paths[1][-1, :2]) - np.hypot(*paths[0][-1, :2])
-    assert moved["mujoco"] == pytest.approx(moved["planar"], rel=0.1)
+        distance_changes[simulator.name] = np.hypot(*paths[1][-1, :2]) - np.hypot(*paths[0][-1, :2])
+    assert distance_changes["mujoco"] == pytest.approx(distance_changes["planar"], rel=0.1)
 
 
-def test_gyration_slows_the_turn_as_in_the_planar_robot() -> None:
+def test_gyration_has_the_effect_of_the_planar_robot() -> None:
     half = np.full(20, 0.4)
     turning = Commands(0.05 * np.arange(20), {"left_torque": -half, "right_torque": half}, 0.05,
                        "", "")  # fmt: skip
     for gyration in (0.5, 2.0):
-        one, other = (
+        mujoco, planar = (
             simulator.simulate({"gyration": gyration}, turning, np.zeros(5), TIMES[:25])[-1, 2]
             for simulator in (SIMULATORS["mujoco"](), Planar())
         )
-        assert one == pytest.approx(other, rel=0.05)
+        assert mujoco == pytest.approx(planar, rel=0.05)
 
 
-def test_a_robot_at_rest_stays() -> None:
-    nothing = {"left_torque": np.zeros(2), "right_torque": np.zeros(2)}
-    still = Commands(np.array([0.0, 1.0]), nothing, 1.0, "", "")
-    states = SIMULATORS["mujoco"]().simulate({}, still, np.array([1, 2, 3.0, 0, 0]), TIMES)
+def test_a_robot_at_rest_does_not_move() -> None:
+    zero_torques = {"left_torque": np.zeros(2), "right_torque": np.zeros(2)}
+    no_commands = Commands(np.array([0.0, 1.0]), zero_torques, 1.0, "", "")
+    states = SIMULATORS["mujoco"]().simulate({}, no_commands, np.array([1, 2, 3.0, 0, 0]), TIMES)
     np.testing.assert_allclose(states, np.tile([1, 2, 3.0, 0, 0], (len(TIMES), 1)), atol=1e-6)
 
 
-def test_latency_is_finer_than_a_step() -> None:
+def test_latency_is_resolved_below_the_time_step() -> None:
     simulator = SIMULATORS["mujoco"]()
     push = {"left_torque": np.full(2, 0.4), "right_torque": np.full(2, 0.4)}
-    told = Commands(np.array([0.0, 5.0]), push, 0.05, "", "")
-    ends = [
-        simulator.simulate({"latency": latency, "friction": 0.05}, told, np.zeros(5), TIMES)[50, 0]
+    commands_pushed = Commands(np.array([0.0, 5.0]), push, 0.05, "", "")
+    final_positions = [
+        simulator.simulate(
+            {"latency": latency, "friction": 0.05}, commands_pushed, np.zeros(5), TIMES
+        )[50, 0]
         for latency in (0.020, 0.021, 0.022, 0.025)
     ]
-    steps = -np.diff(ends)
+    steps = -np.diff(final_positions)
     assert steps[0] == pytest.approx(steps[1], rel=0.2)
     assert steps[0] == pytest.approx(steps[2] / 3, rel=0.2)
 
 
-def test_its_own_least_squares_finds_the_minimum() -> None:
+def test_its_least_squares_solver_finds_the_minimum() -> None:
     target, slope = np.array([0.3, 0.7]), np.random.default_rng(1).normal(size=(20, 2))
-    found = SIMULATORS["mujoco"]().polish(
+    solution = SIMULATORS["mujoco"]().polish(
         lambda columns: slope @ (columns - target[:, None]),
         np.array([0.5, 0.5]),
         np.array([True, True]),
     )
-    np.testing.assert_allclose(found, target, atol=1e-4)
+    np.testing.assert_allclose(solution, target, atol=1e-4)
 
 
-def test_without_mujoco_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_mujoco_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(RequestError, match=r"s2rtui\[mujoco\]"):
         SIMULATORS["mujoco"]()

@@ -1,4 +1,4 @@
-"""Parameters as a cube: ranges, scales, ratios."""
+"""The parameter space as a unit cube: ranges, scales and ratios."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ points = st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5).map(np.array)
 
 @pytest.mark.parametrize("known", [True, False])
 @given(point=points)
-def test_natural_values_stay_in_range_and_lead_back(known: bool, point: np.ndarray) -> None:
+def test_natural_values_stay_in_range_and_convert_back(known: bool, point: np.ndarray) -> None:
     space = space_of(Planar(), None, {}, known)
     natural = space.natural(point)
-    for one, value in zip(space.parameters, natural, strict=True):
-        assert one.low * (1 - 1e-9) <= value <= one.high * (1 + 1e-9)
-    back = space.cube(dict(zip(space.names, natural.tolist(), strict=True)))
-    np.testing.assert_allclose(back, point, atol=1e-9)
+    for parameter, value in zip(space.parameters, natural, strict=True):
+        assert parameter.low * (1 - 1e-9) <= value <= parameter.high * (1 + 1e-9)
+    converted = space.cube(dict(zip(space.names, natural.tolist(), strict=True)))
+    np.testing.assert_allclose(converted, point, atol=1e-9)
 
 
-def test_the_start_is_the_simulators_default() -> None:
+def test_the_start_is_the_default_of_the_simulator() -> None:
     for known in (True, False):
         space = space_of(Planar(), None, {}, known)
         values = space.values(space.start())
@@ -43,7 +43,7 @@ def test_structural_parameters_are_not_searched_unless_named() -> None:
     assert "wheels" in space_of(Planar(), ("mass", "wheels"), {}, True).names
 
 
-def test_unknown_torques_leave_ratios_to_the_mass() -> None:
+def test_unknown_torques_give_ratios_to_the_mass() -> None:
     space = space_of(Planar(), ("mass", "damping"), {}, False)
     assert space.names == ("gain/mass", "damping/mass", "latency")
     assert space.lumped
@@ -61,7 +61,7 @@ def test_unknown_torques_leave_ratios_to_the_mass() -> None:
         (None, {"track": 9.0}, "track=9: out of its range"),
     ],
 )
-def test_wrong_names_and_values_are_told(
+def test_invalid_names_and_values_are_reported(
     names: tuple[str, ...] | None, fixed: dict[str, float], line: str
 ) -> None:
     with pytest.raises(RequestError, match=line):

@@ -1,4 +1,4 @@
-"""The planar robot obeys its equations."""
+"""The planar robot simulator satisfies its equations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ speeds = st.floats(-2.0, 2.0)
 shares = st.floats(0.0, 1.0)
 
 
-def told(left: np.ndarray, right: np.ndarray) -> Commands:
+def torque_commands(left: np.ndarray, right: np.ndarray) -> Commands:
     time = 0.05 * np.arange(len(left))
     return Commands(time, {"left_torque": left, "right_torque": right}, 0.05, "", "")
 
@@ -25,29 +25,29 @@ def told(left: np.ndarray, right: np.ndarray) -> Commands:
 def random_commands(seed: int, count: int = 130) -> Commands:
     rng = np.random.default_rng(seed)
     left, right = np.repeat(rng.uniform(-0.3, 0.6, (2, count // 10)), 10, axis=1)
-    return told(left, right)
+    return torque_commands(left, right)
 
 
-def drawn(choice: list[float]) -> dict[str, float]:
-    """Parameters anywhere in their ranges."""
-    searched = [one for one in SIMULATOR.parameters if one.name not in ("latency", "gain")]
+def parameter_values(choice: list[float]) -> dict[str, float]:
+    """Parameter values at these shares of their ranges."""
+    searched = [
+        parameter for parameter in SIMULATOR.parameters if parameter.name not in ("latency", "gain")
+    ]
     values = {}
-    for one, share in zip(searched, choice, strict=True):
-        if one.scale == "log":
-            values[one.name] = one.low * (one.high / one.low) ** share
+    for parameter, share in zip(searched, choice, strict=True):
+        if parameter.scale == "log":
+            values[parameter.name] = parameter.low * (parameter.high / parameter.low) ** share
         else:
-            values[one.name] = one.low + share * (one.high - one.low)
+            values[parameter.name] = parameter.low + share * (parameter.high - parameter.low)
     return values
 
 
 @given(st.lists(shares, min_size=8, max_size=8), speeds, st.floats(-6.0, 6.0))
 @settings(max_examples=60, deadline=None)
-def test_energy_decays_without_torque_whatever_the_parameters(
-    choice: list[float], speed: float, turn: float
-) -> None:
-    values = drawn(choice)
-    still = told(np.zeros(2), np.zeros(2))
-    states = SIMULATOR.simulate(values, still, np.array([0, 0, 0.3, speed, turn]), TIMES)
+def test_energy_decays_without_torque(choice: list[float], speed: float, turn: float) -> None:
+    values = parameter_values(choice)
+    no_commands = torque_commands(np.zeros(2), np.zeros(2))
+    states = SIMULATOR.simulate(values, no_commands, np.array([0, 0, 0.3, speed, turn]), TIMES)
     inertia = values["gyration"] * (values["track"] / 2) ** 2
     energy = states[:, 3] ** 2 + inertia * states[:, 4] ** 2
     assert np.isfinite(states).all()
@@ -56,33 +56,39 @@ def test_energy_decays_without_torque_whatever_the_parameters(
 
 @given(st.lists(shares, min_size=8, max_size=8))
 @settings(max_examples=20, deadline=None)
-def test_a_robot_at_rest_without_commands_stays(choice: list[float]) -> None:
+def test_a_robot_at_rest_without_commands_does_not_move(choice: list[float]) -> None:
     start = np.array([1.0, -2.0, 0.7, 0.0, 0.0])
-    states = SIMULATOR.simulate(drawn(choice), told(np.zeros(9), np.zeros(9)), start, TIMES)
+    states = SIMULATOR.simulate(
+        parameter_values(choice), torque_commands(np.zeros(9), np.zeros(9)), start, TIMES
+    )
     np.testing.assert_array_equal(states, np.tile(start, (len(TIMES), 1)))
 
 
 def test_equal_torques_drive_straight() -> None:
     torque = random_commands(1).channels["left_torque"]
-    states = SIMULATOR.simulate({}, told(torque, torque), np.array([0, 0, 0.5, 0, 0]), TIMES)
+    states = SIMULATOR.simulate(
+        {}, torque_commands(torque, torque), np.array([0, 0, 0.5, 0, 0]), TIMES
+    )
     across = -np.sin(0.5) * states[:, 0] + np.cos(0.5) * states[:, 1]
     assert np.abs(states[:, 2] - 0.5).max() < 1e-12
     assert np.abs(across).max() < 1e-12
     assert np.abs(states[:, 0]).max() > 0.5
 
 
-def test_exchanged_wheels_mirror_the_path() -> None:
+def test_swapping_the_wheels_mirrors_the_path() -> None:
     commands = random_commands(2)
     left, right = commands.channels.values()
-    one = SIMULATOR.simulate({"wheels": 0.05}, told(left, right), np.zeros(5), TIMES)
-    other = SIMULATOR.simulate({"wheels": -0.05}, told(right, left), np.zeros(5), TIMES)
-    np.testing.assert_allclose(one, other * [1, -1, -1, 1, -1], atol=1e-10)
+    first = SIMULATOR.simulate({"wheels": 0.05}, torque_commands(left, right), np.zeros(5), TIMES)
+    second = SIMULATOR.simulate({"wheels": -0.05}, torque_commands(right, left), np.zeros(5), TIMES)
+    np.testing.assert_allclose(first, second * [1, -1, -1, 1, -1], atol=1e-10)
 
 
-def test_a_larger_right_wheel_turns_an_even_drive_to_its_left_or_right_and_back() -> None:
-    even = np.full(100, 0.5)
+def test_unequal_wheels_turn_the_robot_symmetrically() -> None:
+    constant_torque = np.full(100, 0.5)
     states = [
-        SIMULATOR.simulate({"wheels": w}, told(even, even), np.zeros(5), TIMES)[-1, 2]
+        SIMULATOR.simulate(
+            {"wheels": w}, torque_commands(constant_torque, constant_torque), np.zeros(5), TIMES
+        )[-1, 2]
         for w in (-0.05, 0.05)
     ]
     assert states[0] == pytest.approx(-states[1])
@@ -95,14 +101,14 @@ def test_latency_shifts_the_response_by_exactly_that_time(
     first: float, second: float, seed: int
 ) -> None:
     commands = random_commands(seed)
-    one = SIMULATOR.simulate({"latency": first}, commands, np.zeros(5), TIMES)
-    late = TIMES + (second - first)
-    start = np.concatenate([[min(0.0, late[0])], late])
-    other = SIMULATOR.simulate({"latency": second}, commands, np.zeros(5), start)[1:]
-    np.testing.assert_allclose(one, other, atol=1e-9)
+    first_states = SIMULATOR.simulate({"latency": first}, commands, np.zeros(5), TIMES)
+    shifted = TIMES + (second - first)
+    start = np.concatenate([[min(0.0, shifted[0])], shifted])
+    second_states = SIMULATOR.simulate({"latency": second}, commands, np.zeros(5), start)[1:]
+    np.testing.assert_allclose(first_states, second_states, atol=1e-9)
 
 
-def test_halving_the_step_quarters_the_error() -> None:
+def test_halving_the_step_reduces_the_error() -> None:
     commands = random_commands(3)
     exact = Planar(0.0002).simulate({}, commands, np.zeros(5), TIMES)
     errors = [
@@ -116,43 +122,45 @@ def test_halving_the_step_quarters_the_error() -> None:
 
 def test_constant_torque_without_friction_approaches_the_terminal_speed() -> None:
     values = {"friction": 0.05, "drag": 0.0, "damping": 20.0, "mass": 5.0}
-    even = np.full(200, 0.5)
-    speed = SIMULATOR.simulate(values, told(even, even), np.zeros(5), TIMES)[:, 3]
+    constant_torque = np.full(200, 0.5)
+    speed = SIMULATOR.simulate(
+        values, torque_commands(constant_torque, constant_torque), np.zeros(5), TIMES
+    )[:, 3]
     force, rate = 2 * 0.5 / 0.05 - 0.05, 20.0 / 5.0
-    closed = force / 20.0 * (1 - np.exp(-rate * np.maximum(TIMES - 0.02, 0)))
-    np.testing.assert_allclose(speed, closed, atol=4e-3)
+    expected = force / 20.0 * (1 - np.exp(-rate * np.maximum(TIMES - 0.02, 0)))
+    np.testing.assert_allclose(speed, expected, atol=4e-3)
 
 
-def test_many_replays_at_once_are_the_same_as_each_alone() -> None:
-    told_twice = [random_commands(4), random_commands(5, 80)]
-    stretches = [(1, TIMES[40:90]), (0, TIMES[7:50]), (0, TIMES[100:103])]
+def test_batched_replays_equal_separate_simulations() -> None:
+    commands_of_drives = [random_commands(4), random_commands(5, 80)]
+    segments = [(1, TIMES[40:90]), (0, TIMES[7:50]), (0, TIMES[100:103])]
     starts = np.random.default_rng(0).normal(0, 0.5, (3, 5))
     values = {**SIMULATOR.defaults(), "latency": 0.033}
-    together = SIMULATOR.replay(values, pack(told_twice, stretches, SIMULATOR.torques), starts)
-    alone = [
-        SIMULATOR.simulate(values, told_twice[drive], start, times)
-        for (drive, times), start in zip(stretches, starts, strict=True)
+    batch = SIMULATOR.replay(values, pack(commands_of_drives, segments, SIMULATOR.torques), starts)
+    separate = [
+        SIMULATOR.simulate(values, commands_of_drives[drive], start, times)
+        for (drive, times), start in zip(segments, starts, strict=True)
     ]
-    np.testing.assert_array_equal(together, np.concatenate(alone))
+    np.testing.assert_array_equal(batch, np.concatenate(separate))
 
 
 def test_efforts_are_torques_times_the_gain() -> None:
     commands = random_commands(6)
     left, right = commands.channels.values()
     efforts = {"left_effort": left / 2.5, "right_effort": right / 2.5}
-    one = SIMULATOR.simulate({}, commands, np.zeros(5), TIMES)
-    other = SIMULATOR.simulate(
+    first = SIMULATOR.simulate({}, commands, np.zeros(5), TIMES)
+    second = SIMULATOR.simulate(
         {"gain": 2.5}, Commands(commands.time, efforts, 0.05, "", ""), np.zeros(5), TIMES
     )
-    np.testing.assert_allclose(one, other, atol=1e-12)
+    np.testing.assert_allclose(first, second, atol=1e-12)
 
 
 @given(st.floats(0.3, 4.0))
 @settings(max_examples=20, deadline=None)
-def test_shared_parameters_scale_together_unseen(scale: float) -> None:
+def test_scaling_all_shared_parameters_has_no_effect(scale: float) -> None:
     commands = random_commands(7)
     values = {name: SIMULATOR.defaults()[name] for name in SIMULATOR.shared}
-    one = SIMULATOR.simulate(values, commands, np.zeros(5), TIMES)
+    first = SIMULATOR.simulate(values, commands, np.zeros(5), TIMES)
     scaled = {name: scale * value for name, value in values.items()}
-    other = SIMULATOR.simulate(scaled, commands, np.zeros(5), TIMES)
-    np.testing.assert_allclose(one, other, atol=1e-9)
+    second = SIMULATOR.simulate(scaled, commands, np.zeros(5), TIMES)
+    np.testing.assert_allclose(first, second, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Results as files, and the command."""
+"""Result files of the identification, and the command."""
 
 from __future__ import annotations
 
@@ -12,45 +12,47 @@ from s2rstore.errors import RequestError
 from s2rtools.sysid import Identification, report
 from s2rtools.sysid.convergence_plot import convergence_figure
 from s2rtui.cli import main
-from tests.sysid.conftest import Made
+from tests.sysid.conftest import DriveFolder
 
 FAST = ["--seeds", "1", "--evaluations", "60"]
 
 
-def test_files_tell_the_same_and_leave_nothing_beside(
-    plain: Identification, tmp_path: Path
+def test_result_files_agree_and_no_others_are_written(
+    identified: Identification, tmp_path: Path
 ) -> None:
-    told = report.write(tmp_path / "out", plain, None)
+    result = report.write(tmp_path / "out", identified, None)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"sysid.json", "sysid.txt", "convergence.png"}
-    assert json.loads((tmp_path / "out/sysid.json").read_text()) == told
+    assert json.loads((tmp_path / "out/sysid.json").read_text()) == result
     text = (tmp_path / "out/sysid.txt").read_text()
-    assert all(one.name in text for one in plain.estimates)
+    assert all(estimate.name in text for estimate in identified.estimates)
 
 
-def test_a_warning_stands_in_the_table(unequal: Identification) -> None:
-    assert "warning: structural mismatch" in report.table(report.result_json(unequal, None))
+def test_the_table_contains_warnings(identified_unequal_wheels: Identification) -> None:
+    assert "warning: structural mismatch" in report.table(
+        report.result_json(identified_unequal_wheels, None)
+    )
 
 
-def test_the_curve_is_the_same_to_the_byte(plain: Identification) -> None:
-    one, other = (convergence_figure(plain.traces, "title") for _ in range(2))
-    assert one == other
-    assert one.startswith(b"\x89PNG")
+def test_the_convergence_figure_is_deterministic(identified: Identification) -> None:
+    first, second = (convergence_figure(identified.traces, "title") for _ in range(2))
+    assert first == second
+    assert first.startswith(b"\x89PNG")
 
 
 def test_the_command_writes_and_prints(
-    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drives = made(latency=0.8, mass=1.0)[0]
+    drives = drive_folder(latency=0.8, mass=1.0)[0]
     out = tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--json", *FAST]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == json.loads((out / "sysid.json").read_text())
-    assert told["estimates"]["mass"]["value"] == pytest.approx(16.0, rel=0.01)
+    result = json.loads(capsys.readouterr().out)
+    assert result == json.loads((out / "sysid.json").read_text())
+    assert result["estimates"]["mass"]["value"] == pytest.approx(16.0, rel=0.01)
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("options", "line"),
     [
         (["--simulator", "bullet"], "--simulator bullet: unknown"),
         (["--parameters", "weight"], "weight: no parameter"),
@@ -61,37 +63,37 @@ def test_the_command_writes_and_prints(
         (["--window", "nan"], "--window"),
     ],
 )
-def test_wrong_requests_end_with_2_and_write_nothing(
-    made: Callable[..., Made],
+def test_invalid_requests_exit_with_2_and_write_nothing(
+    drive_folder: Callable[..., DriveFolder],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    words: list[str],
+    options: list[str],
     line: str,
 ) -> None:
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
-    assert main(["sysid", str(drives), "--out", str(out), *FAST, *words]) == 2
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    assert main(["sysid", str(drives), "--out", str(out), *FAST, *options]) == 2
     error = capsys.readouterr().err.strip().splitlines()
     assert line in error[-1]
     assert not out.exists()
 
 
-def test_a_missing_folder_and_a_file_for_a_folder_end_with_2(tmp_path: Path) -> None:
+def test_a_missing_folder_and_a_file_as_folder_exit_with_2(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     assert main(["sysid", str(tmp_path / "no"), "--out", str(tmp_path / "out")]) == 2
     assert main(["sysid", str(tmp_path), "--out", str(tmp_path / "file")]) == 2
 
 
-def test_what_drives_leave_open_ends_with_3(
-    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_undetermined_parameters_exit_with_3(
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
-    words = ["--parameters", "mass,gain,friction,damping,drag", *FAST]
-    assert main(["sysid", str(drives), "--out", str(out), *words]) == 3
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    options = ["--parameters", "mass,gain,friction,damping,drag", *FAST]
+    assert main(["sysid", str(drives), "--out", str(out), *options]) == 3
     assert "do not determine" in capsys.readouterr().err
     assert json.loads((out / "sysid.json").read_text())["conclusive"] is False
 
 
-@pytest.mark.parametrize(("words", "line"), [
+@pytest.mark.parametrize(("options", "line"), [
     (["latency=0..0.1..2"], "latency=0..0.1..2: NAME=0..0.1..2: expected LOW..HIGH"),
     (["latency"], "NAME=: expected LOW..HIGH"),
     (["latency=0..1:root"], "expected LOW..HIGH"),
@@ -104,74 +106,74 @@ def test_what_drives_leave_open_ends_with_3(
     (["wheels=-2..2"], "must lie within -1 .. 1"),
     (["track=0.1..0.2"], "track: not searched"),
 ])  # fmt: skip
-def test_wrong_ranges_are_told_before_anything_is_done(
-    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    words: list[str], line: str,
+def test_invalid_ranges_are_reported_first(
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    options: list[str], line: str,
 ) -> None:  # fmt: skip
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
-    given = [word for each in words for word in ("--range", each)]
-    assert main(["sysid", str(drives), "--out", str(out), *FAST, *given]) == 2
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    range_options = [word for limit in options for word in ("--range", limit)]
+    assert main(["sysid", str(drives), "--out", str(out), *FAST, *range_options]) == 2
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert line in error[0]
     assert not out.exists()
 
 
-def test_a_range_without_the_truth_ends_with_3_and_a_wider_one_finds_it(
-    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_too_narrow_range_exits_with_3_and_a_wider_one_succeeds(
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     command = ["sysid", str(drives), "--out", str(out), *FAST, "--range"]
     assert main([*command, "latency=0..0.05"]) == 3
     assert (
         "latency at a bound of the search range; widen it with --range" in capsys.readouterr().err
     )
-    told = json.loads((out / "sysid.json").read_text())
-    assert (told["conclusive"], told["at_ends"]) == (False, ["latency"])
-    assert not told["estimates"]["latency"]["identified"]
-    assert any("end of the range 0 .. 0.05 s" in line for line in told["warnings"])
+    result = json.loads((out / "sysid.json").read_text())
+    assert (result["conclusive"], result["at_ends"]) == (False, ["latency"])
+    assert not result["estimates"]["latency"]["identified"]
+    assert any("end of the range 0 .. 0.05 s" in line for line in result["warnings"])
     assert main([*command, "latency=0..0.6", "--range", "mass=4..30:linear"]) == 0
-    told = json.loads((out / "sysid.json").read_text())
+    result = json.loads((out / "sysid.json").read_text())
     truth = json.loads((drives / "truth.json").read_text())["values"]
-    assert told["estimates"]["latency"]["value"] == pytest.approx(truth["latency"], abs=2e-3)
-    assert told["ranges"]["mass"] == [4.0, 30.0, "linear"]
+    assert result["estimates"]["latency"]["value"] == pytest.approx(truth["latency"], abs=2e-3)
+    assert result["ranges"]["mass"] == [4.0, 30.0, "linear"]
 
 
-def test_bags_are_read_by_the_topic_that_is_named(
+def test_the_topic_is_passed_to_the_bag_reader(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from s2rtools import motion_logs
 
-    asked = []
+    calls = []
 
     def read(folder: Path, topic: str | None) -> None:
-        asked.append((folder, topic))
+        calls.append((folder, topic))
         raise RequestError("no bags")
 
     monkeypatch.setattr(motion_logs, "read_drives", read)
-    words = ["sysid", str(tmp_path), "--out", str(tmp_path / "out"), "--topic", "/odom"]
-    assert main(words) == 2
-    assert asked == [(tmp_path, "/odom")]
+    command = ["sysid", str(tmp_path), "--out", str(tmp_path / "out"), "--topic", "/odom"]
+    assert main(command) == 2
+    assert calls == [(tmp_path, "/odom")]
 
 
-def test_coarse_logs_lose_only_the_network(
-    made: Callable[..., Made], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+def test_coarse_logs_skip_only_the_residual_network(
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     from s2rtools.sysid import residual_training
 
     monkeypatch.setattr(residual_training, "STEP", 0.001)
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--residual", *FAST]) == 3
     assert "--residual: needs at least 4 poses" in capsys.readouterr().err
-    told = json.loads((out / "sysid.json").read_text())
-    assert told["conclusive"]
-    assert "residual" not in told
+    result = json.loads((out / "sysid.json").read_text())
+    assert result["conclusive"]
+    assert "residual" not in result
 
 
-def test_too_few_drives_end_with_3_and_write_nothing(
-    made: Callable[..., Made], tmp_path: Path
+def test_too_few_drives_exit_with_3_and_write_nothing(
+    drive_folder: Callable[..., DriveFolder], tmp_path: Path
 ) -> None:
-    drives, out = made(latency=0.8, mass=1.0)[0], tmp_path / "out"
+    drives, out = drive_folder(latency=0.8, mass=1.0)[0], tmp_path / "out"
     assert main(["sysid", str(drives), "--out", str(out), "--held-out", "6"]) == 3
     assert not out.exists()

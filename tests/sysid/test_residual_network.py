@@ -1,4 +1,4 @@
-"""The residual network: the simulator at first, kept only where it helps."""
+"""The residual network: initially without effect, accepted only if it improves held-out drives."""
 
 from __future__ import annotations
 
@@ -11,47 +11,53 @@ import torch
 from s2rtools.sysid import Identification
 from s2rtools.sysid.residual_network import ResidualNetwork
 from s2rtools.sysid.residual_training import _stretches, learn
-from tests.sysid.conftest import Silent
+from tests.sysid.conftest import StepCounter
 
 
-def test_an_untrained_network_is_the_simulator(plain: Identification) -> None:
-    stretches = _stretches(plain.everything, plain.cube)
-    correction = ResidualNetwork(stretches, 1)
+def test_an_untrained_network_equals_the_simulator(identified: Identification) -> None:
+    segments = _stretches(identified.everything, identified.cube)
+    correction = ResidualNetwork(segments, 1)
     np.testing.assert_allclose(
-        correction.poses(stretches), stretches.states[:, :, :3], rtol=0, atol=1e-9
+        correction.poses(segments), segments.states[:, :, :3], rtol=0, atol=1e-9
     )
 
 
-def test_it_does_not_help_where_only_noise_is_left(plain: Identification) -> None:
-    residual = learn(plain, Silent(), epochs=40)
+def test_the_network_is_rejected_if_only_noise_remains(identified: Identification) -> None:
+    residual = learn(identified, StepCounter(), epochs=40)
     assert not residual.accepted
     assert "does not help" in residual.sentence
 
 
-def test_it_helps_where_the_structure_differs(unequal: Identification) -> None:
-    residual = learn(unequal, Silent(), epochs=120)
+def test_the_network_is_accepted_for_a_structural_mismatch(
+    identified_unequal_wheels: Identification,
+) -> None:
+    residual = learn(identified_unequal_wheels, StepCounter(), epochs=120)
     assert residual.accepted
     assert residual.error.low > 0
     assert residual.error.fitted[0] < 0.8 * residual.error.untuned[0]
 
 
-def test_one_held_out_drive_cannot_judge_it(unequal: Identification) -> None:
-    residual = learn(unequal, Silent(), epochs=3)
+def test_a_single_held_out_drive_is_not_enough(identified_unequal_wheels: Identification) -> None:
+    residual = learn(identified_unequal_wheels, StepCounter(), epochs=3)
     better = dataclasses.replace(residual.error, low=0.01, fitted=residual.error.untuned)
     assert dataclasses.replace(residual, error=better).accepted
-    alone = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
-    assert not alone.accepted
-    assert "needs 2 held-out drives" in alone.sentence
+    single_drive = dataclasses.replace(residual, error=dataclasses.replace(better, drives=1))
+    assert not single_drive.accepted
+    assert "needs 2 held-out drives" in single_drive.sentence
 
 
-def test_weights_are_safetensors_that_tell_their_inputs(unequal: Identification) -> None:
+def test_weights_are_safetensors_with_a_description_of_inputs(
+    identified_unequal_wheels: Identification,
+) -> None:
     from safetensors.torch import load
 
-    one, other = (learn(unequal, Silent(), epochs=3).weights for _ in range(2))
-    assert one == other
-    tensors = load(one)
+    first, second = (
+        learn(identified_unequal_wheels, StepCounter(), epochs=3).weights for _ in range(2)
+    )
+    assert first == second
+    tensors = load(first)
     assert all(torch.isfinite(tensor).all() for tensor in tensors.values())
-    length = int.from_bytes(one[:8], "little")
-    told = json.loads(json.loads(one[8 : 8 + length])["__metadata__"]["description"])
-    assert told["step"] == 0.1
-    assert "commands" in told["inputs"]
+    length = int.from_bytes(first[:8], "little")
+    description = json.loads(json.loads(first[8 : 8 + length])["__metadata__"]["description"])
+    assert description["step"] == 0.1
+    assert "commands" in description["inputs"]

@@ -1,4 +1,4 @@
-"""Drives of known truth."""
+"""Synthetic drives with known parameters."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_one_seed_gives_the_same_bytes_and_another_others(tmp_path: Path) -> None:
+def test_drives_are_deterministic_per_seed(tmp_path: Path) -> None:
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         make_drives(tmp_path / name, seed, {"latency": 1.0}, SHORT)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
     assert contents(tmp_path / "a") != contents(tmp_path / "c")
 
 
-def test_without_severity_only_the_noise_of_measuring_differs(tmp_path: Path) -> None:
+def test_without_severity_only_the_measurement_noise_differs(tmp_path: Path) -> None:
     for drive in make_drives(tmp_path, 5, {"latency": 0.0, "wheels": 0.0}, SHORT):
-        off = np.concatenate([drive.real.x - drive.sim.x, drive.real.y - drive.sim.y])
-        turned = wrap(drive.real.heading - drive.sim.heading)
-        assert off.std() == pytest.approx(SHORT.place_noise, rel=0.2)
-        assert turned.std() == pytest.approx(SHORT.heading_noise, rel=0.2)
+        differences = np.concatenate([drive.real.x - drive.sim.x, drive.real.y - drive.sim.y])
+        heading_differences = wrap(drive.real.heading - drive.sim.heading)
+        assert differences.std() == pytest.approx(SHORT.place_noise, rel=0.2)
+        assert heading_differences.std() == pytest.approx(SHORT.heading_noise, rel=0.2)
 
 
 @pytest.mark.parametrize("factor", ["latency", "wheels"])
-def test_a_factor_moves_the_real_robot_alone(tmp_path: Path, factor: str) -> None:
-    even = make_drives(tmp_path / "even", 5, {}, SHORT)
-    odd = make_drives(tmp_path / "odd", 5, {factor: 1.0}, SHORT)
-    for a, b in zip(even, odd, strict=True):
+def test_a_factor_affects_only_the_real_robot(tmp_path: Path, factor: str) -> None:
+    without_factor = make_drives(tmp_path / "even", 5, {}, SHORT)
+    with_factor = make_drives(tmp_path / "odd", 5, {factor: 1.0}, SHORT)
+    for a, b in zip(without_factor, with_factor, strict=True):
         np.testing.assert_array_equal(a.sim.x, b.sim.x)
         assert np.hypot(a.real.x - b.real.x, a.real.y - b.real.y).max() > 0.01
 
 
-def test_the_folder_reads_back_as_it_was_made(tmp_path: Path) -> None:
-    made = make_drives(tmp_path, 5, {}, SHORT)
+def test_written_drives_can_be_read(tmp_path: Path) -> None:
+    written = make_drives(tmp_path, 5, {}, SHORT)
     read = read_drives(tmp_path)
     assert [drive.name for drive in read] == ["drive-00", "drive-01"]
-    for a, b in zip(made, read, strict=True):
+    for a, b in zip(written, read, strict=True):
         np.testing.assert_array_equal(a.real.x, b.real.x)
         assert a.commands is not None
         assert b.commands is not None
         assert a.commands.sha256 == b.commands.sha256
 
 
-def test_an_unknown_factor_is_told(tmp_path: Path) -> None:
+def test_an_unknown_factor_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match="wind: no such factor"):
         make_drives(tmp_path, 1, {"wind": 1.0}, SHORT)

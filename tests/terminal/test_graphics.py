@@ -1,4 +1,4 @@
-"""The question to the terminal, strips with pictures, and what is sent of a picture."""
+"""Inline images: the query to the terminal, strips with placeholders, and transmission."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
     ATTRIBUTES,
-    CELL,
-    CURSOR,
-    DRAWN,
-    Kitty,
+    CELL_SIZE,
+    CURSOR_REPORT,
+    GRAPHICS_OK,
+    KittyTerminal,
     box_cells,
-    placed,
+    placed_cells,
 )
 
-TRUE = Terminal(ColourMode.TRUECOLOR, False, "")
-MOVED = b"\x1b[7;2R"
+TRUECOLOR_TERMINAL = Terminal(ColourMode.TRUECOLOR, False, "")
+MOVED_CURSOR_REPORT = b"\x1b[7;2R"
 
 
 def codes(strips: list[Strip]) -> bytes:
@@ -53,79 +53,87 @@ def noise(size: Size) -> Pixels:
     return np.random.default_rng(1).integers(0, 256, (*size, 3)).astype(np.uint8)
 
 
-def canvas(pixels: Pixels, box: Size = (6, 3), of: object = None) -> Canvas:
-    """A picture at (2, 1), text on all sides of it."""
-    drawn = Canvas(12, 5)
+def canvas(pixels: Pixels, box: Size = (6, 3), source: object = None) -> Canvas:
+    """An image at (2, 1) surrounded by text."""
+    result = Canvas(12, 5)
     for row in range(5):
-        drawn.text(0, row, "abcdefghijkl")
-    shape, of = pixels.shape[:2], object() if of is None else of
-    drawn.images.append(InlineImage(2, 1, *box, shape, partial(resized, pixels), of))
-    return drawn
+        result.text(0, row, "abcdefghijkl")
+    shape, source = pixels.shape[:2], object() if source is None else source
+    result.images.append(InlineImage(2, 1, *box, shape, partial(resized, pixels), source))
+    return result
 
 
 def resized(pixels: Pixels, size: Size) -> Pixels:
     return pixels[: size[0], : size[1]]
 
 
-class Terminals:
-    """A wall, and what it wrote."""
+class FakeTerminal:
+    """An image manager and the text that it writes."""
 
     def __init__(self, in_tmux: bool = False) -> None:
         self.written = ""
-        self.made = 0
+        self.ready_count = 0
         graphics = Graphics(True, "", in_tmux=in_tmux)
-        self.wall = KittyImageManager(graphics, self._write, self._ready)
+        self.manager = KittyImageManager(graphics, self._write, self._ready)
 
     def _write(self, text: str) -> None:
         self.written += text
 
     def _ready(self) -> None:
-        self.made += 1
+        self.ready_count += 1
 
-    def begin(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
-        return self.wall.attach(view, drawn, to_strips(drawn, ColourMode.TRUECOLOR)).strips
+    def begin(self, canvas_with_image: Canvas, view: str = "instance") -> list[Strip]:
+        return self.manager.attach(
+            view, canvas_with_image, to_strips(canvas_with_image, ColourMode.TRUECOLOR)
+        ).strips
 
-    def hang(self, drawn: Canvas, view: str = "instance") -> list[Strip]:
-        """As it is once the pictures are made."""
-        strips = self.begin(drawn, view)
+    def draw(self, canvas_with_image: Canvas, view: str = "instance") -> list[Strip]:
+        """The strips after the images have been encoded."""
+        strips = self.begin(canvas_with_image, view)
         self.wait()
-        return self.begin(drawn, view) if self.made else strips
+        return self.begin(canvas_with_image, view) if self.ready_count else strips
 
     def wait(self) -> None:
         limit = time.monotonic() + 20
-        while not self.wall.idle:
+        while not self.manager.idle:
             assert time.monotonic() < limit
             time.sleep(0.0005)
 
 
-# --- the question --------------------------------------------------------------------------------
+# --- the query -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("answer", "pictures", "told"),
+    ("answer", "pictures", "expected"),
     [
         (ANSWER, True, "Kitty"),
         (b"typed" + ANSWER, True, "Kitty"),
         (ATTRIBUTES, False, "does not support"),
-        (CURSOR + CURSOR + CELL + ATTRIBUTES, False, "does not support"),
-        (CURSOR + DRAWN + MOVED + ATTRIBUTES, False, "not its placeholders"),
-        (DRAWN + ATTRIBUTES, False, "not its placeholders"),
-        (CURSOR + DRAWN + CURSOR, False, "did not answer"),
+        (CURSOR_REPORT + CURSOR_REPORT + CELL_SIZE + ATTRIBUTES, False, "does not support"),
+        (
+            CURSOR_REPORT + GRAPHICS_OK + MOVED_CURSOR_REPORT + ATTRIBUTES,
+            False,
+            "not its placeholders",
+        ),
+        (GRAPHICS_OK + ATTRIBUTES, False, "not its placeholders"),
+        (CURSOR_REPORT + GRAPHICS_OK + CURSOR_REPORT, False, "did not answer"),
         (b"", False, "did not answer"),
     ],
 )
-def test_the_terminal_says_itself_what_it_draws(answer: bytes, pictures: bool, told: str) -> None:
-    found = parse_answer(answer)
-    assert found.supported is pictures
-    assert told in found.reason
+def test_capabilities_follow_from_the_terminal_s_answer(
+    answer: bytes, pictures: bool, expected: str
+) -> None:
+    capabilities = parse_answer(answer)
+    assert capabilities.supported is pictures
+    assert expected in capabilities.reason
 
 
-def test_the_size_of_a_cell_is_the_terminals() -> None:
-    assert parse_answer(ANSWER.replace(CELL, b"\x1b[6;31;15t")).cell == (15, 31)
+def test_the_cell_size_is_taken_from_the_answer() -> None:
+    assert parse_answer(ANSWER.replace(CELL_SIZE, b"\x1b[6;31;15t")).cell == (15, 31)
 
 
 @pytest.mark.parametrize(
-    ("answer", "pictures", "told"),
+    ("answer", "pictures", "expected"),
     [
         ("xterm-kitty kitty(0.42.0) on\n", True, "through tmux"),
         ("xterm-256color ghostty 1.2 all\n", True, "through tmux"),
@@ -136,20 +144,21 @@ def test_the_size_of_a_cell_is_the_terminals() -> None:
         ("", False, "did not name"),
     ],
 )
-def test_tmux_is_asked_for_its_terminal(
-    monkeypatch: pytest.MonkeyPatch, answer: str, pictures: bool, told: str
+def test_tmux_is_queried_for_its_terminal(
+    monkeypatch: pytest.MonkeyPatch, answer: str, pictures: bool, expected: str
 ) -> None:
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
-    found = probe.probe_terminal(TRUE, {"TMUX": "/tmp/tmux,1,0"})
-    assert (found.supported, found.in_tmux) == (pictures, pictures)
-    assert told in found.reason
+    capabilities = probe.probe_terminal(TRUECOLOR_TERMINAL, {"TMUX": "/tmp/tmux,1,0"})
+    assert (capabilities.supported, capabilities.in_tmux) == (pictures, pictures)
+    assert expected in capabilities.reason
 
 
 @pytest.mark.parametrize(
-    "terminal", [replace(TRUE, mode=ColourMode.ANSI), replace(TRUE, ascii=True)]
+    "terminal",
+    [replace(TRUECOLOR_TERMINAL, mode=ColourMode.ANSI), replace(TRUECOLOR_TERMINAL, ascii=True)],
 )
-def test_nothing_is_asked_where_no_picture_can_be(
+def test_unsuitable_terminals_are_not_queried(
     terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
@@ -157,7 +166,7 @@ def test_nothing_is_asked_where_no_picture_can_be(
     assert "256 colours" in probe.probe_terminal(terminal, {}).reason
 
 
-def test_ascii_and_pictures_exclude_each_other(
+def test_ascii_and_graphics_exclude_each_other(
     tiny_store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["tui", str(tiny_store), "--graphics", "--ascii"]) == 2
@@ -167,12 +176,12 @@ def test_ascii_and_pictures_exclude_each_other(
 # --- strips --------------------------------------------------------------------------------------
 
 
-def test_placeholders_cover_the_box_and_no_other_cell() -> None:
-    terminal = Terminals()
-    strips = terminal.hang(canvas(noise((16, 16))))
+def test_placeholders_cover_exactly_the_box() -> None:
+    terminal = FakeTerminal()
+    strips = terminal.draw(canvas(noise((16, 16))))
     written = codes(strips)
-    (number,) = Kitty.after(terminal.written.encode()).held
-    assert placed(written) == {number: box_cells(6, 3)}
+    (number,) = KittyTerminal.after(terminal.written.encode()).images
+    assert placed_cells(written) == {number: box_cells(6, 3)}
     text = re.sub(r"\x1b\[[\d;]*m", "", written.decode())
     plain = re.sub(f"{kitty_protocol.PLACEHOLDER}...", "_", text)
     assert plain == "abcdefghijkl" + 3 * "ab______ijkl" + "abcdefghijkl"
@@ -180,20 +189,20 @@ def test_placeholders_cover_the_box_and_no_other_cell() -> None:
 
 @settings(deadline=None)
 @given(st.integers(0, 12), st.integers(0, 12))
-def test_a_part_of_a_strip_shows_its_part_of_the_picture(start: int, end: int) -> None:
-    strip = Terminals().hang(canvas(noise((16, 16))))[2].crop(start, end)
-    columns = {column for cells in placed(codes([strip])).values() for column, _ in cells}
-    assert columns == {at - 2 for at in range(start, end) if 2 <= at < 8}
+def test_a_cropped_strip_shows_its_part_of_the_image(start: int, end: int) -> None:
+    strip = FakeTerminal().draw(canvas(noise((16, 16))))[2].crop(start, end)
+    columns = {column for cells in placed_cells(codes([strip])).values() for column, _ in cells}
+    assert columns == {position - 2 for position in range(start, end) if 2 <= position < 8}
     assert strip.cell_length == max(0, end - start)
 
 
-def test_restyled_strips_are_half_blocks_again() -> None:
-    strip = Terminals().hang(canvas(noise((16, 16))))[2]
+def test_restyled_strips_contain_no_placeholders() -> None:
+    strip = FakeTerminal().draw(canvas(noise((16, 16))))[2]
     assert strip.text == "abcdefghijkl"
-    assert not placed(codes([Strip(list(strip))]))
+    assert not placed_cells(codes([Strip(list(strip))]))
 
 
-# --- what is sent --------------------------------------------------------------------------------
+# --- transmission --------------------------------------------------------------------------------
 
 
 @settings(deadline=None)
@@ -202,7 +211,7 @@ def test_restyled_strips_are_half_blocks_again() -> None:
     st.tuples(st.integers(1, 200), st.integers(1, 60)),
     st.tuples(st.integers(1, 40), st.integers(1, 80)),
 )
-def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
+def test_the_pixel_size_is_limited_by_image_box_and_maximum(
     shape: Size, box: Size, cell: Size
 ) -> None:
     plate = InlineImage(0, 0, *box, shape, lambda size: noise(size), shape)
@@ -212,103 +221,105 @@ def test_never_more_pixels_than_the_picture_the_box_and_the_limit(
     assert rows * columns <= max(MAX_PIXELS, *shape)
 
 
-def test_the_heaviest_picture_is_made_lighter() -> None:
-    terminal = Terminals()
-    terminal.hang(canvas(noise((256, 256)), (8, 4)))
-    assert 0 < Kitty.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
+def test_large_images_are_reduced_to_the_byte_limit() -> None:
+    terminal = FakeTerminal()
+    terminal.draw(canvas(noise((256, 256)), (8, 4)))
+    assert 0 < KittyTerminal.after(terminal.written.encode()).received <= MAX_BYTES * 4 // 3 + 4
 
 
-def test_what_hangs_there_is_not_sent_again() -> None:
-    terminal = Terminals()
-    terminal.hang(canvas(noise((16, 16))))
-    before = terminal.written
-    terminal.hang(canvas(noise((16, 16))))
-    assert terminal.written == before
-    terminal.hang(canvas(255 - noise((16, 16))))
-    assert terminal.written != before
+def test_a_displayed_image_is_not_sent_again() -> None:
+    terminal = FakeTerminal()
+    terminal.draw(canvas(noise((16, 16))))
+    written_before = terminal.written
+    terminal.draw(canvas(noise((16, 16))))
+    assert terminal.written == written_before
+    terminal.draw(canvas(255 - noise((16, 16))))
+    assert terminal.written != written_before
 
 
-def test_pictures_are_made_elsewhere_and_the_newest_wins() -> None:
-    terminal, opened, makers = Terminals(), threading.Event(), []
+def test_images_are_encoded_in_the_background_and_the_newest_is_shown() -> None:
+    terminal, released, calls = FakeTerminal(), threading.Event(), []
 
-    def slow(shade: int, size: Size) -> Pixels:
-        makers.append((shade, threading.current_thread()))
-        assert opened.wait(10)
+    def blocking_pixels(shade: int, size: Size) -> Pixels:
+        calls.append((shade, threading.current_thread()))
+        assert released.wait(10)
         return np.full((*size, 3), shade, np.uint8)
 
-    def drawn(shade: int) -> Canvas:
-        made = Canvas(12, 5)
-        made.images.append(InlineImage(2, 1, 6, 3, (4, 4), partial(slow, shade), shade))
-        return made
+    def canvas_of_shade(shade: int) -> Canvas:
+        strips_after = Canvas(12, 5)
+        strips_after.images.append(
+            InlineImage(2, 1, 6, 3, (4, 4), partial(blocking_pixels, shade), shade)
+        )
+        return strips_after
 
-    first = terminal.hang(canvas(np.full((4, 4, 3), 9, np.uint8)))
-    before, shown = terminal.written, placed(codes(first))
+    first = terminal.draw(canvas(np.full((4, 4, 3), 9, np.uint8)))
+    written_before, shown = terminal.written, placed_cells(codes(first))
     for shade in range(5):
-        assert placed(codes(terminal.begin(drawn(shade)))) == shown
-    assert terminal.written == before
-    opened.set()
+        assert placed_cells(codes(terminal.begin(canvas_of_shade(shade)))) == shown
+    assert terminal.written == written_before
+    released.set()
     terminal.wait()
-    made = terminal.begin(drawn(4))
-    (number,) = placed(codes(made))
-    assert (Kitty.after(terminal.written.encode()).held[number].pixels == 4).all()
-    assert {shade for shade, _ in makers} <= {0, 4}
-    assert threading.current_thread() not in {thread for _, thread in makers}
+    strips_after = terminal.begin(canvas_of_shade(4))
+    (number,) = placed_cells(codes(strips_after))
+    assert (KittyTerminal.after(terminal.written.encode()).images[number].pixels == 4).all()
+    assert {shade for shade, _ in calls} <= {0, 4}
+    assert threading.current_thread() not in {thread for _, thread in calls}
 
 
-def test_what_is_made_after_all_were_deleted_is_not_sent() -> None:
-    terminal, opened = Terminals(), threading.Event()
-    drawn = canvas(noise((16, 16)))
-    late = partial(lambda pixels, size: opened.wait(10) and pixels, noise((16, 16)))
-    drawn.images[0] = replace(drawn.images[0], pixels=late)
-    terminal.begin(drawn)
-    terminal.wall.delete_all()
-    opened.set()
+def test_images_encoded_after_deletion_are_not_sent() -> None:
+    terminal, released = FakeTerminal(), threading.Event()
+    canvas_with_image = canvas(noise((16, 16)))
+    delayed_pixels = partial(lambda pixels, size: released.wait(10) and pixels, noise((16, 16)))
+    canvas_with_image.images[0] = replace(canvas_with_image.images[0], pixels=delayed_pixels)
+    terminal.begin(canvas_with_image)
+    terminal.manager.delete_all()
+    released.set()
     terminal.wait()
-    assert (terminal.written, terminal.made) == ("", 0)
+    assert (terminal.written, terminal.ready_count) == ("", 0)
 
 
-def test_what_follows_from_the_same_is_not_even_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = Terminals()
-    terminal.hang(canvas(noise((16, 16)), of="one"))
-    before = terminal.written
+def test_an_image_of_the_same_source_is_not_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = FakeTerminal()
+    terminal.draw(canvas(noise((16, 16)), source="one"))
+    written_before = terminal.written
     monkeypatch.setitem(globals(), "resized", lambda pixels, size: pytest.fail("made again"))
-    terminal.hang(canvas(noise((16, 16)), of="one"))
-    assert terminal.written == before
+    terminal.draw(canvas(noise((16, 16)), source="one"))
+    assert terminal.written == written_before
 
 
-def test_programs_in_the_panes_of_one_terminal_take_different_numbers() -> None:
-    firsts = set()
+def test_instances_use_different_image_numbers() -> None:
+    numbers_used = set()
     for _ in range(20):
-        terminal = Terminals()
-        terminal.hang(canvas(noise((16, 16))))
-        firsts |= set(Kitty.after(terminal.written.encode()).held)
-    assert len(firsts) > 10
+        terminal = FakeTerminal()
+        terminal.draw(canvas(noise((16, 16))))
+        numbers_used |= set(KittyTerminal.after(terminal.written.encode()).images)
+    assert len(numbers_used) > 10
 
 
-def test_a_picture_that_is_shown_keeps_its_number() -> None:
-    terminal = Terminals()
-    (strip, *_) = terminal.hang(canvas(noise((16, 16))), "instance")[1:]
-    shown = set(placed(codes([strip])))
+def test_a_displayed_image_keeps_its_number() -> None:
+    terminal = FakeTerminal()
+    (strip, *_) = terminal.draw(canvas(noise((16, 16))), "instance")[1:]
+    shown = set(placed_cells(codes([strip])))
     for shade in range(3 * NUMBERS):
-        drawn = canvas(np.full((4, 4, 3), shade, np.uint8))
-        assert not shown & set(placed(codes(terminal.hang(drawn, "adjust"))))
-    assert len(Kitty.after(terminal.written.encode()).held) <= NUMBERS
+        canvas_with_image = canvas(np.full((4, 4, 3), shade, np.uint8))
+        assert not shown & set(placed_cells(codes(terminal.draw(canvas_with_image, "adjust"))))
+    assert len(KittyTerminal.after(terminal.written.encode()).images) <= NUMBERS
 
 
-def test_all_are_deleted() -> None:
-    terminal = Terminals()
+def test_all_images_can_be_deleted() -> None:
+    terminal = FakeTerminal()
     for shade in range(5):
-        terminal.hang(canvas(np.full((4, 4, 3), shade, np.uint8)))
-    terminal.wall.delete_all()
-    assert Kitty.after(terminal.written.encode()).held == {}
+        terminal.draw(canvas(np.full((4, 4, 3), shade, np.uint8)))
+    terminal.manager.delete_all()
+    assert KittyTerminal.after(terminal.written.encode()).images == {}
 
 
-def test_tmux_passes_every_sequence_on() -> None:
-    terminal = Terminals(in_tmux=True)
-    terminal.hang(canvas(noise((64, 64)), (10, 3)))
-    terminal.wall.delete_all()
+def test_every_sequence_is_wrapped_for_tmux() -> None:
+    terminal = FakeTerminal(in_tmux=True)
+    terminal.draw(canvas(noise((64, 64)), (10, 3)))
+    terminal.manager.delete_all()
     parts = re.findall(r"\x1bPtmux;((?:\x1b\x1b|[^\x1b])*)\x1b\\", terminal.written)
     assert "".join(f"\x1bPtmux;{part}\x1b\\" for part in parts) == terminal.written
-    passed = "".join(parts).replace("\x1b\x1b", "\x1b").encode()
-    assert passed.count(b"a=T") == 1
-    assert Kitty.after(passed).received > 4096
+    passed_through = "".join(parts).replace("\x1b\x1b", "\x1b").encode()
+    assert passed_through.count(b"a=T") == 1
+    assert KittyTerminal.after(passed_through).received > 4096

@@ -1,4 +1,4 @@
-"""Pictures in true pixels over a pseudo-terminal that answers as kitty does."""
+"""Inline images over a pseudo-terminal that answers like kitty."""
 
 from __future__ import annotations
 
@@ -21,42 +21,49 @@ from s2rtui.charts.shared.image_pair_model import InstanceInput, instance_model,
 from s2rtui.session import Session
 from s2rtui.terminal.graphics.kitty_protocol import PLACEHOLDER
 from s2rtui.terminal.graphics.probe import parse_answer
-from tests.support.kitty import ANSWER, ATTRIBUTES, QUESTION_END, Kitty, box_cells, placed
+from tests.support.kitty import (
+    ANSWER,
+    ATTRIBUTES,
+    QUESTION_END,
+    KittyTerminal,
+    box_cells,
+    placed_cells,
+)
 
 Visit = dict[str, bytes]
 
 
-def opened(store: Path, share: Path, *words: str) -> Screen:
+def open_application(store: Path, share: Path, *options: str) -> Screen:
     environment = {
         "XDG_DATA_HOME": str(share),
         "PYTHONPATH": ":".join(path for path in sys.path if path),
         "COLORTERM": "truecolor",
         "OMP_NUM_THREADS": "1",
     }
-    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *words]
+    command = [sys.executable, "-m", "s2rtui", "tui", str(store), *options]
     return Screen(command, (120, 40), environment)
 
 
-def awaited(screen: Screen, holds: Callable[[bytes], bool]) -> None:
+def wait_until_received(screen: Screen, condition: Callable[[bytes], bool]) -> None:
     limit = time.monotonic() + 20
-    while not holds(bytes(screen.raw)):
+    while not condition(bytes(screen.raw)):
         assert time.monotonic() < limit, bytes(screen.raw)[-400:]
         time.sleep(0.01)
 
 
-def answered(screen: Screen, answer: bytes) -> None:
-    awaited(screen, lambda raw: QUESTION_END in raw)
+def answer_query(screen: Screen, answer: bytes) -> None:
+    wait_until_received(screen, lambda raw: QUESTION_END in raw)
     screen.press(answer)
 
 
-def past_the_tour(screen: Screen) -> None:
+def skip_tour(screen: Screen) -> None:
     screen.wait_for("any key begins", 20)
     screen.press(b"\x1b")
 
 
 @pytest.fixture(scope="module")
-def seen(tiny_store: Path) -> InstanceInput:
-    """What the first screen shows an instance's pictures of."""
+def first_instance(tiny_store: Path) -> InstanceInput:
+    """The instance input of the first screen."""
 
     async def read() -> InstanceInput:
         app = S2RApp(Session(tiny_store), RenderOptions())
@@ -71,83 +78,88 @@ def seen(tiny_store: Path) -> InstanceInput:
 
 @pytest.fixture(scope="module")
 def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visit]:
-    """The bytes that arrived after each step of a visit."""
-    screen = opened(tiny_store, tmp_path_factory.mktemp("graphics"), "--graphics")
+    """The bytes received after each step of a session."""
+    screen = open_application(tiny_store, tmp_path_factory.mktemp("graphics"), "--graphics")
     parts: Visit = {}
-    at = 0
+    offset = 0
 
-    def part(name: str, holds: Callable[[bytes], bool]) -> None:
-        nonlocal at
-        awaited(screen, lambda raw: holds(raw[at:]))
-        parts[name], at = bytes(screen.raw[at:]), len(screen.raw)
+    def part(name: str, condition: Callable[[bytes], bool]) -> None:
+        nonlocal offset
+        wait_until_received(screen, lambda raw: condition(raw[offset:]))
+        parts[name], offset = bytes(screen.raw[offset:]), len(screen.raw)
 
-    answered(screen, ANSWER)
+    answer_query(screen, ANSWER)
     part("asked", lambda raw: True)
-    past_the_tour(screen)
-    part("first", lambda raw: len(placed(raw)) == 4 and all_whole(raw))
+    skip_tour(screen)
+    part("first", lambda raw: len(placed_cells(raw)) == 4 and all_images_complete(raw))
     for _ in range(5):
         screen.press(RIGHT)
         time.sleep(0.02)
-    part("moved", lambda raw: len(placed(raw)) == 4 and all_whole(raw))
+    part("moved", lambda raw: len(placed_cells(raw)) == 4 and all_images_complete(raw))
     screen.press("?")
     part("help", lambda raw: b"straight driving" in raw)
     screen.press(b"\x1b")
-    part("back", lambda raw: placed(raw) == placed(parts["moved"]))
+    part("back", lambda raw: placed_cells(raw) == placed_cells(parts["moved"]))
     screen.resize(110, 36)
-    part("resized", lambda raw: len(Kitty.after(raw).held) == 4 and all_whole(raw))
+    part(
+        "resized",
+        lambda raw: len(KittyTerminal.after(raw).images) == 4 and all_images_complete(raw),
+    )
     screen.press("q")
     assert screen.wait_for_end() == 0
-    parts["left"], parts["all"] = bytes(screen.raw[at:]), bytes(screen.raw)
+    parts["left"], parts["all"] = bytes(screen.raw[offset:]), bytes(screen.raw)
     yield parts
     screen.close()
 
 
-def all_whole(raw: bytes) -> bool:
-    """Whether every picture that was sent is placed with all its cells."""
-    held, cells = Kitty.after(raw).held, placed(raw)
-    return bool(held) and all(cells.get(at) == box_cells(*held[at].box) for at in held)
+def all_images_complete(raw: bytes) -> bool:
+    """Whether every transmitted image is placed with all its cells."""
+    images, cells = KittyTerminal.after(raw).images, placed_cells(raw)
+    return bool(images) and all(
+        cells.get(number) == box_cells(*images[number].box) for number in images
+    )
 
 
-def test_what_is_sent_are_the_pictures_to_the_pixel(visit: Visit, seen: InstanceInput) -> None:
-    model = instance_model(seen)
-    sent = [held.pixels for held in Kitty.after(visit["first"]).held.values()]
-    wanted = [
-        panel_pixels(side, what, model, seen, (16, 16), DEPTH_SHADES)
-        for what in ("rgb", "depth")
-        for side in (seen.sim, seen.real)
+def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInput) -> None:
+    model = instance_model(first_instance)
+    sent = [images.pixels for images in KittyTerminal.after(visit["first"]).images.values()]
+    expected = [
+        panel_pixels(side, image_kind, model, first_instance, (16, 16), DEPTH_SHADES)
+        for image_kind in ("rgb", "depth")
+        for side in (first_instance.sim, first_instance.real)
     ]
-    assert len(sent) == len(wanted)
-    for pixels, image in zip(sent, wanted, strict=True):
+    assert len(sent) == len(expected)
+    for pixels, image in zip(sent, expected, strict=True):
         np.testing.assert_array_equal(pixels, image)
 
 
-def test_while_the_cursor_moves_nothing_is_sent(visit: Visit) -> None:
-    assert len(Kitty.after(visit["moved"]).held) == 4
+def test_intermediate_images_are_not_sent(visit: Visit) -> None:
+    assert len(KittyTerminal.after(visit["moved"]).images) == 4
     assert visit["moved"].count(b"a=T") == 4
 
 
-def test_a_screen_above_and_its_end_send_no_picture_again(visit: Visit) -> None:
+def test_modal_screens_send_no_images(visit: Visit) -> None:
     assert b"\x1b_G" not in visit["help"]
-    assert not placed(visit["help"])
+    assert not placed_cells(visit["help"])
     assert b"\x1b_G" not in visit["back"]
 
 
-def test_another_size_is_another_box(visit: Visit) -> None:
+def test_resizing_changes_the_image_boxes(visit: Visit) -> None:
     boxes = [
-        {held.box for held in Kitty.after(visit[part]).held.values()}
+        {images.box for images in KittyTerminal.after(visit[part]).images.values()}
         for part in ("moved", "resized")
     ]
     assert boxes[0] != boxes[1]
 
 
-def test_nothing_is_left_in_the_screen_that_is_left(visit: Visit) -> None:
-    assert Kitty.after(visit["all"]).held == {}
+def test_images_are_deleted_before_leaving_the_screen(visit: Visit) -> None:
+    assert KittyTerminal.after(visit["all"]).images == {}
     before, _, after = visit["left"].partition(b"\x1b[?1049l")
     assert b"a=d" in before
     assert b"\x1b_G" not in after
 
 
-async def test_a_terminal_that_draws_none_is_told_so(tiny_store: Path) -> None:
+async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     app.load_scheduler.debounce_seconds = 0.001
     enable_inline_images(app, parse_answer(ATTRIBUTES))

@@ -1,4 +1,4 @@
-"""Training: splits, recipes, repeatability and resumption."""
+"""Training: splits, recipes, reproducibility and resumption."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
 
 
 def make_frames(n: int = 120, trajectories: int = 1) -> TrainingFrames:
-    """Images whose brightness and depth tell the place."""
+    """Images whose brightness and depth encode the pose."""
     rng = np.random.default_rng(2)
     t = np.linspace(0, 1, n)
     poses = np.stack([10 * t, 5 + 3 * np.sin(6 * t), 2 * t - 1], axis=1)
-    look = np.stack([t, 0.5 + 0.5 * np.sin(6 * t), 1 - t], axis=1)[:, None, None, :]
+    appearance = np.stack([t, 0.5 + 0.5 * np.sin(6 * t), 1 - t], axis=1)[:, None, None, :]
 
     def domain(kind, shade):
-        rgb = 30 + 150 * look * shade + rng.normal(0, 3, (n, 128, 128, 3))
+        rgb = 30 + 150 * appearance * shade + rng.normal(0, 3, (n, 128, 128, 3))
         depth = 20 + 200 * t[:, None, None] + rng.normal(0, 3, (n, 128, 128))
         return DomainFrames(kind, rgb.clip(0, 255).astype(np.uint8), depth.astype(np.uint8), 0.04)
 
@@ -50,13 +50,13 @@ def frames() -> TrainingFrames:
 
 
 @pytest.fixture(scope="module")
-def learnt(frames: TrainingFrames) -> TrainingResult:
+def trained_result(frames: TrainingFrames) -> TrainingResult:
     return train(frames, "vanilla", budget=Budget(steps=40))
 
 
 @pytest.fixture(scope="module")
-def few() -> TrainingFrames:
-    """For what needs no learning."""
+def few_frames() -> TrainingFrames:
+    """Frames for tests in which nothing is learned."""
     return make_frames(60)
 
 
@@ -72,7 +72,7 @@ def weights(result) -> dict[str, torch.Tensor]:
     return result.network.state_dict()
 
 
-def loaded(result) -> LoadedModel:
+def loaded_model(result) -> LoadedModel:
     return LoadedModel("first", "resposenet", result.network, result.convention, "0" * 64)
 
 
@@ -90,29 +90,29 @@ def test_blocks_are_contiguous_and_every_fifth_is_test():
     np.testing.assert_array_equal(codes[:542], splits.split_by_blocks(np.zeros(542, np.int32)))
 
 
-def test_halves_leave_the_second_half_of_the_only_trajectory():
+def test_recording_split_tests_on_the_second_half_of_one_trajectory():
     codes = splits.split_by_recording(np.zeros(200, np.int32))
     assert set(codes[:100]) == {TRAIN, VALIDATION}
     assert (codes[100:] == TEST).all()
 
 
-def test_halves_leave_the_first_of_several_trajectories():
+def test_recording_split_tests_on_the_first_of_several_trajectories():
     codes = splits.split_by_recording(np.repeat([0, 1, 2], 80).astype(np.int32))
     assert (codes[:80] == TEST).all()
     assert set(codes[80:]) == {TRAIN, VALIDATION}
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 40])
-def test_short_trajectories_split_too(count):
+def test_short_trajectories_can_be_split(count):
     rows = np.zeros(count, np.int32)
     assert (splits.split_by_blocks(rows) >= 0).all()
     assert (splits.split_by_recording(rows) >= 0).all()
 
 
-def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
-    result, figures = learnt, learnt.metrics
-    assert figures["sim.train.median_error"] < 0.6 * figures["sim.train.baseline_error"]
-    assert figures["real.unseen.instances"] == 120
+def test_a_few_steps_reduce_the_error_and_metrics_are_stored(frames, trained_result):
+    result, metrics = trained_result, trained_result.metrics
+    assert metrics["sim.train.median_error"] < 0.6 * metrics["sim.train.baseline_error"]
+    assert metrics["real.unseen.instances"] == 120
     assert set(result.splits) == {"sim", "sim_edit", "real"}
     assert (result.splits["real"] == UNSEEN).all()
     np.testing.assert_array_equal(result.splits["sim"], splits.split_by_blocks(frames.trajectory))
@@ -124,23 +124,23 @@ def test_a_few_steps_learn_and_figures_are_kept(frames, learnt):
 
 
 @pytest.mark.parametrize("recipe", ["vanilla", "dataaug", "perlin"])
-def test_same_seed_and_steps_give_the_same_weights(few, recipe):
-    first, again = (train(few, recipe, budget=Budget(steps=3), seed=4) for _ in range(2))
-    other = train(few, recipe, budget=Budget(steps=3), seed=5)
-    torch.testing.assert_close(weights(first), weights(again), rtol=0, atol=0)
+def test_same_seed_and_steps_give_the_same_weights(few_frames, recipe):
+    first, repeated = (train(few_frames, recipe, budget=Budget(steps=3), seed=4) for _ in range(2))
+    other = train(few_frames, recipe, budget=Budget(steps=3), seed=5)
+    torch.testing.assert_close(weights(first), weights(repeated), rtol=0, atol=0)
     assert not torch.equal(weights(first)["output.weight"], weights(other)["output.weight"])
 
 
-def test_training_leaves_the_global_random_state_alone(few):
+def test_training_does_not_change_the_global_random_state(few_frames):
     torch.manual_seed(1)
     before = torch.random.get_rng_state()
-    train(few, "dataaug", budget=Budget(steps=1))
+    train(few_frames, "dataaug", budget=Budget(steps=1))
     assert torch.equal(before, torch.random.get_rng_state())
 
 
-def test_an_interrupted_training_goes_on_as_if_it_had_not_been(few, tmp_path):
+def test_a_resumed_training_equals_an_uninterrupted_one(few_frames, tmp_path):
     budget, file = Budget(steps=9), tmp_path / "a" / "checkpoint.safetensors"
-    whole = train(few, "dataaug", budget=budget)
+    uninterrupted = train(few_frames, "dataaug", budget=budget)
     calls = []
 
     def interrupt(fraction: float, loss: float, seconds: float) -> None:
@@ -149,28 +149,28 @@ def test_an_interrupted_training_goes_on_as_if_it_had_not_been(few, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
-    resumed = train(few, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+        train(few_frames, "dataaug", budget=budget, report=interrupt, checkpoint=file)
+    resumed = train(few_frames, "dataaug", budget=budget, report=interrupt, checkpoint=file)
     assert len(calls) == 9
     assert calls[-1] == 1
-    torch.testing.assert_close(weights(resumed), weights(whole), rtol=0, atol=0)
-    assert resumed.history == whole.history
+    torch.testing.assert_close(weights(resumed), weights(uninterrupted), rtol=0, atol=0)
+    assert resumed.history == uninterrupted.history
 
 
-def test_checkpoints_of_another_training_or_damaged_ones_are_refused(few, tmp_path):
+def test_damaged_and_foreign_checkpoints_are_rejected(few_frames, tmp_path):
     file = tmp_path / "c.safetensors"
-    train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
+    train(few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
     with pytest.raises(RequestError, match="another training"):
-        train(few, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
+        train(few_frames, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
     file.write_bytes(file.read_bytes()[:100])
     with pytest.raises(RequestError, match="not a checkpoint"):
-        train(few, "vanilla", budget=Budget(steps=1), checkpoint=file)
+        train(few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
 
 
-def test_finetune_goes_on_from_a_model_with_real_images(frames, learnt):
-    first = learnt
+def test_finetune_continues_from_a_model_with_real_images(frames, trained_result):
+    first = trained_result
     before = {key: value.clone() for key, value in weights(first).items()}
-    tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded(first),
+    tuned = train(frames, "finetune", budget=Budget(steps=10), start=loaded_model(first),
                   start_splits=first.splits)  # fmt: skip
     assert tuned.metrics["real.train.median_error"] < first.metrics["real.unseen.median_error"]
     assert (tuned.splits["real"][60:] == TEST).all()
@@ -188,14 +188,14 @@ def test_unknown_recipes_list_the_known_ones(frames):
         train(frames, "magic")
 
 
-def test_no_images_to_train_on_is_said(frames):
+def test_missing_training_images_are_reported(frames):
     only_real = TrainingFrames({"real": frames.domains["real"]}, frames.poses, frames.trajectory)
     with pytest.raises(RequestError, match="no sim images"):
         train(only_real, "vanilla")
 
 
-def test_minutes_end_a_training(few):
-    result = train(few, "vanilla", budget=Budget(minutes=0.01))
+def test_training_ends_after_its_minutes(few_frames):
+    result = train(few_frames, "vanilla", budget=Budget(minutes=0.01))
     assert 0.6 <= float(result.provenance["seconds"]) < 5
 
 
@@ -204,9 +204,9 @@ def test_frames_are_collected_in_blocks():
     rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
     depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
     blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
-    held = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
-    assert held.depth.dtype == np.uint16
-    assert held.inputs(np.array([4, 0])).shape == (2, 4, 8, 8)
+    in_memory = DomainFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
+    assert in_memory.depth.dtype == np.uint16
+    assert in_memory.inputs(np.array([4, 0])).shape == (2, 4, 8, 8)
     with pytest.raises(ValueError, match="expected 6"):
         DomainFrames.from_blocks("sim", blocks, 6, (8, 8), 0.001)
 
@@ -215,7 +215,7 @@ def batch() -> torch.Tensor:
     return torch.rand(6, 4, 32, 32, generator=torch.Generator().manual_seed(0)) * 2 - 1
 
 
-def test_colour_changes_leave_depth_alone_and_differ_between_images():
+def test_colour_augmentation_keeps_depth_and_differs_between_images():
     x = batch()[:1].expand(6, -1, -1, -1)
     changed = vary_colours(x, torch.Generator().manual_seed(1))
     assert torch.equal(changed[:, 3], x[:, 3])
@@ -224,7 +224,7 @@ def test_colour_changes_leave_depth_alone_and_differ_between_images():
     assert len(means.unique()) == 6
 
 
-def test_colour_changes_without_span_are_the_identity(monkeypatch):
+def test_colour_augmentation_without_range_is_the_identity(monkeypatch):
     neutral = {"BRIGHTNESS": (1, 1), "CONTRAST": (1, 1), "BLACK_POINT": (0, 0),
                "WHITE_POINT": (1, 1), "HUE": (0, 0)}  # fmt: skip
     for name, span in neutral.items():
@@ -233,7 +233,7 @@ def test_colour_changes_without_span_are_the_identity(monkeypatch):
     torch.testing.assert_close(vary_colours(x, torch.Generator()), x, rtol=0, atol=1e-5)
 
 
-def test_perlin_noise_is_zero_on_its_lattice_and_smooth_between():
+def test_perlin_noise_is_0_on_its_lattice_and_smooth():
     noise = perlin((64, 64), 8, np.random.default_rng(0))
     np.testing.assert_allclose(noise[::8, ::8], 0, atol=1e-6)
     assert np.abs(np.diff(noise, axis=0)).max() < 0.3
@@ -241,25 +241,25 @@ def test_perlin_noise_is_zero_on_its_lattice_and_smooth_between():
     np.testing.assert_allclose(fields.std(axis=(1, 2)), 1, atol=1e-3)
 
 
-def test_depth_noise_makes_holes_and_leaves_colour_alone():
+def test_depth_noise_makes_holes_and_keeps_colours():
     x = batch().clamp(-0.9, 0.9)
-    noisy = DepthNoise((32, 32), 0)(x, torch.Generator().manual_seed(0))
-    assert torch.equal(noisy[:, :3], x[:, :3])
-    holes = (noisy[:, 3] == -1).float().mean(dim=(1, 2))
+    with_noise = DepthNoise((32, 32), 0)(x, torch.Generator().manual_seed(0))
+    assert torch.equal(with_noise[:, :3], x[:, :3])
+    holes = (with_noise[:, 3] == -1).float().mean(dim=(1, 2))
     assert 0 < holes.mean() < 0.3
-    assert noisy[:, 3].abs().max() <= 1
+    assert with_noise[:, 3].abs().max() <= 1
 
 
-def test_the_loss_counts_a_turn_as_a_displacement_ahead():
+def test_the_loss_weights_a_rotation_like_a_displacement_ahead():
     truth = torch.tensor([[1.0, 2.0, 1.0, 0.0]])
     moved = torch.tensor([[1.0, 5.0, 1.0, 0.0]])
-    turned = torch.tensor([[1.0, 2.0, 0.0, 1.0]])
+    rotated = torch.tensor([[1.0, 2.0, 0.0, 1.0]])
     assert training_loop.training_loss(moved, truth).item() == pytest.approx(0.7 * 9)
     lever = 2 * training_loop.HEADING_LEVER**2
-    assert training_loop.training_loss(turned, truth).item() == pytest.approx(0.3 * lever)
+    assert training_loop.training_loss(rotated, truth).item() == pytest.approx(0.3 * lever)
 
 
-def test_the_schedule_rises_then_falls_to_nothing():
+def test_the_learning_rate_rises_and_then_falls_to_zero():
     rates = [training_loop.learning_rate_share(done) for done in np.linspace(0, 1, 101)]
     assert rates[0] > 0
     assert max(rates) == pytest.approx(1)

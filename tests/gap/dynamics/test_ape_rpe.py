@@ -1,4 +1,4 @@
-"""Errors between logs, against evo and against what they are by definition."""
+"""APE and RPE compared with evo and with their definitions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DRIVE = robot.pair(2, gain=0.93, turn_gain=1.04, noise=0.004, turn_noise=0.01, s
 MOVED = RigidTransform(0.4, x=3.0, y=-1.0, scale=1.1)
 
 
-def for_evo(log: Log):
+def evo_trajectory(log: Log):
     half = log.heading / 2
     zero = np.zeros(half.size)
     return trajectory.PoseTrajectory3D(
@@ -32,50 +32,52 @@ def for_evo(log: Log):
     )
 
 
-ALIGNED = [
+ALIGNMENTS = [
     (LogAlignment(), None),
     (LogAlignment(rigid=True), {}),
     (LogAlignment(rigid=True, scale=True), {"correct_scale": True}),
 ]
 
 
-@pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
-def test_ape_is_evos(alignment: LogAlignment, evo_align: dict | None) -> None:
+@pytest.mark.parametrize(("alignment", "evo_align"), ALIGNMENTS)
+def test_ape_equals_evo(alignment: LogAlignment, evo_align: dict | None) -> None:
     real, sim = ape_rpe.resample_pair(DRIVE.real, MOVED(DRIVE.sim))
-    reference, estimate = for_evo(real), for_evo(sim)
+    reference, estimate = evo_trajectory(real), evo_trajectory(sim)
     if evo_align is not None:
         estimate.align(reference, **evo_align)
-    ours = ape_rpe.ape(DRIVE.real, MOVED(DRIVE.sim), alignment)
-    for relation, mine in (
-        (metrics.PoseRelation.translation_part, ours.position),
-        (metrics.PoseRelation.rotation_angle_rad, ours.heading),
+    errors = ape_rpe.ape(DRIVE.real, MOVED(DRIVE.sim), alignment)
+    for relation, computed in (
+        (metrics.PoseRelation.translation_part, errors.position),
+        (metrics.PoseRelation.rotation_angle_rad, errors.heading),
     ):
-        theirs = metrics.APE(relation)
-        theirs.process_data((reference, estimate))
-        assert mine == pytest.approx(theirs.error, abs=1e-7)
-    assert ape_rpe.rmse(mine) == pytest.approx(theirs.get_statistic(metrics.StatisticsType.rmse))
+        evo_metric = metrics.APE(relation)
+        evo_metric.process_data((reference, estimate))
+        assert computed == pytest.approx(evo_metric.error, abs=1e-7)
+    assert ape_rpe.rmse(computed) == pytest.approx(
+        evo_metric.get_statistic(metrics.StatisticsType.rmse)
+    )
 
 
 @pytest.mark.parametrize(
     ("step", "poses"),
     [(RpeStep(poses=1), 1), (RpeStep(0.5), 25), (RpeStep(poses=100), 100), (RpeStep(2.0), 100)],
 )
-@pytest.mark.parametrize(("alignment", "evo_align"), ALIGNED)
-def test_rpe_is_evos(
+@pytest.mark.parametrize(("alignment", "evo_align"), ALIGNMENTS)
+def test_rpe_equals_evo(
     step: RpeStep, poses: int, alignment: LogAlignment, evo_align: dict | None
 ) -> None:
     real, sim = ape_rpe.resample_pair(DRIVE.real, MOVED(DRIVE.sim))
-    reference, estimate = for_evo(real), for_evo(sim)
+    reference, estimate = evo_trajectory(real), evo_trajectory(sim)
     if evo_align is not None:
         estimate.align(reference, **evo_align)
-    ours = ape_rpe.rpe(DRIVE.real, MOVED(DRIVE.sim), step, alignment)
-    for relation, mine in (
-        (metrics.PoseRelation.translation_part, ours.position),
-        (metrics.PoseRelation.rotation_angle_rad, ours.heading),
+    errors = ape_rpe.rpe(DRIVE.real, MOVED(DRIVE.sim), step, alignment)
+    for relation, computed in (
+        (metrics.PoseRelation.translation_part, errors.position),
+        (metrics.PoseRelation.rotation_angle_rad, errors.heading),
     ):
-        theirs = metrics.RPE(relation, poses, metrics.Unit.frames, all_pairs=True)
-        theirs.process_data((reference, estimate))
-        assert mine == pytest.approx(theirs.error, abs=1e-7)
+        evo_metric = metrics.RPE(relation, poses, metrics.Unit.frames, all_pairs=True)
+        evo_metric.process_data((reference, estimate))
+        assert computed == pytest.approx(evo_metric.error, abs=1e-7)
 
 
 @settings(deadline=None)
@@ -83,29 +85,29 @@ def test_rpe_is_evos(
     st.floats(-np.pi, 3.14), st.booleans(), st.floats(0.2, 5), st.floats(-1e3, 1e3),
     st.floats(-1e3, 1e3), st.booleans(),
 )  # fmt: skip
-def test_alignment_undoes_any_motion(
+def test_alignment_removes_any_similarity_transform(
     angle: float, reflected: bool, scale: float, x: float, y: float, scaled: bool
 ) -> None:
     log = DRIVE.sim
     moved = RigidTransform(angle, reflected, scale if scaled else 1.0, x, y)(log)
-    back = ape_rpe.ape(log, moved, LogAlignment(True, reflection=True, scale=scaled))
-    assert back.position.max() < 1e-6
-    assert back.heading.max() < 1e-6
+    error = ape_rpe.ape(log, moved, LogAlignment(True, reflection=True, scale=scaled))
+    assert error.position.max() < 1e-6
+    assert error.heading.max() < 1e-6
 
 
-def test_a_mirrored_log_needs_a_reflection() -> None:
+def test_a_mirrored_log_is_aligned_only_by_a_reflection() -> None:
     mirrored = RigidTransform(1.0, reflected=True)(DRIVE.sim)
     turned = ape_rpe.ape(DRIVE.sim, mirrored, LogAlignment(rigid=True))
     assert ape_rpe.rmse(turned.position) > 0.3
     assert not fit((DRIVE.sim.x, DRIVE.sim.y), (DRIVE.sim.x, DRIVE.sim.y), True).reflected
 
 
-def test_reflection_and_scale_are_not_done_by_halves() -> None:
+def test_reflection_and_scale_require_rigid_alignment() -> None:
     with pytest.raises(RequestError, match="need rigid"):
         ape_rpe.ape(DRIVE.real, DRIVE.sim, LogAlignment(scale=True))
 
 
-def test_by_default_nothing_is_aligned() -> None:
+def test_logs_are_not_aligned_by_default() -> None:
     far = RigidTransform(x=10.0)(DRIVE.real)
     assert ape_rpe.ape(DRIVE.real, far).position == pytest.approx(10.0)
     assert ape_rpe.rpe(DRIVE.real, far, RpeStep(poses=5)).position.max() < 1e-9
@@ -113,38 +115,38 @@ def test_by_default_nothing_is_aligned() -> None:
 
 @settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(-20, 20))
-def test_heading_errors_go_the_short_way(a: float, b: float) -> None:
-    time, still = np.arange(2.0), np.zeros(2)
-    logs = (Log(time, time, still, np.full(2, h), "", "") for h in (a, b))
-    found = ape_rpe.ape(*logs).heading
-    assert found == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
+def test_heading_errors_are_wrapped(a: float, b: float) -> None:
+    time, zeros = np.arange(2.0), np.zeros(2)
+    logs = (Log(time, time, zeros, np.full(2, h), "", "") for h in (a, b))
+    heading_errors = ape_rpe.ape(*logs).heading
+    assert heading_errors == pytest.approx(np.abs(np.angle(np.exp(1j * (a - b)))), abs=1e-9)
 
 
-def test_headings_are_read_across_the_wrap() -> None:
+def test_headings_are_interpolated_across_the_wrap() -> None:
     time = np.arange(3.0)
     sim = Log(time, time, time, np.array([3.1, -3.1, -3.0]), "", "")
     real = Log(time + 0.5, time, time, np.full(3, np.pi), "", "")
-    found = ape_rpe.ape(real, sim).heading
-    assert found[0] == pytest.approx(0.0, abs=1e-9)
-    assert angles.distance(-3.05, np.pi) == pytest.approx(found[1])
+    heading_errors = ape_rpe.ape(real, sim).heading
+    assert heading_errors[0] == pytest.approx(0.0, abs=1e-9)
+    assert angles.distance(-3.05, np.pi) == pytest.approx(heading_errors[1])
 
 
-def test_scales_are_lengths_of_the_path() -> None:
+def test_scales_are_path_lengths() -> None:
     log = Log(np.arange(5.0), 3 * np.arange(5.0), 4 * np.arange(5.0), np.zeros(5), "", "")
     assert ape_rpe.SCALES["extent"](log, 1.0) == pytest.approx(20.0)
     assert ape_rpe.SCALES["travel"](log, 2.0) == pytest.approx(10.0)
-    off = np.array([3.0, 4.0, 0.0, 5.0])
-    assert ape_rpe.rmse(off) == pytest.approx(np.sqrt(12.5))
+    errors = np.array([3.0, 4.0, 0.0, 5.0])
+    assert ape_rpe.rmse(errors) == pytest.approx(np.sqrt(12.5))
 
 
-def test_travel_is_not_lengthened_by_noise() -> None:
+def test_travel_is_independent_of_noise() -> None:
     rng = np.random.default_rng(0)
     exact = robot.drive(robot.commands(30.0, rng))
-    still, noisy = (robot.sampled(exact, 50.0, n, 0.0, rng) for n in (0.0, 0.01))
-    assert ape_rpe.travel(noisy, 1.0) == pytest.approx(ape_rpe.travel(still, 1.0), rel=0.01)
+    without_noise, noisy = (robot.sampled(exact, 50.0, n, 0.0, rng) for n in (0.0, 0.01))
+    assert ape_rpe.travel(noisy, 1.0) == pytest.approx(ape_rpe.travel(without_noise, 1.0), rel=0.01)
 
 
-def test_wrong_requests_name_what_is_wrong() -> None:
+def test_invalid_requests_are_explained() -> None:
     with pytest.raises(
         RequestError, match=r"scale metres: unknown \(known: travel, extent, deviation\)"
     ):

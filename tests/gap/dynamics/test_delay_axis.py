@@ -1,4 +1,4 @@
-"""The size of a delay beyond its noise, and the period that it is told in."""
+"""The delay axis: noise-corrected size and rounded control period."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ SETTINGS = GapSettings(replicates=300)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.3, 0.6])
-def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
+def test_a_delay_at_the_threshold_rarely_passes(noise: float) -> None:
     rng = np.random.default_rng(3)
     spread = noise * stats.norm.ppf((np.arange(200) + 0.5) / 200)
     ends = []
     for _ in range(2000):
-        late = 1 + noise * rng.standard_normal()
-        found = time_delay.TimeDelay(late, 0.0, 0.0, late + spread, {}, 30.0)
-        value, replicates = delay_axis.mean_size([found], SETTINGS)
+        delay = 1 + noise * rng.standard_normal()
+        estimate = time_delay.TimeDelay(delay, 0.0, 0.0, delay + spread, {}, 30.0)
+        value, replicates = delay_axis.mean_size([estimate], SETTINGS)
         low, high = np.percentile(replicates, [2.5, 97.5])
         assert low <= value <= high
         ends.append((low > 1, high < 1))
@@ -29,19 +29,20 @@ def test_a_delay_on_the_threshold_seldom_passes(noise: float) -> None:
     assert failed < 0.036
 
 
-def test_a_delay_within_its_noise_is_shrunk_and_a_clear_one_is_not() -> None:
+def test_only_a_delay_within_its_noise_is_shrunk() -> None:
     rng = np.random.default_rng(0)
-    found = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
-    assert found.mean() == pytest.approx(0.05, rel=0.01)
+    estimate = delay_axis.denoised_size(np.abs(0.05 + 0.01 * rng.standard_normal(4000)), 0.01)
+    assert estimate.mean() == pytest.approx(0.05, rel=0.01)
     assert delay_axis.denoised_size(np.array([0.0, 0.007]), 0.01).tolist() == [0.0, 0.0]
     assert delay_axis.denoised_size(np.array(0.02), 0.0) == 0.02
 
 
 @pytest.mark.parametrize("period", [0.05, 0.1, 1 / 30, 1 / 60, 0.02, 0.01, 0.0125, 0.008, 0.25])
-def test_one_period_measured_on_two_nights_is_one_fingerprint(period: float) -> None:
-    told = {
-        delay_axis.rounded_period(period * (1 + off)) for off in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)
+def test_slightly_different_periods_have_one_fingerprint(period: float) -> None:
+    periods = {
+        delay_axis.rounded_period(period * (1 + deviation))
+        for deviation in (-2e-3, -1e-5, 0.0, 1e-5, 2e-3)
     }
-    assert len(told) == 1
-    assert told.pop() == pytest.approx(period, rel=0.005)
+    assert len(periods) == 1
+    assert periods.pop() == pytest.approx(period, rel=0.005)
     assert delay_axis.rounded_period(1.03 * period) != delay_axis.rounded_period(period)

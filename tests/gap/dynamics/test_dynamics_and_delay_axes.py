@@ -1,4 +1,4 @@
-"""The two axes: they answer to what they are about, and to nothing else."""
+"""The dynamics and delay axes respond to motion errors and delays respectively."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SETTINGS = GapSettings(replicates=300)
 
 @pytest.fixture(scope="module")
 def evidence(tiny_store: Path):
-    """Evidence of the given drives."""
+    """Evidence of these drives."""
     with s2rstore.open(tiny_store) as store:
         yield lambda drives: Evidence(store, "vanilla", np.arange(3), drives=drives)
 
@@ -43,36 +43,36 @@ def gap(measured: AxisResult, anchor: Anchor) -> tuple[float, float, float]:
     return 100 * value, float(low), float(high)
 
 
-def judged(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
+def judged_gap(axis: Axis, evidence: Evidence) -> tuple[float, float, float]:
     return gap(axis.measure(evidence, SETTINGS), axis.anchor(evidence, SETTINGS))
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_without_a_gap_both_are_at_their_floors(evidence, count: int) -> None:
+def test_equal_drives_have_no_gap_on_both_axes(evidence, count: int) -> None:
     same = evidence(drives(count, delay=0.0))
     for axis in (DynamicsAxis(), DelayAxis()):
-        value, low, high = judged(axis, same)
+        value, low, high = judged_gap(axis, same)
         assert abs(value) < 2
         assert -5 < low <= high < 5
 
 
-def test_latency_moves_the_delay_and_not_the_dynamics(evidence) -> None:
-    late = evidence(drives(2, delay=0.08))
-    measured = DelayAxis().measure(late, SETTINGS)
+def test_latency_affects_only_the_delay_axis(evidence) -> None:
+    delayed = evidence(drives(2, delay=0.08))
+    measured = DelayAxis().measure(delayed, SETTINGS)
     assert measured.value == pytest.approx(0.08 / robot.PERIOD, rel=0.02)
     assert measured.details["delay"] == pytest.approx(0.08, abs=1e-3)
     assert measured.details["delay_low"] <= 0.0805
     assert measured.details["delay_high"] >= 0.0795
-    assert judged(DynamicsAxis(), late)[2] < 3
+    assert judged_gap(DynamicsAxis(), delayed)[2] < 3
 
 
-def test_wrong_motion_moves_the_dynamics_and_not_the_delay(evidence) -> None:
-    slow = evidence(drives(2, delay=0.0, gain=0.85, turn_gain=0.9))
-    assert judged(DynamicsAxis(), slow)[1] > 15
-    assert judged(DelayAxis(), slow)[2] < 3
+def test_motion_errors_affect_only_the_dynamics_axis(evidence) -> None:
+    slower = evidence(drives(2, delay=0.0, gain=0.85, turn_gain=0.9))
+    assert judged_gap(DynamicsAxis(), slower)[1] > 15
+    assert judged_gap(DelayAxis(), slower)[2] < 3
 
 
-def test_the_sign_of_the_delay_is_told(evidence) -> None:
+def test_the_sign_of_the_delay_is_reported(evidence) -> None:
     early = DelayAxis().measure(evidence(drives(1, delay=-0.04)), SETTINGS)
     assert early.details["delay"] == pytest.approx(-0.04, abs=1e-3)
     assert early.value == pytest.approx(0.8, rel=0.05)
@@ -95,7 +95,7 @@ def test_nrmse_of_a_known_error(evidence) -> None:
     assert measured.n == sum(row["windows"] for row in rows)
 
 
-def test_the_scale_is_declared_and_stored(evidence) -> None:
+def test_the_scale_is_part_of_the_fingerprint(evidence) -> None:
     same = evidence(drives(1, gain=0.9))
     travel, extent = (DynamicsAxis(scale=s).measure(same, SETTINGS) for s in ("travel", "extent"))
     assert travel.fingerprint["scale"] == "travel"
@@ -106,60 +106,62 @@ def test_the_scale_is_declared_and_stored(evidence) -> None:
         DynamicsAxis(scale="metres")
 
 
-def test_repeated_real_drives_are_the_floor(evidence) -> None:
-    told = robot.commands(30.0, np.random.default_rng(0))
-    sim = robot.sampled(robot.drive(told))
-    made = []
+def test_repeated_real_drives_define_the_floor(evidence) -> None:
+    commands = robot.commands(30.0, np.random.default_rng(0))
+    sim = robot.sampled(robot.drive(commands))
+    repeated_drives = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        real = robot.sampled(robot.drive(told, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
-        later = replace(told, time=told.time + 100 * seed)
+        real = robot.sampled(robot.drive(commands, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
+        later = replace(commands, time=commands.time + 100 * seed)
         real, other = (replace(log, time=log.time + 100 * seed) for log in (real, sim))
-        made.append(Drive(f"d{seed}", real, other, None, later))
-    repeated = DynamicsAxis().measure(evidence(made), SETTINGS)
+        repeated_drives.append(Drive(f"d{seed}", real, other, None, later))
+    repeated = DynamicsAxis().measure(evidence(repeated_drives), SETTINGS)
     assert repeated.fingerprint["floor_from"] == "repeated real drives"
-    alone = DynamicsAxis().measure(evidence(made[:1]), SETTINGS)
-    assert alone.fingerprint["floor_from"] == "noise of the poses"
-    floors = [found.details["floor_nrmse"] for found in (repeated, alone)]
+    single = DynamicsAxis().measure(evidence(repeated_drives[:1]), SETTINGS)
+    assert single.fingerprint["floor_from"] == "noise of the poses"
+    floors = [result.details["floor_nrmse"] for result in (repeated, single)]
     assert floors[0] > 2 * floors[1]
-    assert repeated.value < 0.5 * alone.value
-    mixed = DynamicsAxis().measure(evidence([*made, robot.pair(9)]), SETTINGS)
+    assert repeated.value < 0.5 * single.value
+    mixed = DynamicsAxis().measure(evidence([*repeated_drives, robot.pair(9)]), SETTINGS)
     assert mixed.fingerprint["floor_from"] == "mixed"
 
 
-def test_rows_of_measure_floor_and_anchor_are_one_resample(evidence) -> None:
-    some = evidence(drives(3, gain=0.9))
-    measured = DynamicsAxis().measure(some, SETTINGS)
-    same = [replace(d, untuned=d.sim) for d in some.drives]
+def test_measure_floor_and_anchor_use_the_same_resamples(evidence) -> None:
+    several = evidence(drives(3, gain=0.9))
+    measured = DynamicsAxis().measure(several, SETTINGS)
+    same = [replace(d, untuned=d.sim) for d in several.drives]
     anchor = DynamicsAxis().anchor(evidence(same), SETTINGS)
     assert anchor.value == pytest.approx(measured.value)
     assert anchor.replicates == pytest.approx(measured.replicates)
     assert measured.replicates.shape == measured.floor_replicates.shape == (300,)
 
 
-def test_the_bad_state_of_the_delay_is_a_period_or_the_untuned_simulator(evidence) -> None:
-    some = evidence(drives(1))
-    assert DelayAxis(bad_state="untuned").anchor(some, SETTINGS).value > 3
-    whole = DelayAxis().anchor(some, SETTINGS)
-    assert whole.value == 1.0
-    assert whole.replicates.tolist() == [1.0] * 300
+def test_the_delay_anchor_is_a_period_or_the_untuned_simulator(evidence) -> None:
+    several = evidence(drives(1))
+    assert DelayAxis(bad_state="untuned").anchor(several, SETTINGS).value > 3
+    default_anchor = DelayAxis().anchor(several, SETTINGS)
+    assert default_anchor.value == 1.0
+    assert default_anchor.replicates.tolist() == [1.0] * 300
 
 
-def test_what_is_missing_is_said(evidence) -> None:
-    none = evidence([])
-    assert "no drives" in (DynamicsAxis().missing(none) or "")
-    assert "no drives" in (DelayAxis().missing(none) or "")
-    quiet = evidence([replace(robot.pair(1), commands=None)])
-    assert DynamicsAxis().missing(quiet) is None
-    assert "commands.csv" in (DelayAxis().missing(quiet) or "")
-    assert DelayAxis(period=0.1).missing(quiet) is None
-    assert DelayAxis(period=0.1).measure(quiet, SETTINGS).value == pytest.approx(0.3, rel=0.1)
+def test_missing_evidence_is_explained(evidence) -> None:
+    without_drives = evidence([])
+    assert "no drives" in (DynamicsAxis().missing(without_drives) or "")
+    assert "no drives" in (DelayAxis().missing(without_drives) or "")
+    without_commands = evidence([replace(robot.pair(1), commands=None)])
+    assert DynamicsAxis().missing(without_commands) is None
+    assert "commands.csv" in (DelayAxis().missing(without_commands) or "")
+    assert DelayAxis(period=0.1).missing(without_commands) is None
+    assert DelayAxis(period=0.1).measure(without_commands, SETTINGS).value == pytest.approx(
+        0.3, rel=0.1
+    )
     for axis in (DynamicsAxis(), DelayAxis(bad_state="untuned")):
         with pytest.raises(RequestError, match=r"drive drive1 has no untuned\.\*"):
             axis.anchor(evidence([robot.pair(1)]), SETTINGS)
 
 
-def test_unequal_periods_and_short_drives_are_refused(evidence) -> None:
+def test_unequal_periods_and_short_drives_are_rejected(evidence) -> None:
     a, b = drives(2)
     assert b.commands is not None
     other = replace(b, commands=replace(b.commands, period=0.1))
@@ -170,69 +172,69 @@ def test_unequal_periods_and_short_drives_are_refused(evidence) -> None:
         DynamicsAxis().measure(short, SETTINGS)
 
 
-def poses(drive: Drive, rate: float, side: str) -> Drive:
+def thin_log(drive: Drive, rate: float, side: str) -> Drive:
     """The drive with one log thinned to `rate` Hz."""
     log = getattr(drive, side)
-    some = slice(None, None, round(50 / rate))
-    thin = replace(
-        log, time=log.time[some], x=log.x[some], y=log.y[some], heading=log.heading[some]
+    rows = slice(None, None, round(50 / rate))
+    thinned = replace(
+        log, time=log.time[rows], x=log.x[rows], y=log.y[rows], heading=log.heading[rows]
     )
-    return replace(drive, **{side: thin})
+    return replace(drive, **{side: thinned})
 
 
 @pytest.mark.parametrize("side", ["real", "sim"])
-def test_poses_too_coarse_for_the_windows_are_inconclusive(evidence, side: str) -> None:
+def test_too_coarse_poses_are_inconclusive(evidence, side: str) -> None:
     drive = robot.pair(1, seconds=60.0, gain=0.9)
-    coarse = evidence([poses(drive, 1.0, side)])
+    coarse = evidence([thin_log(drive, 1.0, side)])
     with pytest.raises(InconclusiveError, match=r"poses every 1 s are too coarse .* record one"):
         DynamicsAxis().measure(coarse, SETTINGS)
-    assert DynamicsAxis().measure(evidence([poses(drive, 10.0, side)]), SETTINGS).value > 0.05
+    assert DynamicsAxis().measure(evidence([thin_log(drive, 10.0, side)]), SETTINGS).value > 0.05
 
 
 def test_motion_that_looks_like_noise_is_inconclusive(evidence) -> None:
     drive = robot.pair(1, seconds=60.0, gain=0.9, noise=0.0, turn_noise=0.0)
-    slow = evidence([poses(drive, 1.0, "real")])
+    coarse = evidence([thin_log(drive, 1.0, "real")])
     with pytest.raises(InconclusiveError, match="noise cannot be separated from motion"):
-        DynamicsAxis(WindowPlan(horizons=(4.0, 8.0))).measure(slow, SETTINGS)
+        DynamicsAxis(WindowPlan(horizons=(4.0, 8.0))).measure(coarse, SETTINGS)
 
 
 def test_a_robot_that_turns_in_place_is_inconclusive(evidence) -> None:
     for noise in (0.0, 0.002):
-        told = robot.commands(20.0, np.random.default_rng(1))
-        turning = replace(told, channels={**told.channels, "speed": 0 * told.time})
+        commands = robot.commands(20.0, np.random.default_rng(1))
+        turning = replace(commands, channels={**commands.channels, "speed": 0 * commands.time})
         rng = np.random.default_rng(2)
         real = robot.sampled(robot.drive(turning), 50.0, noise, noise, rng, name="turning")
-        only = Drive("turns", real, robot.sampled(robot.drive(turning)), None, turning)
+        drive = Drive("turns", real, robot.sampled(robot.drive(turning)), None, turning)
         with pytest.raises(
             InconclusiveError, match="turning: the robot only turns or stands"
         ) as error:
-            DynamicsAxis().measure(evidence([only, robot.pair(3)]), SETTINGS)
+            DynamicsAxis().measure(evidence([drive, robot.pair(3)]), SETTINGS)
         assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("gain", [1.0, 0.9])
-def test_a_noisier_tracker_changes_no_gap(evidence, gain: float) -> None:
-    found = []
+def test_the_gap_is_independent_of_tracker_noise(evidence, gain: float) -> None:
+    gaps = []
     for noise in (0.001, 0.008):
-        some = [drives(1, gain=gain, noise=noise, turn_noise=noise)[0]]
-        some += [
+        several = [drives(1, gain=gain, noise=noise, turn_noise=noise)[0]]
+        several += [
             robot.pair(s, untuned=0.15, gain=gain, noise=noise, turn_noise=noise) for s in (5, 6)
         ]
-        found.append(judged(DynamicsAxis(), evidence(some))[0])
-    assert found[1] == pytest.approx(found[0], abs=4)
-    assert (found[0] > 25) == (gain < 1)
+        gaps.append(judged_gap(DynamicsAxis(), evidence(several))[0])
+    assert gaps[1] == pytest.approx(gaps[0], abs=4)
+    assert (gaps[0] > 25) == (gain < 1)
 
 
 @pytest.mark.parametrize("rate", [4.0, 12.0])
-def test_a_simulator_that_shakes_is_a_gap(evidence, rate: float) -> None:
+def test_a_vibrating_simulator_has_a_gap(evidence, rate: float) -> None:
     drive = robot.pair(1, untuned=0.15)
-    shake = 0.05 * np.sin(2 * np.pi * rate * drive.sim.time)
-    shaken = replace(drive, sim=replace(drive.sim, y=drive.sim.y + shake))
-    assert judged(DynamicsAxis(), evidence([shaken]))[1] > 15
+    vibration = 0.05 * np.sin(2 * np.pi * rate * drive.sim.time)
+    vibrating = replace(drive, sim=replace(drive.sim, y=drive.sim.y + vibration))
+    assert judged_gap(DynamicsAxis(), evidence([vibrating]))[1] > 15
 
 
 def delays(*seconds: float, seed: int = 0) -> list[Drive]:
-    return [robot.pair(seed + i, delay=late, untuned=0.15) for i, late in enumerate(seconds)]
+    return [robot.pair(seed + i, delay=delayed, untuned=0.15) for i, delayed in enumerate(seconds)]
 
 
 def test_opposite_delays_do_not_cancel(evidence) -> None:
@@ -244,7 +246,7 @@ def test_opposite_delays_do_not_cancel(evidence) -> None:
     assert "delays of both signs" in measured.notes[0]
 
 
-def test_rows_of_both_axes_are_the_same_drives(evidence) -> None:
+def test_both_axes_resample_the_same_drives(evidence) -> None:
     both = GapSettings(replicates=400, seed=5)
     uneven = [
         robot.pair(0, delay=0.0), robot.pair(1, delay=0.0), robot.pair(2, delay=0.1, gain=0.8)
@@ -255,30 +257,30 @@ def test_rows_of_both_axes_are_the_same_drives(evidence) -> None:
     assert np.corrcoef(rows)[0, 1] > 0.7
 
 
-def plain(value: object) -> bool:
+def is_json_data(value: object) -> bool:
     return json.loads(json.dumps(value)) == value
 
 
-def test_details_are_plain_data_and_fingerprints_agree_with_themselves(evidence) -> None:
-    some: Sequence[Drive] = drives(2)
+def test_details_are_json_data_and_fingerprints_are_stable(evidence) -> None:
+    several: Sequence[Drive] = drives(2)
     for axis in (DynamicsAxis(), DelayAxis()):
-        first, second = (axis.measure(evidence(some), SETTINGS) for _ in range(2))
-        assert plain(first.details)
-        assert plain(dict(first.fingerprint))
+        first, second = (axis.measure(evidence(several), SETTINGS) for _ in range(2))
+        assert is_json_data(first.details)
+        assert is_json_data(dict(first.fingerprint))
         assert first.fingerprint == second.fingerprint
-        longer = axis.measure(evidence([*some, *drives(3)[2:]]), SETTINGS)
+        longer = axis.measure(evidence([*several, *drives(3)[2:]]), SETTINGS)
         assert longer.n > first.n
         assert longer.fingerprint == first.fingerprint
         assert (first.replicates == second.replicates).all()
         assert np.isfinite(first.replicates).all()
 
 
-def test_a_mirrored_log_is_told(evidence) -> None:
+def test_a_mirrored_log_is_reported(evidence) -> None:
     (drive,) = drives(1, delay=0.0)
     mirrored = replace(drive, sim=RigidTransform(reflected=True)(drive.sim))
-    told = DynamicsAxis().measure(evidence([mirrored]), SETTINGS)
-    assert any("mirrored frame" in note for note in told.notes)
-    assert told.value > 10 * told.floor
+    result = DynamicsAxis().measure(evidence([mirrored]), SETTINGS)
+    assert any("mirrored frame" in note for note in result.notes)
+    assert result.value > 10 * result.floor
     assert not any(
         "mirrored" in n for n in DynamicsAxis().measure(evidence([drive]), SETTINGS).notes
     )

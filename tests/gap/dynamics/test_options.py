@@ -1,4 +1,4 @@
-"""What may be asked of the axes of motion, and a store's odometry judged by them."""
+"""Options of the dynamics and delay axes, and the odometry of a store as drives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from s2rtools.gap.dynamics.ape_rpe import LogAlignment, RpeStep
 from s2rtools.gap.dynamics.noise_floor import Noise
 from s2rtools.motion_logs.rigid_alignment import RigidTransform
 from s2rtui.cli import main
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 SETTINGS = GapSettings(replicates=100)
 
@@ -29,16 +29,16 @@ def evidence(tiny_store: Path):
         yield lambda *drives: Evidence(store, "vanilla", np.arange(3), drives=drives)
 
 
-def asked(*words: str) -> tuple[DynamicsAxis, DelayAxis]:
-    both = options.axes(words)
+def parse_axes(*arguments: str) -> tuple[DynamicsAxis, DelayAxis]:
+    both = options.axes(arguments)
     dynamics, delay = both["dynamics"], both["delay"]
     assert isinstance(dynamics, DynamicsAxis)
     assert isinstance(delay, DelayAxis)
     return dynamics, delay
 
 
-def test_every_option_reaches_its_axis() -> None:
-    dynamics, delay = asked(
+def test_every_option_is_passed_to_its_axis() -> None:
+    dynamics, delay = parse_axes(
         "horizons=1,2", "nrmse=deviation", "align=rigid+scale", "rpe=25", "reach=0.5",
         "bad=period", "period=0.1", "noise=0.002,0.003",
     )  # fmt: skip
@@ -52,15 +52,15 @@ def test_every_option_reaches_its_axis() -> None:
     assert (delay.bad_state, delay.period) == ("period", 0.1)
 
 
-def test_nothing_asked_is_the_defaults() -> None:
-    dynamics, delay = asked()
+def test_no_options_give_the_defaults() -> None:
+    dynamics, delay = parse_axes()
     for axis, default in ((dynamics, DynamicsAxis()), (delay, DelayAxis())):
         assert vars(axis) == vars(default)
-    assert vars(asked("align=none", "noise=measured", "rpe=1s")[0]) == vars(DynamicsAxis())
+    assert vars(parse_axes("align=none", "noise=measured", "rpe=1s")[0]) == vars(DynamicsAxis())
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("arguments", "expected"),
     [
         (
             ["horizon=1"],
@@ -83,112 +83,123 @@ def test_nothing_asked_is_the_defaults() -> None:
         (["noise=-1,0"], "expected measured, or metres and radians"),
     ],
 )
-def test_wrong_words_are_told_before_anything_is_opened(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+def test_invalid_options_are_reported_before_opening_the_store(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], expected: str
 ) -> None:
-    given = [part for word in words for part in ("--dynamics", word)]
-    assert main(["gap", str(tmp_path / "no.s2r"), *given]) == 2
+    cli_options = [part for argument in arguments for part in ("--dynamics", argument)]
+    assert main(["gap", str(tmp_path / "no.s2r"), *cli_options]) == 2
     error = capsys.readouterr().err.strip()
-    assert told in error
+    assert expected in error
     assert "\n" not in error
 
 
-def test_what_changes_m_is_in_the_fingerprint_and_what_does_not_is_not(evidence) -> None:
-    some = evidence(robot.pair(1, seconds=12.0, gain=0.9))
-    plain = asked("horizons=0.5,1")[0].measure(some, SETTINGS)
-    for word in ("nrmse=extent", "nrmse=deviation", "noise=0.01,0.01", "reach=0.5"):
-        other = asked("horizons=0.5,1", word)[0].measure(some, SETTINGS)
-        assert other.fingerprint != plain.fingerprint
-        assert (other.value == plain.value) == word.startswith("reach")
-    for word in ("align=rigid+reflection+scale", "rpe=2s"):
-        other = asked("horizons=0.5,1", word)[0].measure(some, SETTINGS)
-        assert (other.value, other.fingerprint) == (plain.value, plain.fingerprint)
-        assert other.details["drives"] != plain.details["drives"]
+def test_the_fingerprint_contains_only_options_that_affect_the_measure(evidence) -> None:
+    drives_evidence = evidence(robot.pair(1, seconds=12.0, gain=0.9))
+    default = parse_axes("horizons=0.5,1")[0].measure(drives_evidence, SETTINGS)
+    for option in ("nrmse=extent", "nrmse=deviation", "noise=0.01,0.01", "reach=0.5"):
+        other = parse_axes("horizons=0.5,1", option)[0].measure(drives_evidence, SETTINGS)
+        assert other.fingerprint != default.fingerprint
+        assert (other.value == default.value) == option.startswith("reach")
+    for option in ("align=rigid+reflection+scale", "rpe=2s"):
+        other = parse_axes("horizons=0.5,1", option)[0].measure(drives_evidence, SETTINGS)
+        assert (other.value, other.fingerprint) == (default.value, default.fingerprint)
+        assert other.details["drives"] != default.details["drives"]
 
 
-def test_alignment_is_taken_out_of_the_whole_drive_on_request(evidence) -> None:
+def test_whole_drives_are_aligned_on_request(evidence) -> None:
     drive = robot.pair(1, seconds=12.0, delay=0.0, noise=0.0, turn_noise=0.0)
     moved = RigidTransform(1.0, reflected=True, scale=1.2, x=4.0)(drive.sim)
-    some = evidence(type(drive)("moved", drive.real, moved))
+    drives_evidence = evidence(type(drive)("moved", drive.real, moved))
     rows = [
-        asked("horizons=0.5,1", *words)[0].measure(some, SETTINGS).details["drives"][0]
-        for words in ((), ["align=rigid"], ["align=rigid+reflection+scale"])
+        parse_axes("horizons=0.5,1", *arguments)[0]
+        .measure(drives_evidence, SETTINGS)
+        .details["drives"][0]
+        for arguments in ((), ["align=rigid"], ["align=rigid+reflection+scale"])
     ]
-    far, turned, onto = (row["ape_rmse"] for row in rows)
-    assert far > turned > 0.1
-    assert onto < 1e-3
+    unaligned, turned, fully_aligned = (row["ape_rmse"] for row in rows)
+    assert unaligned > turned > 0.1
+    assert fully_aligned < 1e-3
     assert rows[2]["rpe_rmse"] < 1e-3 < rows[0]["rpe_rmse"]
     assert rows[2]["heading_rmse"] < 1e-2
 
 
-def test_no_two_poses_a_step_apart_is_unknown_and_no_fault(evidence) -> None:
-    some = evidence(robot.pair(1, seconds=12.0))
-    row = asked("horizons=0.5,1", "rpe=99s")[0].measure(some, SETTINGS).details["drives"][0]
+def test_a_missing_rpe_step_gives_an_unknown_rpe(evidence) -> None:
+    drives_evidence = evidence(robot.pair(1, seconds=12.0))
+    row = (
+        parse_axes("horizons=0.5,1", "rpe=99s")[0]
+        .measure(drives_evidence, SETTINGS)
+        .details["drives"][0]
+    )
     assert row["rpe_rmse"] is None
     assert row["ape_rmse"] > 0
 
 
-def test_a_delay_beyond_the_reach_is_inconclusive(evidence) -> None:
-    late = evidence(robot.pair(1, seconds=12.0, delay=0.3))
+def test_a_delay_beyond_the_search_range_is_inconclusive(evidence) -> None:
+    delayed = evidence(robot.pair(1, seconds=12.0, delay=0.3))
     with pytest.raises(InconclusiveError, match="the end of the search"):
-        asked("reach=0.2")[1].measure(late, SETTINGS)
-    found = asked("reach=0.4")[1].measure(late, SETTINGS)
-    assert found.details["delay"] == pytest.approx(0.3, abs=0.01)
+        parse_axes("reach=0.2")[1].measure(delayed, SETTINGS)
+    result = parse_axes("reach=0.4")[1].measure(delayed, SETTINGS)
+    assert result.details["delay"] == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.fixture
-def walked(tiny_store: Path, tmp_path: Path) -> Path:
+def store_with_odometry(tiny_store: Path, tmp_path: Path) -> Path:
     """A store whose trajectory a has odometry in a mirrored frame."""
-    own = copied(tiny_store, tmp_path / "walked.s2r")
-    with edit(own) as draft:
+    store = copy_store(tiny_store, tmp_path / "walked.s2r")
+    with edit(store) as draft:
         draft.rows(
             "UPDATE instance SET odom_x = 3 + 0.9 * y, odom_y = x - 2, odom_heading = "
             "pi() / 2 - heading WHERE trajectory = 'a' RETURNING iid"
         )
-    return own
+    return store
 
 
 ODOMETRY = ["--drives", "odometry", "--rate", "1", "--axis", "dynamics", "--replicates", "100",
             "--dynamics", "horizons=4", "--dynamics", "noise=0,0"]  # fmt: skip
 
 
-def test_odometry_is_measured_and_cannot_be_frozen(
-    walked: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_odometry_can_be_measured_but_not_frozen(
+    store_with_odometry: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["gap", str(walked), *ODOMETRY, "--json"]) == 3
+    assert main(["gap", str(store_with_odometry), *ODOMETRY, "--json"]) == 3
     (axis,) = json.loads(capsys.readouterr().out)["axes"]
     assert axis["details"]["drives"][0]["ape_rmse_recorded"] == pytest.approx(
-        nearest(walked), rel=1e-6
+        best_rigid_rms(store_with_odometry), rel=1e-6
     )
     assert axis["details"]["floor_from"] == "declared noise 0 m, 0 rad"
     assert any(
         "odometry was first aligned with the ground truth (mirrored, turned by" in note
         for note in axis["notes"]
     )
-    assert main(["gap", str(walked), *ODOMETRY, "--freeze", str(tmp_path / "ref.json")]) == 2
+    assert (
+        main(["gap", str(store_with_odometry), *ODOMETRY, "--freeze", str(tmp_path / "ref.json")])
+        == 2
+    )
     error = capsys.readouterr().err.strip()
     assert "odometry has no untuned simulator as the bad state" in error
     assert "\n" not in error
     assert not (tmp_path / "ref.json").exists()
 
 
-def test_details_tell_whole_drives_and_how_they_were_compared(
-    walked: Path, capsys: pytest.CaptureFixture[str]
+def test_details_describe_the_whole_drive_comparison(
+    store_with_odometry: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["gap", str(walked), *ODOMETRY, "--details", "--dynamics", "rpe=2"]) == 3
+    assert (
+        main(["gap", str(store_with_odometry), *ODOMETRY, "--details", "--dynamics", "rpe=2"]) == 3
+    )
     out = capsys.readouterr().out
     assert "alignment before APE and RPE: none; RPE over 2 poses" in out
     assert "APE as recorded m" in out
     assert "heading degrees" in out
 
 
-def nearest(store: Path) -> float:
-    """Root mean square distance of odometry and truth after the best rigid motion or reflection."""
+def best_rigid_rms(store: Path) -> float:
+    """RMS distance of odometry and truth after the best rigid motion or reflection."""
     with s2rstore.open(store) as opened:
         truth = opened.instances
-        have = np.isfinite(truth.odom_x)
+        has_odometry = np.isfinite(truth.odom_x)
         a, b = (
-            np.stack([x[have], y[have]]) for x, y in
+            np.stack([x[has_odometry], y[has_odometry]]) for x, y in
             ((truth.odom_x, truth.odom_y), (truth.x, truth.y))
         )  # fmt: skip
     a, b = (points - points.mean(axis=1, keepdims=True) for points in (a, b))
@@ -196,7 +207,7 @@ def nearest(store: Path) -> float:
     return float(np.sqrt(((u @ v @ a - b) ** 2).sum(axis=0).mean()))
 
 
-def test_a_wrong_option_of_a_request_names_itself() -> None:
+def test_an_invalid_option_of_a_request_is_named() -> None:
     from s2rtools.gap.gate.gate import GapRequest
 
     with pytest.raises(RequestError, match="--dynamics reach=0"):

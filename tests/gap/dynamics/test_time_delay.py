@@ -1,4 +1,4 @@
-"""The delay between two logs: found to a fraction of a sample, with an interval that holds."""
+"""Estimation of the time delay between two logs: accuracy and interval coverage."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ BASE = robot.commands(20.0, np.random.default_rng(5))
 EXACT = robot.drive(BASE)
 
 
-def plain(real: Log, sim: Log, rate: float = 50.0) -> float:
-    """The peak of the ordinary cross-correlation of speeds and yaw rates."""
+def cross_correlation_delay(real: Log, sim: Log, rate: float = 50.0) -> float:
+    """The peak of the cross-correlation of speeds and yaw rates."""
     time = np.arange(max(real.time[0], sim.time[0]), min(real.time[-1], sim.time[-1]), 1 / rate)
     rates = []
     for log in (real, sim):
@@ -40,17 +40,17 @@ def plain(real: Log, sim: Log, rate: float = 50.0) -> float:
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(-0.9, 0.9), st.floats(0, 1e9))
-def test_any_shift_is_recovered(shift: float, epoch: float) -> None:
+def test_any_delay_is_recovered(shift: float, epoch: float) -> None:
     sim = robot.sampled(EXACT)
     real = replace(sim, time=sim.time + shift + epoch)
-    found = time_delay.estimate_delay(real, replace(sim, time=sim.time + epoch), QUICK)
-    assert found.seconds == pytest.approx(shift, abs=2e-5)
-    assert found.low - 1e-4 <= shift <= found.high + 1e-4
+    estimate = time_delay.estimate_delay(real, replace(sim, time=sim.time + epoch), QUICK)
+    assert estimate.seconds == pytest.approx(shift, abs=2e-5)
+    assert estimate.low - 1e-4 <= shift <= estimate.high + 1e-4
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.floats(-3, 3), st.floats(-50, 50), st.floats(0.5, 2.0))
-def test_the_frame_and_the_unit_of_length_do_not_matter(
+def test_the_delay_is_independent_of_frame_and_length_unit(
     angle: float, x: float, scale: float
 ) -> None:
     sim = robot.sampled(EXACT)
@@ -58,81 +58,81 @@ def test_the_frame_and_the_unit_of_length_do_not_matter(
     assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.033, abs=1e-4)
 
 
-def test_a_negative_delay_is_the_other_way_round() -> None:
+def test_swapping_the_logs_negates_the_delay() -> None:
     drive = robot.pair(3, delay=0.047)
-    there = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
-    back = time_delay.estimate_delay(drive.sim, drive.real, QUICK).seconds
-    assert there == pytest.approx(0.047, abs=1e-3)
-    assert back == pytest.approx(-there, abs=1e-4)
+    forward = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
+    backward = time_delay.estimate_delay(drive.sim, drive.real, QUICK).seconds
+    assert forward == pytest.approx(0.047, abs=1e-3)
+    assert backward == pytest.approx(-forward, abs=1e-4)
 
 
-def test_taking_it_out_leaves_none() -> None:
+def test_no_delay_remains_after_compensation() -> None:
     drive = robot.pair(3, delay=0.047)
-    late = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
-    again = time_delay.estimate_delay(
-        drive.real, time_delay.shifted(drive.sim, late), QUICK
+    delay = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
+    remaining = time_delay.estimate_delay(
+        drive.real, time_delay.shifted(drive.sim, delay), QUICK
     ).seconds
-    assert abs(again) < 1e-4
+    assert abs(remaining) < 1e-4
 
 
 @pytest.mark.parametrize("rates", [(50, 50), (50, 20), (10, 100), (37.3, 50)])
-def test_logs_of_different_rates(rates: tuple[float, float]) -> None:
-    late = robot.drive(BASE, delay=0.0613)
-    real, sim = robot.sampled(late, rates[0], start=0.7), robot.sampled(EXACT, rates[1])
+def test_logs_may_have_different_rates(rates: tuple[float, float]) -> None:
+    delayed = robot.drive(BASE, delay=0.0613)
+    real, sim = robot.sampled(delayed, rates[0], start=0.7), robot.sampled(EXACT, rates[1])
     assert time_delay.estimate_delay(real, sim, QUICK).seconds == pytest.approx(0.0613, abs=2e-3)
 
 
-def test_uneven_clocks_do_not_matter() -> None:
+def test_logs_may_have_irregular_timestamps() -> None:
     rng = np.random.default_rng(0)
     real = robot.sampled(robot.drive(BASE, delay=0.05))
-    kept = np.sort(rng.choice(real.time.size, 700, replace=False))
-    thin = Log(real.time[kept], real.x[kept], real.y[kept], real.heading[kept], "thin", "")
-    found = time_delay.estimate_delay(thin, robot.sampled(EXACT), QUICK)
-    assert found.seconds == pytest.approx(0.05, abs=2e-3)
+    rows = np.sort(rng.choice(real.time.size, 700, replace=False))
+    thinned = Log(real.time[rows], real.x[rows], real.y[rows], real.heading[rows], "thin", "")
+    estimate = time_delay.estimate_delay(thinned, robot.sampled(EXACT), QUICK)
+    assert estimate.seconds == pytest.approx(0.05, abs=2e-3)
 
 
-def test_headings_that_wrap_are_no_turns() -> None:
+def test_wrapped_headings_do_not_change_the_delay() -> None:
     drive = robot.pair(6, noise=0.0, turn_noise=0.0)
     assert np.abs(np.diff(drive.real.heading)).max() > 6
-    whole = replace(drive.real, heading=np.unwrap(drive.real.heading))
+    unwrapped = replace(drive.real, heading=np.unwrap(drive.real.heading))
     wrapped = time_delay.estimate_delay(drive.real, drive.sim, QUICK).seconds
     assert wrapped == pytest.approx(
-        time_delay.estimate_delay(whole, drive.sim, QUICK).seconds, abs=1e-9
+        time_delay.estimate_delay(unwrapped, drive.sim, QUICK).seconds, abs=1e-9
     )
 
 
-def test_a_wrong_gain_or_a_part_of_the_drive_does_not_bend_it() -> None:
+def test_wrong_gains_and_partial_drives_do_not_bias_the_delay() -> None:
     drive = robot.pair(7, delay=0.04, gain=0.8, turn_gain=1.2, noise=0.0, turn_noise=0.0)
-    some = slice(400, 1000)
+    rows = slice(400, 1000)
     log = drive.real
-    part = Log(log.time[some], log.x[some], log.y[some], log.heading[some], "part", "")
+    part = Log(log.time[rows], log.x[rows], log.y[rows], log.heading[rows], "part", "")
     assert time_delay.estimate_delay(part, drive.sim, QUICK).seconds == pytest.approx(
         0.04, abs=5e-4
     )
 
 
-def test_closer_than_cross_correlation_at_50_hz() -> None:
-    ours, theirs = [], []
+def test_the_estimate_is_more_accurate_than_cross_correlation() -> None:
+    errors, baseline_errors = [], []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        late = rng.uniform(-0.1, 0.1)
-        told = robot.commands(30.0, rng)
-        real = robot.sampled(robot.drive(told, delay=0.2 + late), 50, 0.005, 0.005, rng)
-        sim = robot.sampled(robot.drive(told, delay=0.2))
-        ours.append(time_delay.estimate_delay(real, sim, QUICK).seconds - late)
-        theirs.append(plain(real, sim) - late)
-    ours_rms, theirs_rms = (float(np.sqrt(np.mean(np.square(e)))) for e in (ours, theirs))
-    assert ours_rms < 1.5e-3
-    assert theirs_rms > 3 * ours_rms
+        delay = rng.uniform(-0.1, 0.1)
+        commands = robot.commands(30.0, rng)
+        real = robot.sampled(robot.drive(commands, delay=0.2 + delay), 50, 0.005, 0.005, rng)
+        sim = robot.sampled(robot.drive(commands, delay=0.2))
+        errors.append(time_delay.estimate_delay(real, sim, QUICK).seconds - delay)
+        baseline_errors.append(cross_correlation_delay(real, sim) - delay)
+    rms, baseline_rms = (float(np.sqrt(np.mean(np.square(e)))) for e in (errors, baseline_errors))
+    assert rms < 1.5e-3
+    assert baseline_rms > 3 * rms
 
 
-def test_intervals_hold() -> None:
-    held = []
+def test_intervals_have_the_nominal_coverage() -> None:
+    covered = []
     for seed in range(100):
         drive = robot.pair(seed, delay=0.03, noise=0.005, turn_noise=0.005)
-        found = time_delay.estimate_delay(drive.real, drive.sim, GapSettings(300))
-        held.append(found.low <= 0.03 <= found.high)
-    assert 0.89 <= np.mean(held) <= 0.99
+        estimate = time_delay.estimate_delay(drive.real, drive.sim, GapSettings(300))
+        covered.append(estimate.low <= 0.03 <= estimate.high)
+    assert 0.89 <= np.mean(covered) <= 0.99
 
 
 def test_the_same_seed_gives_the_same_interval() -> None:
@@ -141,17 +141,19 @@ def test_the_same_seed_gives_the_same_interval() -> None:
     assert (first.replicates == second.replicates).all()
 
 
-def test_logs_that_do_not_overlap_are_refused_in_one_line() -> None:
+def test_logs_without_overlap_are_rejected_in_one_line() -> None:
     sim = robot.sampled(EXACT, name="sim.csv")
     for first, last in ((100.0, 120.0), (19.0, 40.0)):
         span = np.linspace(first, last, sim.time.size)
         real = replace(sim, time=span, source="real.csv")
-        with pytest.raises(RequestError, match=r"real\.csv .* and sim\.csv .* overlap by") as told:
+        with pytest.raises(
+            RequestError, match=r"real\.csv .* and sim\.csv .* overlap by"
+        ) as caught:
             time_delay.estimate_delay(real, sim)
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(caught.value)
 
 
-def test_what_shows_no_delay_is_inconclusive() -> None:
+def test_logs_without_usable_motion_are_inconclusive() -> None:
     sim = robot.sampled(EXACT, name="sim")
     still = replace(sim, x=sim.x * 0, y=sim.y * 0, heading=sim.heading * 0, source="still")
     with pytest.raises(InconclusiveError, match="still: the motion never changes"):
@@ -170,7 +172,7 @@ def test_what_shows_no_delay_is_inconclusive() -> None:
         time_delay.estimate_delay(other, sim)
 
 
-def test_a_delay_beyond_the_search_is_not_reported_as_its_end() -> None:
+def test_a_delay_beyond_the_search_range_is_inconclusive() -> None:
     sim = robot.sampled(EXACT)
     real = robot.sampled(robot.drive(BASE, delay=0.3))
     with pytest.raises(InconclusiveError, match="end of the search"):
@@ -180,22 +182,22 @@ def test_a_delay_beyond_the_search_is_not_reported_as_its_end() -> None:
     )
 
 
-def test_too_few_poses_are_refused() -> None:
+def test_too_few_poses_are_rejected() -> None:
     sim = robot.sampled(EXACT, name="sim")
     two = Log(*(np.array([c[0], c[-1]]) for c in (sim.time, sim.x, sim.y, sim.heading)), "two", "")
     with pytest.raises(RequestError, match=r"two: .* too slow to estimate a time delay"):
         time_delay.estimate_delay(two, sim)
 
 
-def test_long_logs_in_milliseconds_are_refused_before_they_are_resampled() -> None:
+def test_logs_in_milliseconds_are_rejected_before_resampling() -> None:
     real, sim = (replace(log, time=1000 * log.time) for log in [robot.sampled(EXACT)] * 2)
     with pytest.raises(RequestError, match=r"a pose every 20 s .* are both clocks in seconds"):
         time_delay.estimate_delay(real, sim)
 
 
 @pytest.mark.parametrize("seconds", [2.02, 2.05, 2.1])
-def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
-    told = set()
+def test_a_short_slow_drive_has_an_interval_or_is_inconclusive(seconds: float) -> None:
+    messages = set()
     for seed in range(40):
         rng = np.random.default_rng(seed)
         time = np.arange(0, seconds + 1e-9, 0.02)
@@ -205,9 +207,9 @@ def test_a_short_slow_drive_is_bounded_or_inconclusive(seconds: float) -> None:
             for n in (0.002 * rng.standard_normal(time.size), 0.0)
         ]
         try:
-            found = time_delay.estimate_delay(*logs, QUICK)
-            assert found.low <= found.high
+            estimate = time_delay.estimate_delay(*logs, QUICK)
+            assert estimate.low <= estimate.high
         except InconclusiveError as error:
-            told.add(str(error))
-    assert any("too short for an interval of the time delay" in line for line in told)
-    assert not any("\n" in line for line in told)
+            messages.add(str(error))
+    assert any("too short for an interval of the time delay" in line for line in messages)
+    assert not any("\n" in line for line in messages)

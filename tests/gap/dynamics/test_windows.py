@@ -1,4 +1,4 @@
-"""Windows restarted from real states, what noise alone would give in them, and their resamples."""
+"""Restarted windows, their noise floor and their resamples."""
 
 from __future__ import annotations
 
@@ -27,116 +27,118 @@ def circle(radius: float, speed: float, seconds: float = 10.0) -> Log:
     return Log(time, x, y, angles.wrap(turned), f"circle of {radius:g} m", "")
 
 
-def test_errors_of_two_circles_are_the_same_in_every_window() -> None:
-    made = windows(circle(1.0, 0.5), circle(2.0, 0.5), PLAN)
+def test_errors_of_two_circles_equal_the_closed_form() -> None:
+    result = windows(circle(1.0, 0.5), circle(2.0, 0.5), PLAN)
     for row, horizon in enumerate(PLAN.horizons):
         a, b = 0.5 * horizon / 1.0, 0.5 * horizon / 2.0
-        off = np.hypot(np.sin(a) - 2 * np.sin(b), (1 - np.cos(a)) - 2 * (1 - np.cos(b)))
-        known = np.isfinite(made.end[row])
-        assert known.sum() == int((10 - horizon) / 0.5) + 1
-        assert made.end[row][known] == pytest.approx(off, abs=1e-4)
-        assert made.heading[row][known] == pytest.approx(a - b, abs=1e-6)
-        assert made.distance[row][known] == pytest.approx(2 * np.sin(a / 2), abs=1e-4)
-        assert (made.path[row][known] < made.end[row][known]).all()
+        expected = np.hypot(np.sin(a) - 2 * np.sin(b), (1 - np.cos(a)) - 2 * (1 - np.cos(b)))
+        is_known = np.isfinite(result.end[row])
+        assert is_known.sum() == int((10 - horizon) / 0.5) + 1
+        assert result.end[row][is_known] == pytest.approx(expected, abs=1e-4)
+        assert result.heading[row][is_known] == pytest.approx(a - b, abs=1e-6)
+        assert result.distance[row][is_known] == pytest.approx(2 * np.sin(a / 2), abs=1e-4)
+        assert (result.path[row][is_known] < result.end[row][is_known]).all()
 
 
-def test_windows_are_relative_pose_errors() -> None:
+def test_window_errors_equal_relative_pose_errors() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
-    made = windows(drive.real, drive.sim, WindowPlan((1.0,), stride=0.02, scatter=0.0))
+    result = windows(drive.real, drive.sim, WindowPlan((1.0,), stride=0.02, scatter=0.0))
     real, sim = ape_rpe.resample_pair(drive.real, drive.sim)
-    off = ape_rpe.rpe(real, sim, ape_rpe.RpeStep(poses=50))
-    n = min(off.position.size, np.isfinite(made.end[0]).sum())
-    assert made.end[0][:n] == pytest.approx(off.position[:n], abs=1e-6)
-    assert made.heading[0][:n] == pytest.approx(off.heading[:n], abs=1e-6)
+    expected = ape_rpe.rpe(real, sim, ape_rpe.RpeStep(poses=50))
+    n = min(expected.position.size, np.isfinite(result.end[0]).sum())
+    assert result.end[0][:n] == pytest.approx(expected.position[:n], abs=1e-6)
+    assert result.heading[0][:n] == pytest.approx(expected.heading[:n], abs=1e-6)
 
 
-def test_neither_frame_matters() -> None:
+def test_window_errors_are_independent_of_the_frames() -> None:
     drive = robot.pair(4, gain=0.9, seconds=10.0)
-    here = windows(drive.real, drive.sim, PLAN)
-    there = windows(
+    original = windows(drive.real, drive.sim, PLAN)
+    transformed = windows(
         RigidTransform(2.0, x=5.0)(drive.real), RigidTransform(-1.0, y=80.0)(drive.sim), PLAN
     )
-    assert np.allclose(here.end, there.end, equal_nan=True, atol=1e-9)
+    assert np.allclose(original.end, transformed.end, equal_nan=True, atol=1e-9)
     assert np.nanmax(windows(drive.real, drive.real, PLAN).end) < 1e-12
 
 
-def test_long_drives_are_cut_in_parts_without_seams() -> None:
+def test_long_drives_are_processed_in_parts_without_seams() -> None:
     drive = robot.pair(9, gain=0.9, seconds=60.0)
     fine, coarse = (
         windows(drive.real, drive.sim, WindowPlan((0.5,), stride=s, scatter=0.0))
         for s in (0.02, 0.04)
     )
     assert fine.end.shape[1] > 2048
-    known = np.isfinite(coarse.end)
-    assert known.mean() > 0.99
-    assert fine.end[:, ::2][known] == pytest.approx(coarse.end[known])
+    is_known = np.isfinite(coarse.end)
+    assert is_known.mean() > 0.99
+    assert fine.end[:, ::2][is_known] == pytest.approx(coarse.end[is_known])
 
 
-def test_a_window_that_the_simulator_does_not_cover_is_left_out() -> None:
+def test_windows_beyond_the_simulation_are_excluded() -> None:
     drive = robot.pair(4, seconds=10.0)
     early = drive.sim.time < 6.0
     sim = drive.sim
     part = Log(sim.time[early], sim.x[early], sim.y[early], sim.heading[early], "part", "")
-    made = windows(drive.real, part, PLAN)
-    assert np.isfinite(made.end).tolist() == [
-        (made.starts + h <= part.time[-1]).tolist() for h in PLAN.horizons
+    result = windows(drive.real, part, PLAN)
+    assert np.isfinite(result.end).tolist() == [
+        (result.starts + h <= part.time[-1]).tolist() for h in PLAN.horizons
     ]
 
 
-def test_no_window_begins_or_ends_in_a_hole() -> None:
+def test_windows_that_touch_a_hole_are_excluded() -> None:
     drive = robot.pair(4, seconds=10.0)
     real = drive.real
-    kept = (real.time < 3.01) | (real.time > 5.01)
-    torn = Log(*(c[kept] for c in (real.time, real.x, real.y, real.heading)), "torn", "")
-    made = windows(torn, drive.sim, PLAN)
-    whole = windows(real, drive.sim, PLAN)
+    rows = (real.time < 3.01) | (real.time > 5.01)
+    with_hole = Log(*(c[rows] for c in (real.time, real.x, real.y, real.heading)), "torn", "")
+    result = windows(with_hole, drive.sim, PLAN)
+    complete = windows(real, drive.sim, PLAN)
     for row, horizon in enumerate(PLAN.horizons):
-        ends = np.stack([made.starts, made.starts + horizon])
-        lost = ((ends > 3.01) & (ends < 5.01)).any(axis=0)
-        assert lost.any()
-        assert np.isnan(made.end[row][lost]).all()
-        assert np.allclose(made.end[row][~lost], whole.end[row][~lost], equal_nan=True, atol=1e-6)
+        ends = np.stack([result.starts, result.starts + horizon])
+        in_hole = ((ends > 3.01) & (ends < 5.01)).any(axis=0)
+        assert in_hole.any()
+        assert np.isnan(result.end[row][in_hole]).all()
+        assert np.allclose(
+            result.end[row][~in_hole], complete.end[row][~in_hole], equal_nan=True, atol=1e-6
+        )
 
 
 @pytest.mark.parametrize("horizons", [(), (1.0, 0.5), (0.0, 1.0), (-1.0,), (0.001,)])
-def test_horizons_that_make_no_sense_are_refused(horizons: tuple[float, ...]) -> None:
+def test_invalid_horizons_are_rejected(horizons: tuple[float, ...]) -> None:
     with pytest.raises(RequestError, match="horizon"):
         WindowPlan(horizons=horizons)
 
 
-def test_noise_is_found_whatever_the_motion() -> None:
+def test_noise_is_estimated_independently_of_the_motion() -> None:
     rng = np.random.default_rng(3)
     exact = robot.drive(robot.commands(60.0, rng))
-    found = noise_floor.estimate_noise(robot.sampled(exact, 50.0, 0.004, 0.006, rng))
-    assert found.position == pytest.approx(0.004 * np.sqrt(2), rel=0.06)
-    assert found.heading == pytest.approx(0.006, rel=0.06)
-    silent = noise_floor.estimate_noise(robot.sampled(exact))
-    assert silent.position < 2e-4
-    assert silent.heading < 2e-4
+    estimate = noise_floor.estimate_noise(robot.sampled(exact, 50.0, 0.004, 0.006, rng))
+    assert estimate.position == pytest.approx(0.004 * np.sqrt(2), rel=0.06)
+    assert estimate.heading == pytest.approx(0.006, rel=0.06)
+    noise_free = noise_floor.estimate_noise(robot.sampled(exact))
+    assert noise_free.position < 2e-4
+    assert noise_free.heading < 2e-4
 
 
-def test_the_floor_is_what_noise_gives_in_these_windows() -> None:
+def test_the_noise_floor_equals_the_errors_caused_by_noise() -> None:
     rng = np.random.default_rng(8)
     exact = robot.drive(robot.commands(40.0, rng))
-    late = 0.007
+    delay = 0.007
     sim = robot.sampled(exact)
-    sim = replace(sim, time=sim.time + late)
-    shifted = replace(exact, time=exact.time + late)
+    sim = replace(sim, time=sim.time + delay)
+    shifted = replace(exact, time=exact.time + delay)
     plan = WindowPlan(horizons=(0.5, 2.0), stride=0.5)
-    found, expected = [], []
+    squares, expected = [], []
     for _ in range(20):
         real = robot.sampled(shifted, 50.0, 0.004, 0.01, rng)
-        made = windows(real, sim, plan)
-        found.append(np.nanmean(made.end**2, axis=1))
+        result = windows(real, sim, plan)
+        squares.append(np.nanmean(result.end**2, axis=1))
         expected.append(
             np.nanmean(
-                noise_floor.noise_squares(real, made, noise_floor.estimate_noise(real)), axis=1
+                noise_floor.noise_squares(real, result, noise_floor.estimate_noise(real)), axis=1
             )
         )
-    assert np.mean(expected, axis=0) == pytest.approx(np.mean(found, axis=0), rel=0.08)
+    assert np.mean(expected, axis=0) == pytest.approx(np.mean(squares, axis=0), rel=0.08)
 
 
-def test_resamples_of_everything_are_the_same_resamples() -> None:
+def test_all_quantities_use_the_same_resamples() -> None:
     rng = np.random.default_rng(0)
     values = [rng.random((2, 40)), rng.random((2, 30))]
     values[0][1, 35:] = np.nan
@@ -149,42 +151,44 @@ def test_resamples_of_everything_are_the_same_resamples() -> None:
     assert draws.std(axis=1).min() > 0
 
 
-def test_intervals_of_one_drives_mean_hold() -> None:
-    held = 0
+def test_intervals_of_one_drive_have_the_nominal_coverage() -> None:
+    covered = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
         wave = np.convolve(rng.standard_normal(419), np.ones(20) / 20, mode="valid")[None]
         blocks = Resamples([400], 20, GapSettings(replicates=300, seed=seed))
         mean, draws = blocks.means([wave + 5])
         low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
-        held += low <= 5 <= high
-    assert 0.88 <= held / 200 <= 0.99
+        covered += low <= 5 <= high
+    assert 0.88 <= covered / 200 <= 0.99
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 6])
-def test_intervals_of_drives_that_differ_hold(count: int) -> None:
+def test_intervals_of_different_drives_have_the_nominal_coverage(count: int) -> None:
     rng = np.random.default_rng(count)
-    held = 0
+    covered = 0
     for seed in range(300):
-        each = rng.normal(1.0, 0.3, count)
+        levels = rng.normal(1.0, 0.3, count)
         blocks = Resamples([20] * count, 5, GapSettings(replicates=300, seed=seed))
-        mean, draws = blocks.means([np.full((1, 20), size) for size in each])
+        mean, draws = blocks.means([np.full((1, 20), size) for size in levels])
         low, high = np.percentile(blocks.corrected(mean, draws)[0], [2.5, 97.5])
-        held += low <= 1 <= high
-    assert held / 300 >= 0.89
+        covered += low <= 1 <= high
+    assert covered / 300 >= 0.89
 
 
 @pytest.mark.parametrize("period", [0.25, 0.125, 0.1])
-def test_a_vibration_that_divides_stride_and_horizons_is_seen(period: float) -> None:
+def test_a_vibration_that_divides_stride_and_horizons_is_detected(period: float) -> None:
     drive = robot.pair(2, noise=0.0, turn_noise=0.0, delay=0.0)
-    shaken = replace(drive.sim, y=drive.sim.y + 0.05 * np.sin(2 * np.pi * drive.sim.time / period))
-    made = windows(drive.real, shaken)
-    seen = np.sqrt(np.nanmean(made.end**2, axis=1))
-    assert seen == pytest.approx(0.05, rel=0.2)
-    assert np.diff(made.starts).min() > 0
+    vibrating = replace(
+        drive.sim, y=drive.sim.y + 0.05 * np.sin(2 * np.pi * drive.sim.time / period)
+    )
+    result = windows(drive.real, vibrating)
+    rms = np.sqrt(np.nanmean(result.end**2, axis=1))
+    assert rms == pytest.approx(0.05, rel=0.2)
+    assert np.diff(result.starts).min() > 0
 
 
-def test_starts_and_lengths_are_scattered_alike_each_time() -> None:
+def test_scattered_starts_and_lengths_are_deterministic() -> None:
     log = robot.pair(2).real
     plan = WindowPlan()
     assert (plan.starts(log) == plan.starts(log)).all()
@@ -197,7 +201,7 @@ def test_starts_and_lengths_are_scattered_alike_each_time() -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 10.0, 8.0, 4.0])
-def test_motion_between_coarse_poses_is_not_noise(rate: float) -> None:
+def test_motion_between_coarse_poses_is_not_counted_as_noise(rate: float) -> None:
     rng = np.random.default_rng(4)
     exact = robot.drive(robot.commands(60.0, rng))
     assert noise_floor.estimate_noise(robot.sampled(exact, rate)).position < 1e-3
@@ -206,22 +210,22 @@ def test_motion_between_coarse_poses_is_not_noise(rate: float) -> None:
     assert noisy.heading < 1.1 * 0.004
 
 
-def test_half_of_real_against_real_is_what_one_real_drive_varies_by() -> None:
-    told = robot.commands(60.0, np.random.default_rng(0))
-    made = []
+def test_repeatability_equals_the_variation_of_one_real_drive() -> None:
+    commands = robot.commands(60.0, np.random.default_rng(0))
+    drives = []
     for seed in range(2):
         rng = np.random.default_rng(seed)
-        real = robot.sampled(robot.drive(told, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
-        made.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(told)), None, told))
+        real = robot.sampled(robot.drive(commands, slip=0.02, rng=rng), 50, 0.001, 0.001, rng)
+        drives.append(Drive(f"d{seed}", real, robot.sampled(robot.drive(commands)), None, commands))
     plan = WindowPlan(horizons=(0.5, 1.0))
     half = np.nanmean(
-        repeatability.repeatability_squares(made[0], made[1:], plan, GapSettings(50)), axis=1
+        repeatability.repeatability_squares(drives[0], drives[1:], plan, GapSettings(50)), axis=1
     )
-    varied = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in made]
-    assert half == pytest.approx(np.mean(varied, axis=0), rel=0.3)
+    variations = [np.nanmean(windows(d.real, d.sim, plan).end ** 2, axis=1) for d in drives]
+    assert half == pytest.approx(np.mean(variations, axis=0), rel=0.3)
 
 
-def test_drives_of_the_same_commands_find_each_other() -> None:
+def test_drives_with_equal_commands_are_repetitions() -> None:
     a, b, c = (robot.pair(seed, seconds=5.0) for seed in (1, 1, 2))
     b = replace(b, real=replace(b.real, sha256="another"))
     assert repeatability.repetitions([a, b, c]) == [[1], [0], []]

@@ -1,4 +1,4 @@
-"""Whether sim ranks runs as reality does: against scipy and brute force."""
+"""Agreement of the run rankings in sim and real, compared with scipy and brute force."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ N = 120
 
 def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
     count = len(sim)
-    wrong = [[(sim[i] < sim[j]) != (real[i] < real[j]) for j in range(count)] for i in range(count)]
+    is_swapped = [
+        [(sim[i] < sim[j]) != (real[i] < real[j]) for j in range(count)] for i in range(count)
+    ]
     worst = [
-        max(abs(real[i] - real[j]) if wrong[i][j] else 0.0 for j in range(count))
+        max(abs(real[i] - real[j]) if is_swapped[i][j] else 0.0 for j in range(count))
         for i in range(count)
     ]
     return float(np.mean(worst))
@@ -31,24 +33,22 @@ def brute_violation(sim: np.ndarray, real: np.ndarray) -> float:
 
 @settings(max_examples=80, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 9), st.booleans())
-def test_both_agree_with_their_definitions(seed: int, runs: int, ties: bool) -> None:
+def test_both_measures_equal_their_definitions(seed: int, runs: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
     sim, real = rng.gamma(2, 1, size=(2, runs))
     if ties:
         sim, real = np.round(sim), np.round(real)
     assert rank_violation(sim[None], real[None])[0] == pytest.approx(brute_violation(sim, real))
-    found = correlation(sim[None], real[None])[0]
+    result = correlation(sim[None], real[None])[0]
     if np.ptp(sim) and np.ptp(real):
-        assert found == pytest.approx(pearsonr(sim, real).statistic)
+        assert result == pytest.approx(pearsonr(sim, real).statistic)
     else:
-        assert np.isnan(found)
+        assert np.isnan(result)
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10_000), st.integers(5, 9))
-def test_an_order_that_is_kept_violates_nothing_and_a_reversed_one_most(
-    seed: int, runs: int
-) -> None:
+def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int, runs: int) -> None:
     real = np.sort(np.random.default_rng(seed).gamma(2, 1, size=runs))[None]
     assert rank_violation(real**3, real)[0] == 0
     reverse = rank_violation(-real, real)[0]
@@ -57,24 +57,24 @@ def test_an_order_that_is_kept_violates_nothing_and_a_reversed_one_most(
         assert rank_violation(shuffled, real)[0] <= reverse + 1e-12
 
 
-def test_a_store_of_five_runs_is_judged_with_intervals(tmp_path: Path) -> None:
+def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
     root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"))
     with s2rstore.open(root) as store:
-        found = rank_consistency(store, np.arange(N), GapSettings(300))
-        again = rank_consistency(store, np.arange(N), GapSettings(300))
+        result = rank_consistency(store, np.arange(N), GapSettings(300))
+        repeated = rank_consistency(store, np.arange(N), GapSettings(300))
         with pytest.raises(InconclusiveError, match="3 instances"):
             rank_consistency(store, np.array([4, 9, 14]), GapSettings())
         held_out = np.arange(N) % 5 == 4
-        real = [store.run_columns(run).real.error[held_out].mean() for run in found.runs]
-    assert found == again
-    assert found.runs == tuple("abcde")
-    assert found.n == N // 5
-    assert found.real == pytest.approx(real)
-    assert found.correlation.value == pytest.approx(pearsonr(found.sim, found.real).statistic)
-    assert -1 <= found.correlation.low <= found.correlation.value <= found.correlation.high <= 1
-    assert 0 <= found.rank_violation.low <= found.rank_violation.high
+        real = [store.run_columns(run).real.error[held_out].mean() for run in result.runs]
+    assert result == repeated
+    assert result.runs == tuple("abcde")
+    assert result.n == N // 5
+    assert result.real == pytest.approx(real)
+    assert result.correlation.value == pytest.approx(pearsonr(result.sim, result.real).statistic)
+    assert -1 <= result.correlation.low <= result.correlation.value <= result.correlation.high <= 1
+    assert 0 <= result.rank_violation.low <= result.rank_violation.high
 
 
-def test_fewer_than_five_runs_are_refused(tiny_store: Path) -> None:
+def test_fewer_than_five_runs_are_inconclusive(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store, pytest.raises(InconclusiveError, match="2 computed"):
         rank_consistency(store, np.arange(40), GapSettings())

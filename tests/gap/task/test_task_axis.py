@@ -1,4 +1,4 @@
-"""The task axis on synthetic stores: paired gap, anchor, groups, refusals."""
+"""The task axis on synthetic stores: paired gap, anchor, groups and errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from s2rtools.gap.task.group_metrics import GroupErrors, group_metrics, no_gap_i
 from s2rtools.gap.task.task_axis import TaskAxis, heading_sectors
 from s2rtui.cli.formatting.gap_details import details as shown
 from tests.support import tiny
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 N = 120
 SETTINGS = GapSettings(replicates=300, seed=2)
@@ -46,44 +46,44 @@ def evidence(store: Store, run: str = "vanilla", iids: np.ndarray | None = None)
     return Evidence(store, run, np.arange(N) if iids is None else iids)
 
 
-def test_m_is_the_mean_paired_gap_of_what_the_model_was_not_trained_on(store: Store) -> None:
+def test_the_value_is_the_mean_paired_gap_of_held_out_instances(store: Store) -> None:
     rows = store.execute(
         "SELECT r.error - s.error FROM prediction s JOIN prediction r USING (run, iid) "
         "WHERE run = 'vanilla' AND s.side = 'sim' AND r.side = 'real' AND s.split = 'test'"
     )
-    found = TaskAxis().measure(evidence(store), SETTINGS)
-    assert found.n == len(rows) == N // 5
-    assert found.value == pytest.approx(np.mean(rows))
-    assert found.floor == 0
-    assert not found.floor_replicates.any()
-    low, high = np.percentile(found.replicates, [2.5, 97.5])
-    assert 0 < low < found.value < high
-    assert found.details["no_gap_interval"][1] < found.value
-    assert "96 instances" in found.notes[1]
-    json.dumps([found.details, dict(found.fingerprint)], allow_nan=False)
+    result = TaskAxis().measure(evidence(store), SETTINGS)
+    assert result.n == len(rows) == N // 5
+    assert result.value == pytest.approx(np.mean(rows))
+    assert result.floor == 0
+    assert not result.floor_replicates.any()
+    low, high = np.percentile(result.replicates, [2.5, 97.5])
+    assert 0 < low < result.value < high
+    assert result.details["no_gap_interval"][1] < result.value
+    assert "96 instances" in result.notes[1]
+    json.dumps([result.details, dict(result.fingerprint)], allow_nan=False)
 
 
-def test_the_details_break_the_gap_down(store: Store) -> None:
-    found = TaskAxis().measure(evidence(store), SETTINGS)
-    details = found.details
-    assert details["real"] - details["sim"] == pytest.approx(found.value)
-    assert details["gap"]["value"] == pytest.approx(found.value)
-    assert details["relative_drop"]["value"] == pytest.approx(found.value / details["sim"])
+def test_the_details_split_the_gap_into_groups(store: Store) -> None:
+    result = TaskAxis().measure(evidence(store), SETTINGS)
+    details = result.details
+    assert details["real"] - details["sim"] == pytest.approx(result.value)
+    assert details["gap"]["value"] == pytest.approx(result.value)
+    assert details["relative_drop"]["value"] == pytest.approx(result.value / details["sim"])
     for groups in ("rooms", "headings", "trajectories"):
         parts = details[groups].values()
-        assert sum(part["n"] for part in parts) == found.n
+        assert sum(part["n"] for part in parts) == result.n
         total = sum(part["n"] * part["gap"]["value"] for part in parts)
-        assert total / found.n == pytest.approx(found.value)
+        assert total / result.n == pytest.approx(result.value)
     assert set(details["rooms"]) == {"left hall", "right"}
     assert set(details["runs"]) == {"vanilla", "dataaug"}
     other = TaskAxis().measure(evidence(store, "dataaug"), SETTINGS)
     assert details["runs"]["dataaug"]["gap"]["value"] == pytest.approx(other.value)
     truth = store.instances
     held_out = np.arange(N) % 5 == 4
-    away = np.hypot(truth.x - truth.x[held_out].mean(), truth.y - truth.y[held_out].mean())[
+    distances = np.hypot(truth.x - truth.x[held_out].mean(), truth.y - truth.y[held_out].mean())[
         held_out
     ]
-    assert details["baseline"] == pytest.approx(away.mean())
+    assert details["baseline"] == pytest.approx(distances.mean())
     iids, sector = np.flatnonzero(held_out), heading_sectors(truth.heading[held_out])
     groupings = {
         "runs": (np.zeros(iids.size, int), ["vanilla"]),
@@ -93,22 +93,22 @@ def test_the_details_break_the_gap_down(store: Store) -> None:
     }
     for kind, (codes, names) in groupings.items():
         for name, part in details[kind].items():
-            inside = codes == list(names).index("vanilla" if kind == "runs" else name)
-            assert part["baseline"] == pytest.approx(away[inside].mean())
-    assert "intervals by bootstrap over" in found.notes[0]
+            in_group = codes == list(names).index("vanilla" if kind == "runs" else name)
+            assert part["baseline"] == pytest.approx(distances[in_group].mean())
+    assert "intervals by bootstrap over" in result.notes[0]
     printed = "\n".join(shown({"axis": "task", "details": plain(details)}))
     assert printed.count("constant m") == 4
 
 
-def test_a_trajectory_is_told_by_its_blocks_where_whole_ones_are_drawn(
+def test_a_trajectory_has_an_interval_by_its_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bootstrap, "MIN_TRAJECTORIES", 2)
     monkeypatch.setattr(bootstrap, "MAX_TRAJECTORY_SHARE", 1)
-    found = TaskAxis().measure(evidence(store), SETTINGS)
-    assert "2 whole trajectories" in found.notes[0]
-    assert found.details["trajectories"]["a"]["gap"]["low"] is not None
-    assert found.details["rooms"]["right"]["gap"]["low"] is None
+    result = TaskAxis().measure(evidence(store), SETTINGS)
+    assert "2 whole trajectories" in result.notes[0]
+    assert result.details["trajectories"]["a"]["gap"]["low"] is not None
+    assert result.details["rooms"]["right"]["gap"]["low"] is None
 
 
 def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
@@ -120,7 +120,7 @@ def test_the_anchor_is_the_constant_prediction(store: Store) -> None:
 
 
 def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         rows = draft.rows(
             "SELECT iid, x, y, error FROM prediction WHERE run = 'vanilla' AND side = 'sim'"
@@ -133,10 +133,10 @@ def test_identical_predictions_have_no_gap(path: Path, tmp_path: Path) -> None:
              "error": error, "split": ["unseen"] * N},
         )  # fmt: skip
     with s2rstore.open(root) as store:
-        found = TaskAxis().measure(evidence(store), SETTINGS)
-        assert found.value == 0
-        assert not found.replicates.any()
-        assert found.details["no_gap_interval"] == [0, 0]
+        result = TaskAxis().measure(evidence(store), SETTINGS)
+        assert result.value == 0
+        assert not result.replicates.any()
+        assert result.details["no_gap_interval"] == [0, 0]
 
 
 def test_too_few_instances_are_inconclusive(store: Store) -> None:
@@ -149,40 +149,42 @@ def test_too_few_instances_are_inconclusive(store: Store) -> None:
 
 
 def test_an_uncomputed_run_is_missing(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("run", {"run": "vanilla"}, {"key": None})
     with s2rstore.open(root) as store:
         assert "s2r precompute" in str(TaskAxis().missing(evidence(store)))
 
 
-def test_rows_without_an_error_leave_the_figures(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+def test_missing_errors_are_excluded(path: Path, tmp_path: Path) -> None:
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.update("prediction", {"run": "vanilla", "side": "real", "iid": "4"}, {"error": None})
     with s2rstore.open(root) as store:
-        found = TaskAxis().measure(evidence(store), SETTINGS)
-        assert found.n == N // 5 - 1
-        assert np.isfinite(found.replicates).all()
+        result = TaskAxis().measure(evidence(store), SETTINGS)
+        assert result.n == N // 5 - 1
+        assert np.isfinite(result.replicates).all()
 
 
-def test_a_run_without_predictions_is_refused(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+def test_a_run_without_predictions_is_rejected(path: Path, tmp_path: Path) -> None:
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.delete("prediction", run="vanilla")
     with s2rstore.open(root) as store, pytest.raises(RequestError, match="both sides predicted"):
         gate.collect_evidence(store, gate.GapRequest(run="vanilla"))
 
 
-def test_trajectories_keep_their_intervals_where_whole_ones_are_drawn() -> None:
+def test_ungrouped_blocks_give_intervals_per_trajectory() -> None:
     rng = np.random.default_rng(4)
     codes = np.repeat(np.arange(6), 40).astype(np.int32)
-    made = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), split_into_blocks(codes, 8))
+    group_errors = GroupErrors(*rng.gamma(2, 1, size=(3, 240)), split_into_blocks(codes, 8))
     names = [f"t{k}" for k in range(6)]
-    assert made.blocks.by_trajectory
-    assert group_metrics(made, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
-    apart = group_metrics(replace(made, blocks=made.blocks.ungrouped()), codes, names, SETTINGS)
-    assert all(part["gap"]["low"] < part["gap"]["high"] for part in apart.values())
+    assert group_errors.blocks.by_trajectory
+    assert group_metrics(group_errors, codes, names, SETTINGS)["t1"]["gap"]["low"] is None
+    ungrouped = group_metrics(
+        replace(group_errors, blocks=group_errors.blocks.ungrouped()), codes, names, SETTINGS
+    )
+    assert all(part["gap"]["low"] < part["gap"]["high"] for part in ungrouped.values())
 
 
 def errors(rng: np.random.Generator, n: int) -> GroupErrors:
@@ -194,61 +196,63 @@ def errors(rng: np.random.Generator, n: int) -> GroupErrors:
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(10, 80), st.integers(1, 6))
-def test_groups_agree_with_brute_force(seed: int, n: int, count: int) -> None:
+def test_group_metrics_equal_brute_force(seed: int, n: int, count: int) -> None:
     rng = np.random.default_rng(seed)
-    made, codes = errors(rng, n), rng.integers(-1, count, n)
+    group_errors, codes = errors(rng, n), rng.integers(-1, count, n)
     names = [f"g{k}" for k in range(count)]
-    found = group_metrics(made, codes, names, GapSettings(50))
-    assert set(found) == {names[k] for k in set(codes) if k >= 0}
+    result = group_metrics(group_errors, codes, names, GapSettings(50))
+    assert set(result) == {names[k] for k in set(codes) if k >= 0}
     for k in range(count):
-        if names[k] in found:
-            inside, group = codes == k, found[names[k]]
-            assert group["n"] == inside.sum()
-            assert group["gap"]["value"] == pytest.approx(made.gap[inside].mean())
-            assert group["sim"] == pytest.approx(made.sim[inside].mean())
-    json.dumps(found, allow_nan=False)
+        if names[k] in result:
+            in_group, group = codes == k, result[names[k]]
+            assert group["n"] == in_group.sum()
+            assert group["gap"]["value"] == pytest.approx(group_errors.gap[in_group].mean())
+            assert group["sim"] == pytest.approx(group_errors.sim[in_group].mean())
+    json.dumps(result, allow_nan=False)
 
 
 def test_a_group_in_two_blocks_has_no_interval() -> None:
-    made = errors(np.random.default_rng(0), 100)
+    group_errors = errors(np.random.default_rng(0), 100)
     codes = np.where(np.arange(100) < 3, 0, 1)
-    found = group_metrics(made, codes, ["few", "many"], SETTINGS)
-    assert found["few"]["gap"]["low"] is None
-    assert found["many"]["gap"]["low"] < found["many"]["gap"]["high"]
+    result = group_metrics(group_errors, codes, ["few", "many"], SETTINGS)
+    assert result["few"]["gap"]["low"] is None
+    assert result["many"]["gap"]["low"] < result["many"]["gap"]["high"]
 
 
-def test_the_mean_of_all_is_that_of_its_only_group() -> None:
-    made = errors(np.random.default_rng(1), 100)
-    found = group_metrics(made, np.zeros(100, int), ["all"], SETTINGS)["all"]["gap"]
-    replicates = mean_replicates(made.gap, made.blocks, SETTINGS)
-    assert [found["low"], found["high"]] == pytest.approx(np.percentile(replicates, [2.5, 97.5]))
+def test_a_single_group_has_the_overall_interval() -> None:
+    group_errors = errors(np.random.default_rng(1), 100)
+    result = group_metrics(group_errors, np.zeros(100, int), ["all"], SETTINGS)["all"]["gap"]
+    replicates = mean_replicates(group_errors.gap, group_errors.blocks, SETTINGS)
+    assert [result["low"], result["high"]] == pytest.approx(np.percentile(replicates, [2.5, 97.5]))
 
 
-def test_intervals_hold_the_truth_where_neighbours_are_alike() -> None:
+def test_intervals_of_correlated_values_have_the_nominal_coverage() -> None:
     rng = np.random.default_rng(2)
-    held = 0
+    covered = 0
     for seed in range(300):
         noise = rng.normal(size=102)
         values = noise[2:] + noise[1:-1] + noise[:-2]
-        cut = split_into_blocks(np.repeat([0, 1], 50).astype(np.int32))
-        low, high = np.percentile(mean_replicates(values, cut, GapSettings(200, seed)), [2.5, 97.5])
-        held += low <= 0 <= high
-    assert held / 300 >= 0.87
+        blocks = split_into_blocks(np.repeat([0, 1], 50).astype(np.int32))
+        low, high = np.percentile(
+            mean_replicates(values, blocks, GapSettings(200, seed)), [2.5, 97.5]
+        )
+        covered += low <= 0 <= high
+    assert covered / 300 >= 0.87
 
 
-def test_without_a_gap_the_swap_interval_holds_the_mean() -> None:
+def test_the_no_gap_interval_has_the_nominal_coverage() -> None:
     rng = np.random.default_rng(3)
-    held = 0
+    covered = 0
     for seed in range(200):
-        made = errors(rng, 80)
-        low, high = no_gap_interval(made, GapSettings(200, seed))
-        held += low <= made.gap.mean() <= high
-    assert held / 200 == pytest.approx(0.95, abs=0.06)
+        group_errors = errors(rng, 80)
+        low, high = no_gap_interval(group_errors, GapSettings(200, seed))
+        covered += low <= group_errors.gap.mean() <= high
+    assert covered / 200 == pytest.approx(0.95, abs=0.06)
 
 
-def test_heading_sectors_are_centred_and_wrap() -> None:
+def test_heading_sectors_are_centred_and_wrap_around() -> None:
     degrees = np.array([0, 22.4, 22.6, 45, 90, 179, -179, 180, -90, -23, 337.6, -22.4])
     code, names = heading_sectors(np.radians(degrees))
     assert names == ["0", "45", "90", "135", "-180", "-135", "-90", "-45"]
-    wanted = ["0", "0", "45", "45", "90", "-180", "-180", "-180", "-90", "-45", "0", "0"]
-    assert [names[k] for k in code] == wanted
+    expected = ["0", "0", "45", "45", "90", "-180", "-180", "-180", "-90", "-45", "0", "0"]
+    assert [names[k] for k in code] == expected

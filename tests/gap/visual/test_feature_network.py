@@ -1,4 +1,4 @@
-"""Image networks from description files: layout, preprocessing, fingerprints, refusals."""
+"""Feature networks from description files: layout, preprocessing, fingerprints and errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from safetensors.torch import save_file
 from s2rstore.errors import RequestError
 from s2rtools.gap.visual import feature_network
 from s2rtools.gap.visual.inception import Coarse, FidInception, Fine
-from tests.support.networks import lively
+from tests.support.networks import randomize_weights
 
 DESCRIPTION = """
 architecture = "inception_v3_fid"
@@ -29,9 +29,9 @@ range = [-1.0, 1.0]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Random weights as the usual file has them, classifier included."""
+    """Random weights in the layout of the published file, classifier included."""
     root = tmp_path_factory.mktemp("inception")
-    state = dict(lively(FidInception()).state_dict())
+    state = dict(randomize_weights(FidInception()).state_dict())
     state |= {"fc.weight": torch.zeros(1008, 2048), "fc.bias": torch.zeros(1008)}
     torch.save(state, root / "w.pth")
     plain = {k: v.contiguous() for k, v in state.items() if "num_batches" not in k}
@@ -41,11 +41,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def damaged(folder: Path) -> Path:
-    """The same folder, with weights that are none beside the whole ones."""
+    """The same folder with additional invalid weights files."""
     (folder / "junk.pth").write_bytes(b"junk")
     for suffix in ("pth", "safetensors"):
-        whole = (folder / f"w.{suffix}").read_bytes()
-        (folder / f"half.{suffix}").write_bytes(whole[: len(whole) // 2])
+        content = (folder / f"w.{suffix}").read_bytes()
+        (folder / f"half.{suffix}").write_bytes(content[: len(content) // 2])
     torch.save({"a": torch.zeros(3)}, folder / "other.pth")
     state = torch.load(folder / "w.pth", weights_only=True)
     state["Mixed_7c.branch1x1.bn.bias"][0] = float("nan")
@@ -53,15 +53,15 @@ def damaged(folder: Path) -> Path:
     return folder
 
 
-def described(root: Path, weights: str = "w.pth", size: int = 80, more: str = "") -> Path:
+def write_description(root: Path, weights: str = "w.pth", size: int = 80, more: str = "") -> Path:
     file = root / "network.toml"
     file.write_text(DESCRIPTION.format(weights=weights, size=size, more=more))
     return file
 
 
-def test_the_layout_is_that_of_the_usual_weights() -> None:
-    made = FidInception()
-    shapes = {key: tuple(value.shape) for key, value in made.state_dict().items()}
+def test_the_layout_matches_the_published_weights() -> None:
+    network = FidInception()
+    shapes = {key: tuple(value.shape) for key, value in network.state_dict().items()}
     assert shapes["Conv2d_1a_3x3.conv.weight"] == (32, 3, 3, 3)
     assert shapes["Mixed_5b.branch_pool.conv.weight"] == (32, 192, 1, 1)
     assert shapes["Mixed_6a.branch3x3.conv.weight"] == (384, 288, 3, 3)
@@ -69,22 +69,22 @@ def test_the_layout_is_that_of_the_usual_weights() -> None:
     assert shapes["Mixed_7a.branch7x7x3_4.bn.running_var"] == (192,)
     assert shapes["Mixed_7c.branch3x3dbl_3b.conv.weight"] == (384, 384, 3, 1)
     assert len([key for key in shapes if key.endswith("conv.weight")]) == 94
-    assert sum(p.numel() for p in made.parameters()) == 21_785_568
+    assert sum(p.numel() for p in network.parameters()) == 21_785_568
     sizes = {}
     for name in ("Mixed_5d", "Mixed_6e", "Mixed_7c"):
-        made.get_submodule(name).register_forward_hook(
-            lambda module, given, out, name=name: sizes.update({name: tuple(out.shape[1:])})
+        network.get_submodule(name).register_forward_hook(
+            lambda module, inputs, out, name=name: sizes.update({name: tuple(out.shape[1:])})
         )
     with torch.inference_mode():
-        assert made.eval()(torch.zeros(1, 3, 299, 299)).shape == (1, 2048)
+        assert network.eval()(torch.zeros(1, 3, 299, 299)).shape == (1, 2048)
     assert sizes == {"Mixed_5d": (288, 35, 35), "Mixed_6e": (768, 17, 17), "Mixed_7c": (2048, 8, 8)}
 
 
-def test_averages_leave_out_padding_and_the_last_block_takes_the_maximum() -> None:
-    fine, coarse = lively(Fine(4, 32)), Coarse(4, maximum=True)
+def test_averages_exclude_padding_and_the_last_block_uses_the_maximum() -> None:
+    fine, coarse = randomize_weights(Fine(4, 32)), Coarse(4, maximum=True)
     with torch.inference_mode():
-        path = fine(torch.ones(1, 4, 6, 6))[0, -32:]
-        assert torch.allclose(path, path[:, :1, :1].expand_as(path), atol=1e-5)
+        pooled_path = fine(torch.ones(1, 4, 6, 6))[0, -32:]
+        assert torch.allclose(pooled_path, pooled_path[:, :1, :1].expand_as(pooled_path), atol=1e-5)
         x = torch.randn(1, 4, 5, 5)
         assert coarse.pool(x)[0, 0, 2, 2] == x[0, 0, 1:4, 1:4].max()
         assert Coarse(4, maximum=False).pool(x)[0, 0, 0, 0] == pytest.approx(
@@ -92,78 +92,78 @@ def test_averages_leave_out_padding_and_the_last_block_takes_the_maximum() -> No
         )
 
 
-def test_features_are_those_of_the_network_on_prepared_images(folder: Path) -> None:
+def test_features_equal_the_network_output_on_preprocessed_images(folder: Path) -> None:
     rgb = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.uint8)
-    read = feature_network.read_network(described(folder))
+    read = feature_network.read_network(write_description(folder))
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     x = torch.nn.functional.interpolate(x, (80, 80), mode="bilinear", align_corners=False) * 2 - 1
     assert np.allclose(read.preprocessing(rgb), x.numpy(), atol=1e-5)
     with torch.inference_mode():
-        wanted = lively(FidInception())(x).numpy()
-    found = read.features(rgb, batch=2)
-    assert found.shape == (3, 2048)
-    assert np.allclose(found, wanted, rtol=1e-3, atol=1e-3 * np.abs(wanted).max())
+        expected = randomize_weights(FidInception())(x).numpy()
+    computed = read.features(rgb, batch=2)
+    assert computed.shape == (3, 2048)
+    assert np.allclose(computed, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
 
 
 def bilinear(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Of (H, W, 3): pixel centres at halves, edges repeated, no smoothing before."""
+    """Resize (H, W, 3) with half-pixel centres and repeated edges, without antialiasing."""
 
     def along(values: np.ndarray, count: int) -> np.ndarray:
-        at = (np.arange(count) + 0.5) * len(values) / count - 0.5
-        low = np.floor(at).astype(int)
-        share = (at - low)[:, None, None]
-        first, second = (np.clip(k, 0, len(values) - 1) for k in (low, low + 1))
+        position = (np.arange(count) + 0.5) * len(values) / count - 0.5
+        lower = np.floor(position).astype(int)
+        share = (position - lower)[:, None, None]
+        first, second = (np.clip(k, 0, len(values) - 1) for k in (lower, lower + 1))
         return (1 - share) * values[first] + share * values[second]
 
     return along(along(image, rows).swapaxes(0, 1), columns).swapaxes(0, 1)
 
 
 @pytest.mark.parametrize("shape", [(40, 60), (200, 150), (75, 90)])
-def test_images_are_resized_as_the_usual_features_want_them(shape: tuple[int, int]) -> None:
+def test_bilinear_resizing_equals_the_reference(shape: tuple[int, int]) -> None:
     rgb = np.random.default_rng(1).integers(0, 256, (2, *shape, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 90), "bilinear", (0.5, 0.4, 0.3), (0.5, 0.25, 0.2))
-    wanted = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
-    wanted = (wanted - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
-    found = prepare(rgb)
-    assert found.shape == (2, 3, 75, 90)
-    assert np.allclose(np.moveaxis(found, 1, -1), wanted, atol=2e-5)
+    expected = np.stack([bilinear(image / 255, 75, 90) for image in rgb])
+    expected = (expected - [0.5, 0.4, 0.3]) / [0.5, 0.25, 0.2]
+    computed = prepare(rgb)
+    assert computed.shape == (2, 3, 75, 90)
+    assert np.allclose(np.moveaxis(computed, 1, -1), expected, atol=2e-5)
 
 
 @pytest.mark.parametrize(("name", "mode"), [("bicubic", "bicubic"), ("nearest", "nearest")])
-def test_the_other_filters_are_those_of_torch(name: str, mode: str) -> None:
+def test_other_filters_equal_torch(name: str, mode: str) -> None:
     rgb = np.random.default_rng(2).integers(0, 256, (1, 150, 180, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 120), name, (0.0,) * 3, (1.0,) * 3)
     x = torch.from_numpy(rgb).permute(0, 3, 1, 2) / 255
     corners = {} if mode == "nearest" else {"align_corners": False}
-    wanted = torch.nn.functional.interpolate(x, (75, 120), mode=mode, **corners).numpy()
-    assert np.allclose(prepare(rgb), wanted, atol=2e-5)
+    expected = torch.nn.functional.interpolate(x, (75, 120), mode=mode, **corners).numpy()
+    assert np.allclose(prepare(rgb), expected, atol=2e-5)
 
 
-def test_the_area_filter_averages_whole_pixels() -> None:
+def test_the_area_filter_averages_pixels() -> None:
     rgb = np.random.default_rng(3).integers(0, 256, (1, 150, 225, 3)).astype(np.uint8)
     prepare = feature_network.Preprocessing((75, 75), "area", (0.0,) * 3, (1.0,) * 3)
-    wanted = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
-    assert np.allclose(prepare(rgb)[0], np.moveaxis(wanted, -1, 0), atol=2e-5)
+    expected = (rgb[0] / 255).reshape(75, 2, 75, 3, 3).mean(axis=(1, 3))
+    assert np.allclose(prepare(rgb)[0], np.moveaxis(expected, -1, 0), atol=2e-5)
 
 
-def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
-    one = feature_network.read_network(described(folder)).identity
-    assert one["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
-    assert one == feature_network.read_network(described(folder)).identity
-    other_size = feature_network.read_network(described(folder, size=96)).identity
-    other_file = feature_network.read_network(described(folder, "w.safetensors")).identity
-    keys = {i["features_sha256"] for i in (one, other_size, other_file)}
+def test_the_fingerprint_covers_weights_and_preprocessing(folder: Path) -> None:
+    identity = feature_network.read_network(write_description(folder)).identity
+    assert identity["weights_sha256"] == hashlib.sha256((folder / "w.pth").read_bytes()).hexdigest()
+    assert identity == feature_network.read_network(write_description(folder)).identity
+    other_size = feature_network.read_network(write_description(folder, size=96)).identity
+    other_file = feature_network.read_network(write_description(folder, "w.safetensors")).identity
+    keys = {i["features_sha256"] for i in (identity, other_size, other_file)}
     assert len(keys) == 3
     as_json = folder / "network.json"
     steps = {"size": [80, 80], "filter": "bilinear", "mean": [0.5] * 3, "std": [0.5] * 3}
     as_json.write_text(
         json.dumps({"architecture": "inception_v3_fid", "weights": "w.pth", "preprocessing": steps})
     )
-    assert feature_network.read_network(as_json).identity == one
+    assert feature_network.read_network(as_json).identity == identity
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "expected"),
     [
         ("w.pth", "gone.pth", "gone.pth: cannot be read"),
         ("w.pth", "junk.pth", "junk.pth: "),
@@ -183,19 +183,19 @@ def test_a_fingerprint_names_weights_and_preprocessing(folder: Path) -> None:
         ("architecture =", "architecture", "network.toml: "),
     ],
 )
-def test_what_is_wrong_with_a_description_is_said_in_one_line(
-    damaged: Path, old: str, new: str, told: str
+def test_an_invalid_description_is_explained_in_one_line(
+    damaged: Path, old: str, new: str, expected: str
 ) -> None:
-    file = described(damaged)
+    file = write_description(damaged)
     file.write_text(file.read_text().replace(old, new))
     with pytest.raises(RequestError) as raised:
         feature_network.read_network(file)
-    assert told in str(raised.value)
+    assert expected in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
-def test_other_weights_than_stated_and_a_missing_file_are_refused(folder: Path) -> None:
+def test_a_wrong_checksum_and_a_missing_file_are_rejected(folder: Path) -> None:
     with pytest.raises(RequestError, match="its sha256 is"):
-        feature_network.read_network(described(folder, more='sha256 = "00"'))
+        feature_network.read_network(write_description(folder, more='sha256 = "00"'))
     with pytest.raises(RequestError, match="cannot be read"):
         feature_network.read_network(folder / "nowhere.toml")

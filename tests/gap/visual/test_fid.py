@@ -1,4 +1,4 @@
-"""The Frechet distance against torchmetrics, scipy and what must hold for Gaussians."""
+"""The Frechet distance compared with torchmetrics, scipy and properties of Gaussians."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def samples(seed: int, n: int, m: int, d: int) -> tuple[np.ndarray, np.ndarray]:
     return rng.normal(size=(n, d)) @ mix, rng.normal(0.3, 1.4, size=(m, d))
 
 
-class Flat(torch.nn.Module):
-    """Images that are features already."""
+class FlattenedImages(torch.nn.Module):
+    """Uses flattened images as features."""
 
     def __init__(self, features: int) -> None:
         super().__init__()
@@ -31,18 +31,18 @@ class Flat(torch.nn.Module):
 
 
 @pytest.mark.parametrize(("n", "m", "d"), [(200, 150, 12), (20, 20, 48), (9, 40, 27)])
-def test_it_agrees_with_torchmetrics(n: int, m: int, d: int) -> None:
+def test_the_distance_equals_torchmetrics(n: int, m: int, d: int) -> None:
     x, y = samples(3, n, m, d)
-    other = FrechetInceptionDistance(feature=Flat(d), normalize=True)
-    other.set_dtype(torch.float64)
+    metric = FrechetInceptionDistance(feature=FlattenedImages(d), normalize=True)
+    metric.set_dtype(torch.float64)
     for points, real in ((x, True), (y, False)):
-        other.update(torch.from_numpy(points).reshape(len(points), 3, 1, d // 3), real=real)
-    assert frechet_distance(x, y) == pytest.approx(float(other.compute()), rel=1e-4)
+        metric.update(torch.from_numpy(points).reshape(len(points), 3, 1, d // 3), real=real)
+    assert frechet_distance(x, y) == pytest.approx(float(metric.compute()), rel=1e-4)
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(20, 60), st.integers(2, 8))
-def test_it_agrees_with_the_matrix_root_of_scipy(seed: int, n: int, d: int) -> None:
+def test_the_distance_equals_the_scipy_matrix_root(seed: int, n: int, d: int) -> None:
     x, y = samples(seed, n, n + 3, d)
     s, t = np.cov(x.T), np.cov(y.T)
     root = np.trace(np.real(sqrtm(s @ t)))
@@ -52,10 +52,10 @@ def test_it_agrees_with_the_matrix_root_of_scipy(seed: int, n: int, d: int) -> N
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 30), st.integers(2, 30))
-def test_both_ways_to_the_root_agree(seed: int, n: int, d: int) -> None:
+def test_both_computations_of_the_trace_root_agree(seed: int, n: int, d: int) -> None:
     x, y = samples(seed, n, n, d)
     scale = np.abs(trace_root_of_samples(x, y)) + 1
-    # Eigenvalues that are 0 by rank carry the root of rounding, 1e-8, each.
+    # Each eigenvalue that is 0 by rank contributes the root of the rounding error, 1e-8.
     assert trace_root(x.T @ x, y.T @ y) == pytest.approx(
         trace_root_of_samples(x, y), abs=1e-6 * scale * d
     )
@@ -63,7 +63,7 @@ def test_both_ways_to_the_root_agree(seed: int, n: int, d: int) -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([(10, 40), (80, 5)]))
-def test_equal_samples_are_at_no_distance_and_a_shift_adds_its_square(
+def test_equal_samples_have_distance_0_and_a_shift_adds_its_square(
     seed: int, shape: tuple[int, int]
 ) -> None:
     x, y = samples(seed, shape[0], shape[0], shape[1])
@@ -72,12 +72,14 @@ def test_equal_samples_are_at_no_distance_and_a_shift_adds_its_square(
     assert frechet_distance(x, y) == pytest.approx(frechet_distance(y, x), rel=1e-6)
 
 
-def test_equal_distributions_are_far_apart_at_small_n() -> None:
+def test_the_distance_is_biased_for_small_samples() -> None:
     rng = np.random.default_rng(0)
-    few, many = (frechet_distance(*rng.normal(size=(2, n, 64))) for n in (50, 2000))
-    assert few > 10 * many > 0
+    small_sample, large_sample = (
+        frechet_distance(*rng.normal(size=(2, n, 64))) for n in (50, 2000)
+    )
+    assert small_sample > 10 * large_sample > 0
 
 
-def test_one_image_is_refused() -> None:
+def test_a_single_image_is_rejected() -> None:
     with pytest.raises(ValueError, match="2 samples"):
         frechet_distance(np.zeros((1, 3)), np.zeros((5, 3)))

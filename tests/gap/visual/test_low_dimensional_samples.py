@@ -1,4 +1,4 @@
-"""What a run predicted as points: scaled, on the circle where it is one, unknown where it is."""
+"""Predictions as low-dimensional samples: scaling, circular headings and missing values."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from s2rtools.gap.visual.low_dimensional_samples import (
     principal_components,
 )
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
-from tests.support.copies import copied
+from tests.support.copies import copy_store
 
 N = 40
 
 
 @pytest.fixture
 def path(tiny_store: Path, tmp_path: Path) -> Path:
-    return copied(tiny_store, tmp_path / "s.s2r")
+    return copy_store(tiny_store, tmp_path / "s.s2r")
 
 
 @pytest.fixture
@@ -33,10 +33,10 @@ def store(path: Path) -> Iterator[Store]:
         yield opened
 
 
-def test_poses_and_errors_are_in_units_of_their_spread(store: Store) -> None:
-    found = prediction_samples(store, "vanilla", np.arange(N))
+def test_poses_and_errors_are_standardized(store: Store) -> None:
+    samples = prediction_samples(store, "vanilla", np.arange(N))
     columns = store.run_columns("vanilla")
-    poses, errors = found["poses"], found["errors"]
+    poses, errors = samples["poses"], samples["errors"]
     assert poses.sim.shape == (N, 3)
     assert errors.real.shape == (N, 2)
     scale = columns.sim.x[1] / poses.sim[1, 0]
@@ -49,7 +49,7 @@ def test_poses_and_errors_are_in_units_of_their_spread(store: Store) -> None:
     assert not errors.periods.any()
 
 
-def test_headings_that_nobody_predicted_are_left_out(path: Path) -> None:
+def test_missing_headings_are_excluded(path: Path) -> None:
     with edit(path) as draft:
         draft.update(
             "prediction", {"run": "vanilla", "side": "sim"},
@@ -57,21 +57,21 @@ def test_headings_that_nobody_predicted_are_left_out(path: Path) -> None:
         )  # fmt: skip
         draft.update("run", {"run": "dataaug"}, {"key": None})
     with s2rstore.open(path) as store:
-        found = prediction_samples(store, "vanilla", np.arange(N))
-        assert [found[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
+        samples = prediction_samples(store, "vanilla", np.arange(N))
+        assert [samples[name].sim.shape[1] for name in ("poses", "errors")] == [2, 1]
         assert prediction_samples(store, "dataaug", np.arange(N)) == {}
 
 
-def test_unknown_rows_leave_the_divergence_and_too_few_leave_none(store: Store) -> None:
+def test_divergences_ignore_missing_rows_and_need_enough_samples(store: Store) -> None:
     rng = np.random.default_rng(0)
     sim, real = rng.normal(size=(2, N, 6))
-    cut = split_into_blocks(np.zeros(N, np.int32))
+    blocks = split_into_blocks(np.zeros(N, np.int32))
     points = principal_components(sim, real, 2)
     assert points.sim.shape == points.real.shape == (N, 2)
     points.sim[::4] = np.nan
-    found = split_half_metrics(sim, real, cut, 1, {"some": points})
+    result = split_half_metrics(sim, real, blocks, 1, {"some": points})
     assert np.isfinite(
-        [found["kl_some_sim_real"]["value"], found["kl_some_sim_real"]["floor"]]
+        [result["kl_some_sim_real"]["value"], result["kl_some_sim_real"]["floor"]]
     ).all()
     points.sim[5:] = np.nan
-    assert "kl_some_sim_real" not in split_half_metrics(sim, real, cut, 1, {"some": points})
+    assert "kl_some_sim_real" not in split_half_metrics(sim, real, blocks, 1, {"some": points})

@@ -1,4 +1,4 @@
-"""Wasserstein, divergence and support against scipy, closed forms and brute force."""
+"""Wasserstein distances, divergences and PRDC compared with scipy, closed forms and brute force."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from s2rtools.gap.visual.wasserstein import sliced_wasserstein, wasserstein_by_d
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 30), st.booleans())
-def test_wasserstein_agrees_with_scipy(seed: int, n: int, m: int, ties: bool) -> None:
+def test_wasserstein_equals_scipy(seed: int, n: int, m: int, ties: bool) -> None:
     rng = np.random.default_rng(seed)
     x, y = rng.normal(size=(n, 3)), rng.normal(0.5, 2, size=(m, 3))
     if ties:
         x, y = np.round(x), np.round(y)
-    wanted = [wasserstein_distance(x[:, k], y[:, k]) for k in range(3)]
-    assert np.allclose(wasserstein_by_dimension(x, y), wanted)
+    expected = [wasserstein_distance(x[:, k], y[:, k]) for k in range(3)]
+    assert np.allclose(wasserstein_by_dimension(x, y), expected)
 
 
-def test_sliced_wasserstein_is_seeded_and_sees_a_shift() -> None:
+def test_sliced_wasserstein_is_seeded_and_measures_a_shift() -> None:
     rng = np.random.default_rng(0)
     x = rng.normal(size=(50, 1))
     assert sliced_wasserstein(x, x + 3) == pytest.approx(3)
@@ -35,57 +35,57 @@ def test_sliced_wasserstein_is_seeded_and_sees_a_shift() -> None:
 
 
 def gaussian_divergence(mean: np.ndarray, s: np.ndarray, t: np.ndarray) -> float:
-    """D(N(0, s) || N(mean, t)), nats."""
+    """D(N(0, s) || N(mean, t)) in nats."""
     inverse = np.linalg.inv(t)
     logs = np.linalg.slogdet(t)[1] - np.linalg.slogdet(s)[1]
     return float((np.trace(inverse @ s) + mean @ inverse @ mean - len(mean) + logs) / 2)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
-def test_divergence_agrees_with_the_closed_form_of_gaussians(d: int) -> None:
+def test_divergences_equal_the_closed_form_of_gaussians(d: int) -> None:
     rng = np.random.default_rng(d)
     mean, a, b = np.full(d, 0.6), np.eye(d) * 1.5, np.eye(d) + 0.3
     n = 2000 if d < 3 else 20_000
     m = n // 2 if d == 1 else n
-    found = [
+    computed = [
         divergences(rng.multivariate_normal(np.zeros(d), a, n), rng.multivariate_normal(mean, b, m))
         for _ in range(6)
     ]
     forward, backward = gaussian_divergence(mean, a, b), gaussian_divergence(-mean, b, a)
-    assert np.mean([f.forward for f in found]) == pytest.approx(forward, abs=0.05)
-    assert np.mean([f.backward for f in found]) == pytest.approx(backward, abs=0.05)
+    assert np.mean([f.forward for f in computed]) == pytest.approx(forward, abs=0.05)
+    assert np.mean([f.backward for f in computed]) == pytest.approx(backward, abs=0.05)
 
 
-def test_divergence_bears_duplicates() -> None:
+def test_divergences_of_samples_with_duplicates_are_finite() -> None:
     rng = np.random.default_rng(0)
     x = rng.normal(size=(300, 2))
-    twice = np.concatenate([x[:150], np.repeat(x[150:160], 15, axis=0)])
-    found = divergences(twice, rng.normal(size=(300, 2)))
-    assert np.isfinite([found.forward, found.backward]).all()
-    ones = np.ones((20, 2))
-    assert divergences(ones, ones).forward == 0
-    assert divergences(ones, rng.normal(size=(20, 2))).forward == np.inf
+    duplicated = np.concatenate([x[:150], np.repeat(x[150:160], 15, axis=0)])
+    computed = divergences(duplicated, rng.normal(size=(300, 2)))
+    assert np.isfinite([computed.forward, computed.backward]).all()
+    constant = np.ones((20, 2))
+    assert divergences(constant, constant).forward == 0
+    assert divergences(constant, rng.normal(size=(20, 2))).forward == np.inf
     rounded = np.round(rng.normal(size=(400, 1)), 1), np.round(rng.normal(size=(400, 1)), 1)
     assert divergences(*rounded).forward == pytest.approx(0, abs=0.15)
 
 
-def test_divergence_on_a_circle_knows_no_cut() -> None:
+def test_divergences_of_angles_are_independent_of_the_origin() -> None:
     rng = np.random.default_rng(5)
     x, y = rng.normal(0, 0.4, size=(200, 2)), rng.normal(0.3, 0.6, size=(150, 2))
     periods = np.array([0.0, 2 * np.pi])
-    plain = divergences(x, y)
+    unwrapped = divergences(x, y)
     for turn in (0.0, 1.0, np.pi):
-        turned = (points + np.array([0, turn]) for points in (x, y))
-        found = divergences(*turned, periods=periods)
-        assert found.forward == pytest.approx(plain.forward, abs=1e-6)
-        assert found.backward == pytest.approx(plain.backward, abs=1e-6)
-    cut = divergences(*(np.mod(points, [100, 2 * np.pi]) for points in (x, y)))
-    assert abs(cut.forward - plain.forward) > 0.01
-    edge = np.array([[-1e-17], [2 * np.pi]] * 8) + rng.normal(0, 1e-18, (16, 1))
-    assert np.isfinite(divergences(edge, rng.normal(size=(16, 1)), 2, periods[1:]).backward)
+        rotated = (points + np.array([0, turn]) for points in (x, y))
+        computed = divergences(*rotated, periods=periods)
+        assert computed.forward == pytest.approx(unwrapped.forward, abs=1e-6)
+        assert computed.backward == pytest.approx(unwrapped.backward, abs=1e-6)
+    wrapped = divergences(*(np.mod(points, [100, 2 * np.pi]) for points in (x, y)))
+    assert abs(wrapped.forward - unwrapped.forward) > 0.01
+    at_the_edge = np.array([[-1e-17], [2 * np.pi]] * 8) + rng.normal(0, 1e-18, (16, 1))
+    assert np.isfinite(divergences(at_the_edge, rng.normal(size=(16, 1)), 2, periods[1:]).backward)
 
 
-def test_divergence_warns_above_three_dimensions_and_refuses_a_handful() -> None:
+def test_divergences_warn_above_3_dimensions_and_reject_few_samples() -> None:
     rng = np.random.default_rng(0)
     with pytest.warns(BiasWarning, match="4 dimensions"):
         divergences(rng.normal(size=(30, 4)), rng.normal(size=(30, 4)))
@@ -95,7 +95,7 @@ def test_divergence_warns_above_three_dimensions_and_refuses_a_handful() -> None
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.integers(4, 20), st.integers(4, 20))
-def test_support_agrees_with_brute_force(seed: int, n: int, m: int) -> None:
+def test_prdc_equals_brute_force(seed: int, n: int, m: int) -> None:
     rng = np.random.default_rng(seed)
     k = 3
     real, sim = rng.normal(size=(n, 2)), rng.normal(0.5, 1, size=(m, 2))
@@ -109,18 +109,18 @@ def test_support_agrees_with_brute_force(seed: int, n: int, m: int) -> None:
     reverse = np.array(
         [[np.linalg.norm(r - s) <= radius(sim, j) for j, s in enumerate(sim)] for r in real]
     )
-    found = prdc(real, sim, k)
-    assert found.precision == pytest.approx(inside.any(axis=0).mean())
-    assert found.recall == pytest.approx(reverse.any(axis=1).mean())
-    assert found.density == pytest.approx(inside.sum() / (k * m))
-    assert found.coverage == pytest.approx(inside.any(axis=1).mean())
+    computed = prdc(real, sim, k)
+    assert computed.precision == pytest.approx(inside.any(axis=0).mean())
+    assert computed.recall == pytest.approx(reverse.any(axis=1).mean())
+    assert computed.density == pytest.approx(inside.sum() / (k * m))
+    assert computed.coverage == pytest.approx(inside.any(axis=1).mean())
 
 
-def test_support_of_equal_and_of_distant_samples() -> None:
+def test_prdc_of_equal_and_distant_samples() -> None:
     x = np.random.default_rng(1).normal(size=(40, 300)) * 1e3
-    same, apart = prdc(x, x.copy()), prdc(x, x + 1e5)
-    assert (same.precision, same.recall, same.coverage) == (1, 1, 1)
-    assert (apart.precision, apart.recall, apart.density, apart.coverage) == (0, 0, 0, 0)
+    identical, distant = prdc(x, x.copy()), prdc(x, x + 1e5)
+    assert (identical.precision, identical.recall, identical.coverage) == (1, 1, 1)
+    assert (distant.precision, distant.recall, distant.density, distant.coverage) == (0, 0, 0, 0)
     assert prdc(np.ones((9, 2)), np.ones((9, 2))).coverage == 1
     with pytest.raises(ValueError, match="6 samples"):
         prdc(x[:3], x)

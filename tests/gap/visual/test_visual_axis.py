@@ -1,4 +1,4 @@
-"""The visual axis on synthetic stores: floors, anchors, fingerprints, refusals."""
+"""The visual axis on synthetic stores: floors, anchors, fingerprints and errors."""
 
 from __future__ import annotations
 
@@ -24,39 +24,38 @@ from s2rtools.gap.visual.inception import FidInception
 from s2rtools.gap.visual.visual_axis import MIN_INSTANCES, VisualAxis
 from s2rtui.cli.formatting.gap_details import details
 from tests.support import embeddings, tiny
-from tests.support.copies import copied
-from tests.support.networks import lively
+from tests.support.copies import copy_store
+from tests.support.networks import randomize_weights
 
 N = 250
 SETTINGS = GapSettings(replicates=200, seed=3)
 _PREDICTED = ("kl_poses", "kl_error")
 
 
-def look(seed: int, shift: float) -> np.ndarray:
-    """Features of a walk through the rooms, the same walk for every seed."""
+def features_along_walk(seed: int, shift: float) -> np.ndarray:
+    """Features along a walk through the rooms; the walk is the same for every seed."""
     x, y, heading = tiny.poses(N)
-    places = np.stack([x / 5, y / 4, np.cos(heading), np.sin(heading)], axis=1)
+    positions = np.stack([x / 5, y / 4, np.cos(heading), np.sin(heading)], axis=1)
     mix = np.random.default_rng(8).normal(size=(4, 24)) / 2
     noise = np.random.default_rng(seed).normal(0, 0.1, (N, 24))
-    return np.maximum(places @ mix + shift, 0) + noise
+    return np.maximum(positions @ mix + shift, 0) + noise
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs of one model: `far` with a gap, `near` whose sim images are adapted, and `same` of
-    another model without any gap."""
+    """Runs of one model: `far` with a gap, `near` with adapted images, `same` without any gap."""
     root = tiny.build(tmp_path_factory.mktemp("visual") / "s.s2r", N, ("far",))
-    real = look(1, 0.0)
-    again(root, "near", {"sim_adjustments": [{"name": "brightness", "value": 1.2}]})
-    again(root, "same", {"model": "of-same"})
-    embeddings.add(root, "far", {"sim": look(2, 0.4), "real": real}, "embedding")
-    embeddings.add(root, "near", {"sim": look(2, 0.1), "real": real}, "embedding")
+    real = features_along_walk(1, 0.0)
+    add_run_like_far(root, "near", {"sim_adjustments": [{"name": "brightness", "value": 1.2}]})
+    add_run_like_far(root, "same", {"model": "of-same"})
+    embeddings.add(root, "far", {"sim": features_along_walk(2, 0.4), "real": real}, "embedding")
+    embeddings.add(root, "near", {"sim": features_along_walk(2, 0.1), "real": real}, "embedding")
     embeddings.add(root, "same", {"sim": real, "real": real}, "embedding")
     return root
 
 
-def again(root: Path, name: str, other: dict[str, object]) -> None:
-    """Another run with the predictions of `far`, and what is other about it."""
+def add_run_like_far(root: Path, name: str, changes: dict[str, object]) -> None:
+    """Add a run with the predictions of `far` and the given changes."""
     with edit(root) as draft:
         draft.insert_row(
             "model",
@@ -67,7 +66,7 @@ def again(root: Path, name: str, other: dict[str, object]) -> None:
             "run",
             {"run": name, "model": "far", "sim_domain": "sim", "real_domain": "real",
              "sim_adjustments": [], "real_adjustments": [], "key": "again",
-             "precision": "float32", "created_at": "2026-02-01T00:00:00Z", **other},
+             "precision": "float32", "created_at": "2026-02-01T00:00:00Z", **changes},
         )  # fmt: skip
         names = schema.BY_NAME["prediction"].column_names
         rows = draft.rows(f"SELECT {', '.join(names)} FROM prediction WHERE run = 'far'")
@@ -85,7 +84,7 @@ def evidence(store: Store, run: str, iids: np.ndarray | None = None) -> Evidence
     return Evidence(store, run, np.arange(N) if iids is None else iids)
 
 
-def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
+def test_a_gap_exceeds_its_floor(store: Store) -> None:
     far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert far.floor == 0
     assert not far.floor_replicates.any()
@@ -103,60 +102,60 @@ def test_a_gap_is_seen_beside_its_floor(store: Store) -> None:
     json.dumps([far.details, dict(far.fingerprint)], allow_nan=False)
 
 
-def test_errors_that_differ_are_told_by_their_divergence(store: Store) -> None:
+def test_different_errors_have_a_divergence_above_the_floor(store: Store) -> None:
     halves = VisualAxis().measure(evidence(store, "far"), SETTINGS).details["halves"]
     assert halves["kl_errors_sim_real"]["value"] > halves["kl_errors_sim_real"]["floor_high"]
     assert halves["kl_errors_real_sim"]["value"] > halves["kl_errors_real_sim"]["floor_high"]
 
 
-def test_every_dimension_is_told_and_the_largest_are_printed(store: Store) -> None:
-    found = VisualAxis().measure(evidence(store, "far"), SETTINGS)
-    columns = found.details["halves"]["wasserstein_by_dimension"]
+def test_every_dimension_is_reported_and_the_largest_are_printed(store: Store) -> None:
+    result = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+    columns = result.details["halves"]["wasserstein_by_dimension"]
     assert columns["dimension"] == list(range(24))
-    mean = found.details["halves"]["wasserstein"]
+    mean = result.details["halves"]["wasserstein"]
     assert np.mean(columns["value"]) == pytest.approx(mean["value"])
     assert np.mean(columns["floor"]) == pytest.approx(mean["floor"])
-    printed = list(details({"axis": "visual", "details": plain(found.details)}))
+    printed = list(details({"axis": "visual", "details": plain(result.details)}))
     rows = printed[-1].strip().splitlines()[-3:]
     largest = np.argsort(columns["value"])[::-1][:3]
     assert [int(row.split()[0]) for row in rows] == largest.tolist()
 
 
-def test_more_components_than_three_are_warned_of(store: Store) -> None:
-    calm = VisualAxis().measure(evidence(store, "far"), SETTINGS)
-    assert not any("biased" in note for note in calm.notes)
-    bold = VisualAxis().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
-    assert any("5 dimensions is strongly biased" in note for note in bold.notes)
+def test_more_than_three_components_give_a_warning(store: Store) -> None:
+    default = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+    assert not any("biased" in note for note in default.notes)
+    with_five_components = VisualAxis().measure(evidence(store, "far"), replace(SETTINGS, pca=5))
+    assert any("5 dimensions is strongly biased" in note for note in with_five_components.notes)
     kl = "kl_pca_sim_real"
-    assert bold.details["halves"][kl] != calm.details["halves"][kl]
-    assert bold.value == calm.value
+    assert with_five_components.details["halves"][kl] != default.details["halves"][kl]
+    assert with_five_components.value == default.value
 
 
-def test_only_what_the_model_was_not_trained_on_counts(store: Store) -> None:
+def test_only_held_out_instances_are_used(store: Store) -> None:
     far = VisualAxis().measure(evidence(store, "far"), SETTINGS)
     assert far.n == far.fingerprint["n"] == N // 5
     part = VisualAxis().measure(evidence(store, "far", np.arange(220)), SETTINGS)
     assert part.n == 44
 
 
-def test_identical_images_are_at_the_floor_to_the_bit(store: Store) -> None:
+def test_identical_images_give_exactly_the_floor(store: Store) -> None:
     same = VisualAxis().measure(evidence(store, "same"), SETTINGS)
     assert same.value == same.floor
     assert np.array_equal(same.replicates, same.floor_replicates)
     assert same.details["kid_p"] == 1.0
     halves = same.details["halves"]
-    seen = {k: f for k, f in halves.items() if isinstance(f, dict) and k[:8] not in _PREDICTED}
-    assert len(seen) == 11
-    assert all(f["value"] == f["floor"] for f in seen.values())
+    compared = {k: f for k, f in halves.items() if isinstance(f, dict) and k[:8] not in _PREDICTED}
+    assert len(compared) == 11
+    assert all(f["value"] == f["floor"] for f in compared.values())
 
 
-def test_the_same_seed_gives_the_same_figures(store: Store) -> None:
-    once, again = (VisualAxis().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
-    assert np.array_equal(once.replicates, again.replicates)
-    assert once.details == again.details
+def test_the_same_seed_gives_the_same_results(store: Store) -> None:
+    first, second = (VisualAxis().measure(evidence(store, "far"), SETTINGS) for _ in range(2))
+    assert np.array_equal(first.replicates, second.replicates)
+    assert first.details == second.details
     other = VisualAxis().measure(evidence(store, "far"), GapSettings(200, seed=4))
-    assert other.value == once.value
-    assert not np.array_equal(other.replicates, once.replicates)
+    assert other.value == first.value
+    assert not np.array_equal(other.replicates, first.replicates)
 
 
 def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
@@ -164,14 +163,14 @@ def test_the_anchor_is_the_unadapted_state(store: Store) -> None:
     anchor = VisualAxis().anchor(evidence(store, "near"), SETTINGS)
     assert anchor.value == far.value > near.value > near.floor
     assert anchor.state == "the sim images before brightness=1.2 (run far)"
-    own = VisualAxis().anchor(evidence(store, "far"), SETTINGS)
-    assert own.value == far.value
-    assert np.array_equal(own.replicates, far.replicates)
-    assert "unadapted" in own.state
+    self_anchor = VisualAxis().anchor(evidence(store, "far"), SETTINGS)
+    assert self_anchor.value == far.value
+    assert np.array_equal(self_anchor.replicates, far.replicates)
+    assert "unadapted" in self_anchor.state
 
 
 def test_without_an_unadapted_run_there_is_no_anchor(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
+    root = copy_store(path, tmp_path / "s.s2r")
     with edit(root) as draft:
         draft.delete("run", run="far")
     with s2rstore.open(root) as store:
@@ -189,7 +188,7 @@ def test_other_models_have_other_fingerprints(store: Store) -> None:
     assert far != same
 
 
-def test_too_few_images_are_inconclusive(store: Store) -> None:
+def test_too_few_images_are_inconclusive_for_the_visual_axis(store: Store) -> None:
     for iids in (np.array([4, 9, 14]), np.arange(0), np.arange(5 * MIN_INSTANCES - 5)):
         with pytest.raises(InconclusiveError, match=f"at least {MIN_INSTANCES}"):
             VisualAxis().measure(evidence(store, "far", iids), SETTINGS)
@@ -197,23 +196,23 @@ def test_too_few_images_are_inconclusive(store: Store) -> None:
         VisualAxis().measure(evidence(store, "far", np.array([N])), SETTINGS)
 
 
-def test_more_images_than_needed_are_sampled_by_blocks(
+def test_large_selections_are_sampled_by_blocks(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(visual_axis, "MAX_INSTANCES", 44)
-    found = VisualAxis().measure(evidence(store, "far"), SETTINGS)
-    assert 36 <= found.n == found.fingerprint["n"] <= 44
-    assert any("bootstrap over" in note for note in found.notes)
-    assert found.notes[0] == f"{found.n} of 50 instances, a random sample of whole blocks"
-    assert VisualAxis().measure(evidence(store, "far"), SETTINGS).value == found.value
+    result = VisualAxis().measure(evidence(store, "far"), SETTINGS)
+    assert 36 <= result.n == result.fingerprint["n"] <= 44
+    assert any("bootstrap over" in note for note in result.notes)
+    assert result.notes[0] == f"{result.n} of 50 instances, a random sample of whole blocks"
+    assert VisualAxis().measure(evidence(store, "far"), SETTINGS).value == result.value
 
 
-def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> None:
-    root = copied(path, tmp_path / "s.s2r")
-    again(root, "run", {})
-    sim = look(2, 0.1)
+def test_non_finite_features_are_rejected(path: Path, tmp_path: Path) -> None:
+    root = copy_store(path, tmp_path / "s.s2r")
+    add_run_like_far(root, "run", {})
+    sim = features_along_walk(2, 0.1)
     sim[[4, 9, 14], 3] = np.nan
-    embeddings.add(root, "run", {"sim": sim, "real": look(1, 0.0)}, "embedding")
+    embeddings.add(root, "run", {"sim": sim, "real": features_along_walk(1, 0.0)}, "embedding")
     with s2rstore.open(root) as store:
         with pytest.raises(
             RequestError, match=r"sim features of instances 4, 9, 14 .* - ids\(4, 9, 14\)"
@@ -223,34 +222,34 @@ def test_rows_that_are_not_finite_are_refused(path: Path, tmp_path: Path) -> Non
         assert VisualAxis().measure(evidence(store, "run", rest), SETTINGS).n == N // 5 - 3
 
 
-def test_what_is_missing_is_said(tiny_store: Path, store: Store) -> None:
+def test_missing_embeddings_are_explained(tiny_store: Path, store: Store) -> None:
     assert VisualAxis().missing(evidence(store, "far")) is None
-    with s2rstore.open(tiny_store) as bare:
-        told = VisualAxis().missing(Evidence(bare, "vanilla", np.arange(40)))
-        assert told is not None
-        assert "no embeddings" in told
-        asked = gate.GapRequest(axes=("visual",))
+    with s2rstore.open(tiny_store) as without_embeddings:
+        reason = VisualAxis().missing(Evidence(without_embeddings, "vanilla", np.arange(40)))
+        assert reason is not None
+        assert "no embeddings" in reason
+        request = gate.GapRequest(axes=("visual",))
         with pytest.raises(RequestError, match=r"--axis visual: cannot be measured: .*no embed"):
-            gate.judge_gap(Evidence(bare, "vanilla", np.arange(40)), asked)
+            gate.judge_gap(Evidence(without_embeddings, "vanilla", np.arange(40)), request)
         with pytest.raises(RequestError, match="run 'nobody'"):
-            VisualAxis().missing(Evidence(bare, "nobody", np.arange(40)))
+            VisualAxis().missing(Evidence(without_embeddings, "nobody", np.arange(40)))
 
 
-def test_images_are_looked_at_by_a_declared_network(store: Store, tmp_path: Path) -> None:
-    torch.save(lively(FidInception()).state_dict(), tmp_path / "w.pth")
+def test_a_declared_network_computes_the_features(store: Store, tmp_path: Path) -> None:
+    torch.save(randomize_weights(FidInception()).state_dict(), tmp_path / "w.pth")
     file = tmp_path / "network.toml"
     file.write_text(
         'architecture = "inception_v3_fid"\nweights = "w.pth"\n'
         '[preprocessing]\nsize = [75, 75]\nfilter = "bilinear"\nrange = [-1.0, 1.0]\n'
     )
     iids = np.arange(0, 60)
-    asked = Evidence(store, "near", iids, features=file)
-    found = VisualAxis().measure(asked, SETTINGS)
-    assert found.n == 60  # images that a pose model was trained on count for another network
-    assert found.fingerprint["features"] == "inception_v3_fid:pool3"
-    assert found.fingerprint["dimensions"] == 2048
-    anchor = VisualAxis().anchor(asked, SETTINGS)
-    assert anchor.value != found.value  # `near` brightens what `far` leaves as it is
+    evidence_of_near = Evidence(store, "near", iids, features=file)
+    result = VisualAxis().measure(evidence_of_near, SETTINGS)
+    assert result.n == 60  # training images of the pose model are valid for another network
+    assert result.fingerprint["features"] == "inception_v3_fid:pool3"
+    assert result.fingerprint["dimensions"] == 2048
+    anchor = VisualAxis().anchor(evidence_of_near, SETTINGS)
+    assert anchor.value != result.value  # `near` brightens the images of `far`
     (tmp_path / "w.pth").unlink()
     with pytest.raises(RequestError, match=r"w\.pth: cannot be read"):
-        VisualAxis().measure(asked, SETTINGS)
+        VisualAxis().measure(evidence_of_near, SETTINGS)
