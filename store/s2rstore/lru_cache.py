@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from threading import Event, Lock
@@ -13,11 +14,14 @@ V = TypeVar("V")
 class LruCache:
     """The most recently used values, up to `limit` bytes in total, but at least one.
 
-    Values are numpy arrays, or anything else that has `nbytes`.
+    `size` measures a value in bytes; by default its `nbytes`, as numpy arrays have it.
     """
 
-    def __init__(self, limit: int) -> None:
+    def __init__(
+        self, limit: int, size: Callable[[Any], int] = operator.attrgetter("nbytes")
+    ) -> None:
         self._limit = limit
+        self._size = size
         self._values: OrderedDict[Hashable, Any] = OrderedDict()
         self._total = 0
         self._lock = Lock()
@@ -44,9 +48,9 @@ class LruCache:
             value = compute()
             with self._lock:
                 self._values[key] = value
-                self._total += int(value.nbytes)  # type: ignore[attr-defined]
+                self._total += self._size(value)
                 while self._total > self._limit and len(self._values) > 1:
-                    self._total -= self._values.popitem(last=False)[1].nbytes
+                    self._total -= self._size(self._values.popitem(last=False)[1])
             return value
         finally:
             with self._lock:
@@ -60,7 +64,7 @@ class LruCache:
         """Drop the values whose keys meet a condition."""
         with self._lock:
             for key in [key for key in self._values if condition(key)]:
-                self._total -= self._values.pop(key).nbytes
+                self._total -= self._size(self._values.pop(key))
 
     def clear(self) -> None:
         """Drop all values."""

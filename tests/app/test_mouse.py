@@ -108,7 +108,9 @@ async def test_sliders_cannot_be_brushed(tiny_store: Path) -> None:
     app = S2RApp(Session(tiny_store), RenderOptions())
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
-        await pilot.press("a", "x")
+        await pilot.press("a")
+        await settle(app, pilot)
+        await pilot.press("x")
         assert app.session.state.message.startswith("nothing to brush in adjust")
         await pilot.press("enter")
         assert app.session.state.brush is None

@@ -14,7 +14,7 @@ from s2rstore.index import column_loader
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.actions import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import Session, pending_target, shared_selection
+from s2rtui.session import Session, navigation, pending_target, selection, shared_selection
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
@@ -34,9 +34,9 @@ PENDING_ACTIONS: dict[str, Key] = {
     "typed": lambda s: s.dispatch(shared_selection.select_text, "real.loss > 0.3"),
     "saved": lambda s: s.dispatch(shared_selection.select_text, "@costly & all"),
     "pasted": paste_shared_selection,
-    "run": lambda s: s.change_run(1),
-    "undo": Session.undo,
-    "redo": Session.redo,
+    "run": lambda s: s.dispatch(navigation.change_run, 1),
+    "undo": lambda s: s.dispatch(selection.undo),
+    "redo": lambda s: s.dispatch(selection.redo),
     "alike": lambda s: s.select("like(20, 6)"),
     "other run": lambda s: s.select('worst(3, run("c").real.error)'),
 }

@@ -82,9 +82,9 @@ def test_eight_users_while_a_precompute_publishes(
     for screen in screens:
         screen.press("c")
         screen.wait_for("│ 40 of 40 │", 120)
-        screen.wait_for(f"generation {newest} is there")
+        screen.wait_for(f"({newest} available")
         screen.press("g")
-        screen.wait_for(lambda text: text.splitlines()[0].endswith(f"gen {newest}"))
+        screen.wait_for(lambda text: text.splitlines()[0].endswith(f"generation {newest}"))
         screen.press("w")
         screen.wait_for("│ 6 of 40 │")
     for screen in screens:

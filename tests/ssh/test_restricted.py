@@ -94,7 +94,7 @@ def test_no_key_opens_a_shell(server: Sshd, open_screen: OpenScreen) -> None:
     for keys in (CTRL_Z, CTRL_C, b"\x1c", b"!", b":", b"~.", b"\x1a\x1a", ESCAPE):
         screen.press(keys)
     screen.press(CTRL_P)
-    screen.wait_for("list all keys (?)")
+    screen.wait_for("add the next selection (|)")
     for word, offer in (("screenshot", "SVG"), ("theme", "current theme"), ("suspend", "Suspend")):
         for length in range(1, len(word) + 1):
             screen.press(word[length - 1])

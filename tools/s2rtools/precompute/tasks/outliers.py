@@ -58,7 +58,7 @@ def compute_distances(
     for spec in unit.missing:
         points = stage.source_array(root, "pca", spec.side)
         distances[spec] = neighbour_distance(
-            points.oindex[iids], iids, points.oindex[sample], sample, threads
+            points.at(iids), iids, points.at(sample), sample, threads
         )
     return distances
 
