@@ -17,7 +17,7 @@ from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.models.pose_network import PoseNetwork
-from s2rtools.precompute.registration import insert_run
+from s2rtools.precompute.run_registration import insert_run
 
 SHARD = 64
 

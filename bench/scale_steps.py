@@ -26,8 +26,9 @@ from s2rtui.session import (
     Session,
     instance_list,
     navigation,
-    run_differences,
+    run_comparison,
     selection,
+    undo_history,
     view_settings,
 )
 from s2rtui.session.state import Operator
@@ -73,7 +74,7 @@ def changes(session: Session, turn: int) -> list[tuple[str, Step]]:
         ("intersection", join("intersect", _room(t + 3))),
         ("union", join("union", _room(t + 5))),
         ("complement", lambda: session.dispatch(selection.complement)),
-        ("undo", lambda: session.dispatch(selection.undo)),
+        ("undo", lambda: session.dispatch(undo_history.undo)),
     ]
 
 
@@ -95,7 +96,7 @@ def numbers(scene: Scene) -> None:
     frame = map_layout(shown, _MAP).frame
     unselected_dots(shown.truth, model.selection, frame)
     highest_levels(shown.truth, shown.values, value_range, model.selection, frame)
-    other = run_differences.other_run(scene.state)
+    other = run_comparison.other_run(scene.state)
     compare_model(BY_NAME["compare"].pair_input(scene, other))
 
 

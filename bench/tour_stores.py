@@ -18,7 +18,7 @@ from s2rtools.datasets.build import build
 from s2rtools.datasets.importers import world as importer
 from s2rtools.datasets.scan import InstanceRecord, ScanOptions
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.registration import insert_run
+from s2rtools.precompute.run_registration import insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from s2rtools.synthetic_world.factors import FACTORS
 from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer

@@ -22,6 +22,7 @@ from s2rtui.session import (
     instance_list,
     navigation,
     selection,
+    undo_history,
     view_settings,
 )
 from s2rtui.session.context import Reducer, SessionContext
@@ -225,8 +226,8 @@ ACTIONS: tuple[Action, ...] = (
     *_ADJUSTING,
     Action("edit", "slash", "select", "type a selection expression", None, "query", "/", "still",
            command=lambda app: app.prompt.edit_expression()),
-    Action("undo", "u", "select", "undo: the previous expression", _do(selection.undo)),
-    Action("redo", "U", "select", "redo: the next expression", _do(selection.redo)),
+    Action("undo", "u", "select", "undo: the previous expression", _do(undo_history.undo)),
+    Action("redo", "U", "select", "redo: the next expression", _do(undo_history.redo)),
     Action("copy", "y", "select", "copy the expression to the clipboard",
            command=lambda app: app.export.copy_expression()),
     Action("save_selection", "at", "select", "save the selection under a name", shown="@",

@@ -11,10 +11,12 @@ from typing import ClassVar
 from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.color import Color
 from textual.filter import LineFilter
 from textual.geometry import Size
 from textual.message import Message
 from textual.screen import Screen
+from textual.theme import Theme as TextualTheme
 from textual.widgets import Input
 
 from s2rstore.errors import S2RError
@@ -42,11 +44,10 @@ from s2rtui.app.screens.doctor import DoctorScreen
 from s2rtui.app.screens.help import HelpScreen
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.app.status_line import Bar
-from s2rtui.app.theme import textual_theme
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.app.widgets.query_input import QueryInput
-from s2rtui.canvas import ColourMode, RenderOptions
+from s2rtui.canvas import ColourMode, RenderOptions, Rgb, Theme
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import Resources
 from s2rtui.jobs import background_thread
@@ -303,3 +304,25 @@ class S2RApp(GuardedApp):
             if action.description and action.applies(state):
                 run = partial(self.run_action, action.call)
                 yield SystemCommand(f"{action.description} ({action.key})", action.group, run)
+
+
+def textual_theme(theme: Theme) -> TextualTheme:
+    """The style sheet tokens for a canvas theme."""
+    return TextualTheme(
+        name=f"s2r-{theme.name}",
+        primary=_hex(theme.sim),
+        secondary=_hex(theme.truth),
+        accent=_hex(theme.truth),
+        foreground=_hex(theme.text),
+        background=_hex(theme.background),
+        surface=_hex(theme.highlight),
+        panel=_hex(theme.highlight),
+        error=_hex(theme.real),
+        warning=_hex(theme.truth),
+        success=_hex(theme.sim),
+        dark=theme.dark,
+    )
+
+
+def _hex(rgb: Rgb) -> str:
+    return Color(*rgb).hex

@@ -1,7 +1,7 @@
 """Drawing in character cells: the canvas, colours, glyphs, rasters and brush panels."""
 
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import (
+from s2rtui.canvas.colour import (  # fmt: skip
     DARK,
     LIGHT,
     THEMES,
@@ -14,9 +14,9 @@ from s2rtui.canvas.colour import (
     luma,
     mix,
     turbo,
-)  # fmt: skip
+)
 from s2rtui.canvas.marks import Mark, Panel, Point
-from s2rtui.canvas.render_options import (
+from s2rtui.canvas.render_options import (  # fmt: skip
     ASCII,
     DEFAULT_OPTIONS,
     DIGITS,
@@ -24,7 +24,7 @@ from s2rtui.canvas.render_options import (
     Glyphs,
     RenderOptions,
     heading_arrow,
-)  # fmt: skip
+)
 
 __all__ = [
     "ASCII", "DARK", "DEFAULT_OPTIONS", "DIGITS", "LIGHT", "THEMES", "UNICODE", "Canvas",

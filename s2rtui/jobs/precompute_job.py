@@ -55,7 +55,7 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains) -> Precompute
     a name in use, an unknown run, a store that is read-only or being computed in, and cameras that
     cannot be moved; ModuleNotFoundError if the tools are not installed.
     """
-    from s2rtools.precompute.registration import add_run, drop_run
+    from s2rtools.precompute.run_registration import add_run, drop_run
 
     with locks.compute_lock(root):
         pass  # raises before anything is registered
@@ -139,7 +139,7 @@ class PrecomputeJob:
         if self._is_cancelled:
             return replace(failed, outcome="cancelled", error="")
         try:
-            from s2rtools.precompute.registration import drop_run
+            from s2rtools.precompute.run_registration import drop_run
 
             drop_run(self.root, self.run)
         except Exception as error:  # the outcome must always be reported

@@ -22,7 +22,7 @@ from s2rtui.session.loaded_data_origin import (
     instance_provenance,
     visible_floor_key,
 )
-from s2rtui.session.run_differences import other_run
+from s2rtui.session.run_comparison import other_run
 from s2rtui.session.session import INDEX_MEMORY
 from s2rtui.session.state import State
 

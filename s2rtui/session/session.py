@@ -20,7 +20,7 @@ from s2rstore.reader import Store
 from s2rtui.session import navigation, pending_target, selection
 from s2rtui.session.context import BasePopulations, Reducer, SessionContext
 from s2rtui.session.heatmaps import with_heat
-from s2rtui.session.run_differences import runs_in_use
+from s2rtui.session.run_comparison import runs_in_use
 from s2rtui.session.state import HistoryFile, Operator, State
 from s2rtui.user_data.notebook import Notebook, Notes
 

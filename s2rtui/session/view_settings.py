@@ -10,7 +10,7 @@ from s2rstore.records import Side
 from s2rtui.analysis.map_frame import centred_within, panned, zoomed
 from s2rtui.session.context import SessionContext
 from s2rtui.session.heatmaps import heatmap_choices, sample_note
-from s2rtui.session.run_differences import other_run
+from s2rtui.session.run_comparison import other_run
 from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, Brush, State
 
 CLOSEST = 1 / 200

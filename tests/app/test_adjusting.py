@@ -16,7 +16,7 @@ from s2rstore.errors import RequestError
 from s2rtools.adjustments import ADJUSTMENTS, make_chain
 from s2rtools.interactive import LiveModel
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import run_save
 from s2rtui.app.pilot import settle, take_screenshot

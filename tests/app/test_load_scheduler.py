@@ -18,7 +18,7 @@ from textual.pilot import Pilot
 import s2rstore
 from s2rstore.index import column_loader
 from s2rstore.lru_cache import LruCache
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 from s2rtui.app import pilot as headless
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import RunSaveProgressed

@@ -18,7 +18,7 @@ from s2rtools.adjustments import make_chain, parse_adjustment
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice

@@ -24,7 +24,7 @@ from s2rtools.inference import open_backend
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth

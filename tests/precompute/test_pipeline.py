@@ -23,7 +23,7 @@ from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 
 pytestmark = pytest.mark.xdist_group("computed")
 

@@ -12,7 +12,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registration import add_run
+from s2rtools.precompute.run_registration import add_run
 from s2rtools.precompute.tasks.umap_projection import joint_umap, principal_components
 
 

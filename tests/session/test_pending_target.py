@@ -14,7 +14,13 @@ from s2rstore.index import column_loader
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.actions import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import Session, navigation, pending_target, selection, shared_selection
+from s2rtui.session import (
+    Session,
+    navigation,
+    pending_target,
+    shared_selection,
+    undo_history,
+)
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
@@ -35,8 +41,8 @@ PENDING_ACTIONS: dict[str, Key] = {
     "saved": lambda s: s.dispatch(shared_selection.select_text, "@costly & all"),
     "pasted": paste_shared_selection,
     "run": lambda s: s.dispatch(navigation.change_run, 1),
-    "undo": lambda s: s.dispatch(selection.undo),
-    "redo": lambda s: s.dispatch(selection.redo),
+    "undo": lambda s: s.dispatch(undo_history.undo),
+    "redo": lambda s: s.dispatch(undo_history.redo),
     "alike": lambda s: s.select("like(20, 6)"),
     "other run": lambda s: s.select('worst(3, run("c").real.error)'),
 }

@@ -19,7 +19,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import make_chain
-from s2rtools.precompute.registration import add_run, drop_run
+from s2rtools.precompute.run_registration import add_run, drop_run
 from s2rtui.cli import main
 from s2rtui.jobs.precompute_job import PrecomputeJob, save_run
 from tests.support.copies import copy_store

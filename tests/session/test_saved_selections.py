@@ -12,7 +12,7 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.files.locks import file_lock
-from s2rtui.session import Session, navigation, selection, shared_selection
+from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.shared_lines import shared_line
@@ -29,15 +29,15 @@ def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
     session.select("@gone & curved")
     session.select("worst15")
     session.writable_notebook.forget("gone")
-    state = session.dispatch(selection.undo)
+    state = session.dispatch(undo_history.undo)
     assert state.expression == "best15"
     assert "left out: @gone & curved" in state.message
-    assert session.dispatch(selection.redo).expression == "worst15"
+    assert session.dispatch(undo_history.redo).expression == "worst15"
     session.writable_notebook.save("gone", shared_selection.current_selection(session.state))
     session.select("@gone")
-    session.dispatch(selection.undo)
+    session.dispatch(undo_history.undo)
     session.writable_notebook.forget("gone")
-    state = session.dispatch(selection.redo)
+    state = session.dispatch(undo_history.redo)
     assert (state.expression, state.future) == ("worst15", ())
     assert "nothing to redo; left out: @gone" in state.message
 
@@ -47,7 +47,7 @@ def test_undo_reports_skipped_expressions(session: Session) -> None:
     session.set_state(replace(session.state, past=("@door",)))
     session.writable_notebook.toggle_tag([1], "door")
     before = session.state.expression
-    state = session.dispatch(selection.undo)
+    state = session.dispatch(undo_history.undo)
     assert (state.expression, state.past) == (before, ())
     assert "nothing to undo; left out: @door" in state.message
 

@@ -19,7 +19,14 @@ from s2rtui.app.actions import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.list.view import ListView
 from s2rtui.charts.scene import Resources, Scene
-from s2rtui.session import Session, evaluation, instance_list, selection, shared_selection
+from s2rtui.session import (
+    Session,
+    evaluation,
+    instance_list,
+    selection,
+    shared_selection,
+    undo_history,
+)
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import embeddings
 from tests.support.shared_lines import shared_line
@@ -103,12 +110,12 @@ def test_an_invalid_expression_keeps_state_and_operator(session: Session) -> Non
 def test_redo_ends_at_a_new_selection(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
-    session.dispatch(selection.undo)
-    assert session.dispatch(selection.redo).expression == "best15"
-    assert session.dispatch(selection.redo).message == "nothing to redo"
-    session.dispatch(selection.undo)
+    session.dispatch(undo_history.undo)
+    assert session.dispatch(undo_history.redo).expression == "best15"
+    assert session.dispatch(undo_history.redo).message == "nothing to redo"
+    session.dispatch(undo_history.undo)
     session.select("none")
-    assert session.dispatch(selection.redo).message == "nothing to redo"
+    assert session.dispatch(undo_history.redo).message == "nothing to redo"
 
 
 def test_the_example_query_takes_three_selections(session: Session) -> None:

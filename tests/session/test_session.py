@@ -14,7 +14,7 @@ from s2rstore.language import ExpressionError
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.shared.base_map_model import map_input
-from s2rtui.session import Session, navigation, selection, view_settings
+from s2rtui.session import Session, navigation, undo_history, view_settings
 from s2rtui.session.heatmaps import heatmap_choices, instance_grid, run_grid
 from tests.support import tiny
 
@@ -75,9 +75,9 @@ def test_the_cursor_cycles_through_the_selection(session: Session) -> None:
 def test_undo_goes_back_one_expression_at_a_time(session: Session) -> None:
     session.select("worst15")
     session.select("best15")
-    assert session.dispatch(selection.undo).expression == "worst15"
-    session.dispatch(selection.undo)
-    assert session.dispatch(selection.undo).message == "nothing to undo"
+    assert session.dispatch(undo_history.undo).expression == "worst15"
+    session.dispatch(undo_history.undo)
+    assert session.dispatch(undo_history.undo).message == "nothing to undo"
 
 
 def test_changing_runs_keeps_the_expression(session: Session) -> None:

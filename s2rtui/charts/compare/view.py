@@ -19,7 +19,7 @@ from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
-from s2rtui.session import pending_target, run_differences
+from s2rtui.session import pending_target, run_comparison
 
 _WIDE, _TALL = 56, 30
 _EQUAL = 0.05
@@ -35,7 +35,7 @@ class CompareView(PointsView):
     figure_size = (2100, 900)
 
     def subtitle(self, scene: Scene) -> str:
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None:
             return "there is only one run"
         return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
@@ -53,7 +53,7 @@ class CompareView(PointsView):
         )  # fmt: skip
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
-        state, other = scene.state, run_differences.other_run(scene.state)
+        state, other = scene.state, run_comparison.other_run(scene.state)
         if other is None:
             return ()
         if not pending_target.run_is_loaded(scene.store, other):
@@ -62,14 +62,14 @@ class CompareView(PointsView):
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         canvas = Canvas(*size, options)
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None:
             canvas.text(0, 0, "nothing to compare with", options.theme.muted)
             return canvas
         if not pending_target.run_is_loaded(scene.store, other):
             canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
-        notes = run_differences.differences(scene.store, scene.state.run, other)
+        notes = run_comparison.differences(scene.store, scene.state.run, other)
         top = min(len(notes), max(0, size[1] - 3))
         for row, note in enumerate(notes[:top]):
             canvas.text(0, row, note[: canvas.width], options.theme.truth)
@@ -109,7 +109,7 @@ class CompareView(PointsView):
         return first, second
 
     def summary(self, scene: Scene) -> str:
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None:
             return "There is only one run."
         summary = compare_model(self.pair_input(scene, other)).summary
@@ -123,30 +123,30 @@ class CompareView(PointsView):
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.compare import paper
 
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None:
             raise RequestError("--view compare: there is only one run")
-        notes = tuple(run_differences.differences(scene.store, scene.state.run, other))
+        notes = tuple(run_comparison.differences(scene.store, scene.state.run, other))
         return paper.compare_figure(
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None or not pending_target.run_is_loaded(scene.store, other):
             return ()
-        notes = run_differences.differences(scene.store, scene.state.run, other)
+        notes = run_comparison.differences(scene.store, scene.state.run, other)
         top = min(len(notes), max(0, size[1] - 3))
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
         panels = compare_panels(self.pair_input(scene, other), inner, options, scene.state.viewport)
-        return [run_differences.lowered(panel, top + maps) for panel in panels]
+        return [panel.moved_down(top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
                  "equal")  # fmt: skip
-        other = run_differences.other_run(scene.state)
+        other = run_comparison.other_run(scene.state)
         if other is None:
             return names, []
         view, truth = self.pair_input(scene, other), scene.store.instances

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.adjustments import parse_adjustment
-    from s2rtools.precompute.registration import add_run
+    from s2rtools.precompute.run_registration import add_run
 
     chains: dict[str, list[dict[str, object]]] = {"sim": [], "real": []}
     for text in options.adjust:

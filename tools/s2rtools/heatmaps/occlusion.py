@@ -12,7 +12,13 @@ from torch import Tensor
 
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import (
+    HeatArrays,
+    HeatmapKind,
+    OutputSpec,
+    PairBatch,
+    Ray,
+)
 from s2rtools.incremental_inference import (
     LocalGraph,
     PixelRegion,

@@ -20,7 +20,7 @@ from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import check_name_free, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.registration import find_domain, insert_run
+from s2rtools.precompute.run_registration import find_domain, insert_run
 from s2rtools.training.recipes import find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
 from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from s2rstore.geometry.camera_offset import hfov
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain
 from s2rstore.run_inputs import run_domain
-from s2rtui.canvas.marks import Panel, Point
 from s2rtui.session.state import State
 
 
@@ -53,16 +51,3 @@ def _cameras(one: Domain, two: Domain, width: int) -> str:
         f"{name} {a:.2f} and {b:.2f} {unit}" for name, a, b, unit in figures if abs(a - b) > 5e-3
     ]
     return f"the cameras differ: {', '.join(differing)}" if differing else ""
-
-
-def lowered(panel: Panel, rows: int) -> Panel:
-    """A panel moved down by some rows of its view."""
-
-    def to_data(column: float, row: float) -> Point:
-        return panel.to_data(column, row - rows)
-
-    def to_cells(x: float, y: float) -> Point:
-        column, row = panel.to_cells(x, y)
-        return column, row + rows
-
-    return replace(panel, y=panel.y + rows, to_data=to_data, to_cells=to_cells)
