@@ -231,11 +231,11 @@ ACTIONS: tuple[Action, ...] = (
     Action("copy", "y", "select", "copy the expression to the clipboard",
            command=lambda app: app.export.copy_expression()),
     Action("save_selection", "at", "select", "save the selection under a name", shown="@",
-           command=lambda app: app.prompt.save_selection()),
+           command=lambda app: app.annotations.save_selection()),
     Action("write_selection", "F", "select", "export the selection: CSV, JSON, Parquet",
            command=lambda app: app.export.ask_selection_file()),
     Action("selections", "f", "select", "saved selections and history",
-           command=lambda app: app.prompt.choose_selection()),
+           command=lambda app: app.annotations.choose_selection()),
     Action("next_instance", "n", "move", "next instance",
            _do(navigation.move_cursor, 1), when="still"),
     Action("previous_instance", "p", "move", "previous instance",
@@ -294,9 +294,9 @@ ACTIONS: tuple[Action, ...] = (
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",
-           command=lambda app: app.prompt.edit_note()),
+           command=lambda app: app.annotations.edit_note()),
     Action("tag", "number_sign", "review", "tag this instance", shown="#",
-           command=lambda app: app.prompt.edit_tag()),
+           command=lambda app: app.annotations.edit_tag()),
     *(
         Action(f"view('{view.name}')", view.key, "views", view.description)
         for view in VIEWS

@@ -27,6 +27,7 @@ from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
+from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.run_save import RunSaveController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
@@ -75,6 +76,7 @@ class S2RApp(GuardedApp):
     ]
     brush: BrushController
     prompt: PromptController
+    annotations: AnnotationController
     export: ExportController
     run_save: RunSaveController
     navigation: NavigationController
@@ -104,6 +106,7 @@ class S2RApp(GuardedApp):
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
         self.prompt = PromptController(self)
+        self.annotations = AnnotationController(self)
         self.export = ExportController(self)
         self.run_save = RunSaveController(self)
         self.navigation = NavigationController(self)
