@@ -132,13 +132,13 @@ _SITUATIONS = {
 
 def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
     """Pairs of a group's title and its (key, description, situation)."""
-    from s2rtui.app import actions
+    from s2rtui.app import key_bindings
 
     groups = []
-    for group, title in actions.GROUPS.items():
+    for group, title in key_bindings.GROUPS.items():
         rows = [
             (action.all_keys, action.description, _SITUATIONS.get(action.when, action.when))
-            for action in actions.ACTIONS
+            for action in key_bindings.ACTIONS
             if action.group == group and action.description
         ]
         groups.append((title, rows))

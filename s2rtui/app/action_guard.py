@@ -9,7 +9,7 @@ from textual.actions import ActionParseResult
 from textual.app import App
 from textual.dom import DOMNode
 
-from s2rtui.app.actions import find_action
+from s2rtui.app.key_bindings import find_action
 from s2rtui.security.permissions import Permissions
 from s2rtui.terminal.textual_compat import QuietApp
 

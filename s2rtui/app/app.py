@@ -22,15 +22,15 @@ from textual.widgets import Input
 from s2rstore.errors import S2RError
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.action_guard import GuardedApp
-from s2rtui.app.actions import ACTIONS, BY_NAME, find_action, permitted_actions
+from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
-from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.run_save import RunSaveController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
+from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.messages import (
     BackgroundFailed,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from textual.geometry import Region, Size
 
 from s2rtui.app import layout
-from s2rtui.app.actions import footer
+from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
 from s2rtui.app.titled_view import TitledView

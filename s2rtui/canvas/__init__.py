@@ -1,7 +1,7 @@
 """Drawing in character cells: the canvas, colours, glyphs, rasters and brush panels."""
 
 from s2rtui.canvas.canvas import Canvas, InlineImage, Size
-from s2rtui.canvas.colour import (  # fmt: skip
+from s2rtui.canvas.colour import (
     DARK,
     LIGHT,
     THEMES,
@@ -16,7 +16,7 @@ from s2rtui.canvas.colour import (  # fmt: skip
     turbo,
 )
 from s2rtui.canvas.marks import Mark, Panel, Point
-from s2rtui.canvas.render_options import (  # fmt: skip
+from s2rtui.canvas.render_options import (
     ASCII,
     DEFAULT_OPTIONS,
     DIGITS,

@@ -28,12 +28,7 @@ from s2rstore.language.canonical_text import quoted
 from s2rstore.language.syntax_tree import Ids, Saved, leaves
 from s2rstore.security.printable_text import printable
 from s2rtui.user_data import notebook_schema
-from s2rtui.user_data.notebook_schema import (
-    Remark,
-    SavedSelection,
-    UnreadableEntries,
-    valid_name,
-)
+from s2rtui.user_data.notebook_schema import Remark, SavedSelection, UnreadableEntries, valid_name
 from s2rtui.user_data.user_data_dir import user_data_dir
 
 __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "valid_name"]

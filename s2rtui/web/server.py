@@ -20,13 +20,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from s2rstore.security.printable_text import printable
 from s2rtui.web.page_session import PageSession
-from s2rtui.web.protocol import (
-    MAX_MESSAGE_BYTES,
-    MessageError,
-    Ping,
-    initial_size,
-    read_message,
-)
+from s2rtui.web.protocol import MAX_MESSAGE_BYTES, MessageError, Ping, initial_size, read_message
 from s2rtui.web.request_check import LOOPBACK, RequestCheck, url_host
 
 _FONT_SIZES = range(6, 49)

@@ -10,8 +10,8 @@ from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from s2rtui.app.actions import ACTIONS, footer, help_text, key_label
 from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import ACTIONS, footer, help_text, key_label
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
@@ -78,10 +78,7 @@ async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[
     [
         ((80, 24), {"map"}),
         ((120, 40), {"overview", "map", "instance"}),
-        (
-            (200, 60),
-            {"overview", "umap", "orientation", "rooms", "errors", "map", "instance"},
-        ),
+        ((200, 60), {"overview", "umap", "orientation", "rooms", "errors", "map", "instance"}),
     ],
 )
 async def test_each_size_shows_its_views(

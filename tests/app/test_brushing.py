@@ -11,9 +11,9 @@ from textual.events import MouseScrollDown
 from textual.pilot import Pilot
 
 from s2rstore.errors import RequestError
-from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
 from s2rtui.app.controllers import prompt
+from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
 from s2rtui.canvas import RenderOptions

@@ -75,10 +75,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "future": lambda _, state: ("all",),
 }
 RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
-    "rows": lambda resources: (
-        replace(resources.rows[0], real_accuracy=0.3),
-        *resources.rows[1:],
-    ),
+    "rows": lambda resources: (replace(resources.rows[0], real_accuracy=0.3), *resources.rows[1:]),
     "lines": lambda resources: RunAccuracies(
         "sim", {r: v / 2 for r, v in resources.lines.values.items()}
     ),

@@ -65,9 +65,7 @@ async def test_deleting_a_selection_keeps_the_highlighted_row(tiny_store: Path) 
         assert list(notebook.notes.selections) == ["a", "b"]
 
 
-async def test_an_error_is_cleared_by_the_next_deletion(
-    tiny_store: Path,
-) -> None:
+async def test_an_error_is_cleared_by_the_next_deletion(tiny_store: Path) -> None:
     notebook = save_selections("a", "c")
     notebook.save("b", SavedSelection("@a", 1, "dataaug", 6))
     app = make_app(tiny_store)

@@ -19,11 +19,7 @@ from s2rtui.terminal.capabilities import detect, refuse_unusable
         ({"TERM": "vt100"}, ColourMode.NONE, False),
         ({"NO_COLOR": "1", "COLORTERM": "truecolor"}, ColourMode.NONE, False),
         ({"TERM": "xterm-256color", "LANG": "C"}, ColourMode.PALETTE, True),
-        (
-            {"TERM": "xterm-256color", "LANG": "C", "LC_CTYPE": "C.UTF-8"},
-            ColourMode.PALETTE,
-            True,
-        ),
+        ({"TERM": "xterm-256color", "LANG": "C", "LC_CTYPE": "C.UTF-8"}, ColourMode.PALETTE, True),
         ({"TERM": "xterm", "LC_ALL": "POSIX", "LANG": "en_US.UTF-8"}, ColourMode.ANSI, True),
     ],
 )

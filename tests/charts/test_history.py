@@ -128,12 +128,7 @@ def test_outcomes_are_distinguishable_without_colour() -> None:
         assert len(glyphs) == 4
 
 
-@given(
-    st.floats(-1e6, 1e6),
-    st.floats(0.1, 40),
-    st.integers(1, 30),
-    st.sampled_from([30.0, 120.0]),
-)
+@given(st.floats(-1e6, 1e6), st.floats(0.1, 40), st.integers(1, 30), st.sampled_from([30.0, 120.0]))
 def test_every_value_is_drawn_on_its_side_of_the_threshold(
     value: float, threshold: float, rows: int, maximum: float
 ) -> None:

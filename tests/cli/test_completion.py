@@ -60,10 +60,7 @@ def test_bash_completes_commands_options_choices_and_files(
     assert set(COMMANDS) <= _complete(scripts, tmp_path, "")
     assert _complete(scripts, tmp_path, "pre") == {"precompute"}
     assert {"--reference", "--golden", "--help"} <= _complete(scripts, tmp_path, "gap", "--")
-    assert _complete(scripts, tmp_path, "export", "lab.s2r", "--side", "") == {
-        "sim",
-        "real",
-    }
+    assert _complete(scripts, tmp_path, "export", "lab.s2r", "--side", "") == {"sim", "real"}
     assert "add" in _complete(scripts, tmp_path, "model", "")
     assert "--arch" in _complete(scripts, tmp_path, "model", "add", "--a")
     for command in ("gap", "query", "tui"):

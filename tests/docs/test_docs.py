@@ -116,7 +116,7 @@ def test_registry_names_beside_their_files_exist():
 
 
 def test_the_key_reference_and_the_cheat_sheet_list_every_action():
-    from s2rtui.app.actions import ACTIONS
+    from s2rtui.app.key_bindings import ACTIONS
 
     pages = generator()
     keys, sheet = pages.keys_page(), pages.cheat_sheet_page()

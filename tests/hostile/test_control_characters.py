@@ -27,8 +27,8 @@ from s2rstore.security.printable_text import (
     printable_stream,
     printable_values,
 )
-from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import STORED, VIEWS
@@ -340,11 +340,7 @@ def test_names_with_equal_display_texts_are_rejected(
      ("run", "key"), ("prediction", "split"), ("domain", "kind")],
 )  # fmt: skip
 async def test_hostile_identifiers_are_rejected_or_escaped(
-    tiny_store: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    table: str,
-    column: str,
+    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str, column: str
 ) -> None:
     store = copy_store(tiny_store, tmp_path / "bad.s2r")
     hostile.edit(store, (f'UPDATE "{table}" SET "{column}" = ?', [HOSTILE]))

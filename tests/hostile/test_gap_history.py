@@ -48,9 +48,7 @@ def test_a_date_far_from_the_newest_night_is_rejected(
     assert week.config.history.read_bytes() == before
 
 
-def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(
-    week: nights.Week,
-) -> None:
+def test_a_night_after_a_wrongly_dated_one_is_rejected_with_advice(week: nights.Week) -> None:
     measure_reset_night(week)
     with pytest.raises(RequestError, match="--withdraw 1970-01-01"):
         week.night(1)
@@ -94,9 +92,7 @@ def test_a_withdrawn_night_stays_recorded(week: nights.Week) -> None:
     assert visible == [(nights.day(1),)]
 
 
-def test_latest_refers_to_the_newest_remaining_night(
-    week: nights.Week,
-) -> None:
+def test_latest_refers_to_the_newest_remaining_night(week: nights.Week) -> None:
     week.night(1)
     week.night(2)
     day = str(nights.day(2))

@@ -15,8 +15,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 import s2rtui
-from s2rtui.app.actions import ACTIONS
 from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.status_line import Bar
 from s2rtui.canvas import RenderOptions

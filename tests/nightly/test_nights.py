@@ -212,9 +212,7 @@ def test_a_night_that_cannot_be_measured_never_passes(
     assert [n.exit_code for n in reader.read(week.config.history).nights] == [0, code, 0]
 
 
-def test_a_failed_identification_request_never_passes(
-    week: Week,
-) -> None:
+def test_a_failed_identification_request_never_passes(week: Week) -> None:
     def failing_estimate(sysid: object) -> list:
         raise RequestError("one: no commands.csv")
 

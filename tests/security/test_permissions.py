@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rtui.app import actions
-from s2rtui.app.actions import (
+from s2rtui.app import key_bindings
+from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import (
     ACTIONS,
     Action,
     find_action,
@@ -19,7 +20,6 @@ from s2rtui.app.actions import (
     help_text,
     permitted_actions,
 )
-from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
@@ -70,8 +70,8 @@ def test_an_unrestricted_session_may_do_everything(tmp_path: Path) -> None:
 def action_that_loads_models(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replaces an action by one that loads models."""
     changed = tuple(MODEL_ACTION if action.name == "side" else action for action in ACTIONS)
-    monkeypatch.setattr(actions, "ACTIONS", changed)
-    monkeypatch.setattr(actions, "BY_NAME", {action.name: action for action in changed})
+    monkeypatch.setattr(key_bindings, "ACTIONS", changed)
+    monkeypatch.setattr(key_bindings, "BY_NAME", {action.name: action for action in changed})
 
 
 @pytest.mark.usefixtures("action_that_loads_models")

@@ -48,8 +48,7 @@ async def test_addresses_follow_the_requested_host(serve: StartServer) -> None:
 
 
 @pytest.mark.parametrize(
-    "headers",
-    [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}],
+    "headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}]
 )
 async def test_other_hosts_and_origins_are_rejected(
     serve: StartServer, headers: dict[str, str]

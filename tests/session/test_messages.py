@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from s2rtui.app.actions import ACTIONS
+from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.session import Session, State, view_settings
 from s2rtui.session.state import Adjust, Slider
 

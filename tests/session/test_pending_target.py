@@ -12,15 +12,9 @@ from hypothesis import strategies as st
 
 from s2rstore.index import column_loader
 from s2rstore.metrics import nearest_neighbours
-from s2rtui.app.actions import ACTIONS
+from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.loaders import store_data
-from s2rtui.session import (
-    Session,
-    navigation,
-    pending_target,
-    shared_selection,
-    undo_history,
-)
+from s2rtui.session import Session, navigation, pending_target, shared_selection, undo_history
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny

@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.language import ExpressionError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.records import Side
-from s2rtui.app.actions import BY_NAME
+from s2rtui.app.key_bindings import BY_NAME
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.list.view import ListView
 from s2rtui.charts.scene import Resources, Scene

@@ -28,8 +28,7 @@ def _files(folder: Path) -> dict[Path, int]:
 
 
 @pytest.mark.parametrize(
-    "command",
-    ["/bin/sh", "cat /etc/passwd", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""],
+    "command", ["/bin/sh", "cat /etc/passwd", "s2r sql S.s2r 'SELECT 1'", "internal-sftp", ""]
 )
 def test_without_a_terminal_every_command_is_rejected(server: Sshd, command: str) -> None:
     arguments = [command] if command else []

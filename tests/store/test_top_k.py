@@ -34,13 +34,7 @@ def test_top_k_of_small_columns(values: list[float], seed: int, count: int, larg
     base_share=st.sampled_from([0.0005, 0.5, 1.0]), ordered=st.booleans(), largest=st.booleans(),
 )  # fmt: skip
 def test_top_k_of_large_columns(
-    seed: int,
-    share: float,
-    digits: int,
-    kind: str,
-    base_share: float,
-    ordered: bool,
-    largest: bool,
+    seed: int, share: float, digits: int, kind: str, base_share: float, ordered: bool, largest: bool
 ) -> None:
     rng = np.random.default_rng(seed)
     n = 90_000

@@ -129,8 +129,7 @@ def test_the_compute_lock_names_its_holder(store_copy: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "hint"),
-    [(None, "not a store"), ("{", "damaged"), ('{"generation": 1}', "damaged")],
+    ("content", "hint"), [(None, "not a store"), ("{", "damaged"), ('{"generation": 1}', "damaged")]
 )
 def test_an_invalid_store_is_refused(tmp_path: Path, content: str | None, hint: str) -> None:
     if content is not None:

@@ -14,10 +14,7 @@ from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
 
-ROOMS = (
-    Room("left hall", 0, 0.0, 0.0, 5.0, 8.0),
-    Room("right", 1, 5.0, 0.0, 10.0, 8.0),
-)
+ROOMS = (Room("left hall", 0, 0.0, 0.0, 5.0, 8.0), Room("right", 1, 5.0, 0.0, 10.0, 8.0))
 RUNS = ("vanilla", "dataaug")
 SIZE = 16
 

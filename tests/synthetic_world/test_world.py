@@ -14,12 +14,7 @@ from s2rtools.synthetic_world.factors import FACTORS, complete_severities, parse
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster
 from s2rtools.synthetic_world.scene_geometry import ScenePart, WorldScene
-from s2rtools.synthetic_world.world import (
-    World,
-    apply_sensor_factors,
-    side_camera,
-    standard_camera,
-)
+from s2rtools.synthetic_world.world import World, apply_sensor_factors, side_camera, standard_camera
 from s2rtools.training import pretrained
 
 SEEDS = (1, 2, 5)

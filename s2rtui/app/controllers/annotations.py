@@ -40,7 +40,9 @@ class AnnotationController:
 
     def save_selection(self) -> None:
         """Save the selection under a name."""
-        self._app.prompt.ask(self._save_selection, "", "a name for this selection: it becomes @name")
+        self._app.prompt.ask(
+            self._save_selection, "", "a name for this selection: it becomes @name"
+        )
 
     def _save_selection(self, name: str) -> None:
         session = self._app.session

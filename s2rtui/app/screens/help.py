@@ -10,7 +10,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from s2rstore.security.printable_text import printable_lines
-from s2rtui.app.actions import help_text
+from s2rtui.app.key_bindings import help_text
 from s2rtui.app.screens import ModalBase
 from s2rtui.security import Permissions
 
@@ -18,9 +18,7 @@ from s2rtui.security import Permissions
 class HelpScreen(ModalBase[None]):
     """Lists all actions; up and down scroll."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        ("escape,question_mark,q,enter", "dismiss", "close"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = [("escape,question_mark,q,enter", "dismiss", "close")]
 
     def __init__(self, access: Permissions) -> None:
         super().__init__()

@@ -10,7 +10,7 @@ from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from s2rtui.app.actions import BY_NAME
+from s2rtui.app.key_bindings import BY_NAME
 from s2rtui.app.screens import ModalBase
 
 _STEPS = (

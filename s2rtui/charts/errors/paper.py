@@ -6,13 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.errors.model import (
-    NAMES,
-    ErrorsInput,
-    ErrorsModel,
-    SideErrors,
-    errors_model,
-)
+from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.paper import (
     Ink,

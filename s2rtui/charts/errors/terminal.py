@@ -8,24 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    Mark,
-    Panel,
-    Point,
-    RenderOptions,
-    Rgb,
-    Size,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
 from s2rtui.canvas.marks import mark_on_panel, mark_range
-from s2rtui.charts.errors.model import (
-    NAMES,
-    ErrorsInput,
-    ErrorsModel,
-    SideErrors,
-    errors_model,
-)
+from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.bars import draw_vertical_bars, put_over_bar
 

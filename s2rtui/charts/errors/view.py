@@ -10,12 +10,7 @@ import numpy as np
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.errors.model import ErrorsInput, errors_model
 from s2rtui.charts.errors.terminal import draw_errors, errors_panels
-from s2rtui.charts.mark_expressions import (
-    cell_width,
-    number_text,
-    range_expression,
-    round_to_cell,
-)
+from s2rtui.charts.mark_expressions import cell_width, number_text, range_expression, round_to_cell
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pixels, Table, View
 

@@ -8,12 +8,7 @@ from s2rstore.errors import RequestError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtui.charts.shared.image_pair_model import (
-    InstanceInput,
-    PoseNumbers,
-    SideView,
-    heat_fields,
-)
+from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
 from s2rtui.session.model_input import ModelInput, model_input
 from s2rtui.session.state import HeatChoice
 

@@ -8,13 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import (
-    Bins,
-    Bools,
-    SelectionIndices,
-    count_selected,
-    sum_selected,
-)
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, count_selected, sum_selected
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats

@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtui.analysis import joint_histogram
-from s2rtui.analysis.binning import (
-    Bins,
-    Bools,
-    SelectionIndices,
-    bin_values,
-    selection_indices,
-)
+from s2rtui.analysis.binning import Bins, Bools, SelectionIndices, bin_values, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.canvas.marks import wrap_degrees

@@ -9,16 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.geometry import angles
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    Mark,
-    Panel,
-    Point,
-    RenderOptions,
-    Rgb,
-    Size,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
 from s2rtui.canvas.marks import mark_arc, mark_on_panel, wrap_degrees
 from s2rtui.charts.orientation.dial import Dial, dial_of, draw_dial
 from s2rtui.charts.orientation.model import (

@@ -8,14 +8,7 @@ import numpy as np
 
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
-from s2rtui.charts.shared.paper import (
-    Ink,
-    Page,
-    Pixels,
-    new_page,
-    set_panel_title,
-    style_axes,
-)
+from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, set_panel_title, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

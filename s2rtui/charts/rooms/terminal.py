@@ -8,16 +8,7 @@ from functools import partial
 import numpy as np
 from rich.cells import cell_len, set_cell_size
 
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    Mark,
-    Panel,
-    Point,
-    RenderOptions,
-    Rgb,
-    Size,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, Panel, Point, RenderOptions, Rgb, Size
 from s2rtui.canvas.marks import mark_on_panel, mark_rows
 from s2rtui.charts.rooms.model import NAMES, RoomsInput, RoomsModel, rooms_model
 from s2rtui.charts.shared.bars import draw_horizontal_bars, put_over_bar

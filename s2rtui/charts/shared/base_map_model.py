@@ -15,12 +15,7 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
-from s2rtui.charts.shared.points import (
-    point_cells,
-    stacked_points,
-    true_positions,
-    valid_cursor,
-)
+from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions, valid_cursor
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 

@@ -14,12 +14,7 @@ from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import luma, mix, turbo
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
-from s2rtui.charts.shared.base_map_background import (
-    DIMMED,
-    MapBackground,
-    heat_scale,
-    seen_cells,
-)
+from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
 from s2rtui.charts.shared.paper import Box, Ink, Page, draw_ring, style_plane, wrapped_label
 from s2rtui.charts.shared.points import point_dots

@@ -9,15 +9,7 @@ from functools import partial
 import numpy as np
 
 from s2rtui.analysis.identity_cache import identity_key
-from s2rtui.canvas import (
-    DEFAULT_OPTIONS,
-    Canvas,
-    InlineImage,
-    Pixels,
-    RenderOptions,
-    Size,
-    legible,
-)
+from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, InlineImage, Pixels, RenderOptions, Size, legible
 from s2rtui.canvas.colour import DEPTH_SHADES, depth_tint
 from s2rtui.canvas.raster import draw_image, draw_shades, resample
 from s2rtui.charts.shared.image_pair_model import (

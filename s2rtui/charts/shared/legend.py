@@ -10,16 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from s2rtui.canvas import (
-    DIGITS,
-    Canvas,
-    ColourMode,
-    Pixels,
-    RenderOptions,
-    Rgb,
-    legible,
-    turbo,
-)
+from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
 from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
 Scale = Callable[[NDArray[np.float64]], Pixels]

@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rtui.analysis.binning import (
-    Bins,
-    Codes,
-    SelectionIndices,
-    count_selected,
-    occupied_bins,
-)
+from s2rtui.analysis.binning import Bins, Codes, SelectionIndices, count_selected, occupied_bins
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction

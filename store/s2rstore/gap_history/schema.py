@@ -9,11 +9,7 @@ from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
 from s2rstore.index.schema import Column, ColumnData, Table, statements_of, table_of
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
-BOUNDS = {
-    "": "",
-    "_low": f", lower {LEVEL_TEXT} bound",
-    "_high": f", upper {LEVEL_TEXT} bound",
-}
+BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEVEL_TEXT} bound"}
 """Suffixes of the columns of a figure and its interval, and of their comments."""
 
 

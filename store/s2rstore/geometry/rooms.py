@@ -11,10 +11,7 @@ from s2rstore.records import Room
 
 
 def room_codes(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    rooms: Sequence[Room],
-    names: Sequence[str],
+    x: NDArray[np.float64], y: NDArray[np.float64], rooms: Sequence[Room], names: Sequence[str]
 ) -> NDArray[np.int32]:
     """Index into `names` of each point's room, -1 for none; shape (n,).
 

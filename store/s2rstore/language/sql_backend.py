@@ -11,12 +11,7 @@ from s2rstore.geometry import angles
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.language import fields, lasso
 from s2rstore.language import syntax_tree as tree
-from s2rstore.language.name_resolution import (
-    Neighbours,
-    Vocabulary,
-    expand,
-    similar_instances,
-)
+from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
 from s2rstore.records import SIDES
 
 

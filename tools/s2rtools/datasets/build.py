@@ -28,13 +28,7 @@ from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.index_rows import write_index
-from s2rtools.datasets.scan import (
-    DecodedFrame,
-    FrameChecksum,
-    InputIssue,
-    InstanceRecord,
-    Scan,
-)
+from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InputIssue, InstanceRecord, Scan
 
 SHARD_ROWS = 64
 _MAX_FLOOR_PLAN_SIDE = 1056

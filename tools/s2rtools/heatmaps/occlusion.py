@@ -12,19 +12,8 @@ from torch import Tensor
 
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
-from s2rtools.heatmaps.heatmap_method import (
-    HeatArrays,
-    HeatmapKind,
-    OutputSpec,
-    PairBatch,
-    Ray,
-)
-from s2rtools.incremental_inference import (
-    LocalGraph,
-    PixelRegion,
-    cut_patches,
-    non_local_reason,
-)
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.incremental_inference import LocalGraph, PixelRegion, cut_patches, non_local_reason
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
@@ -131,11 +120,7 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
 
 
 def _recompute_locally(
-    backend: Backend,
-    graph: LocalGraph,
-    inputs: Tensor,
-    others: Tensor,
-    patches: list[PixelRegion],
+    backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))

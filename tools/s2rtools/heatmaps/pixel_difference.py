@@ -6,13 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.heatmaps.heatmap_method import (
-    HeatArrays,
-    HeatmapKind,
-    OutputSpec,
-    PairBatch,
-    Ray,
-)
+from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.models.pose_network import LoadedModel
 
 SIZE = 128

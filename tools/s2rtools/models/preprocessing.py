@@ -13,10 +13,7 @@ DEPTH_LIMIT = 10.0
 
 
 def preprocess(
-    rgb: NDArray[Any],
-    depth: NDArray[Any],
-    depth_scale: float,
-    input_size: tuple[int, int],
+    rgb: NDArray[Any], depth: NDArray[Any], depth_scale: float, input_size: tuple[int, int]
 ) -> NDArray[np.float32]:
     """rgb (B, H, W, 3) and raw depth (B, H, W) -> (B, 4, h, w) in [-1, 1], RGB then depth.
 

@@ -30,10 +30,7 @@ def write(folder: Path, result: Identification, residual: Residual | None) -> di
     """
     content = result_json(result, residual)
     title = f"Identification of {content['simulator']} from {len(result.fitted)} drives"
-    files = {
-        PICTURE: convergence_figure(result.traces, title),
-        TABLE: table(content).encode(),
-    }
+    files = {PICTURE: convergence_figure(result.traces, title), TABLE: table(content).encode()}
     if residual is not None and residual.accepted:
         files[NETWORK] = residual.weights
     files[RESULT] = (json.dumps(content, indent=1) + "\n").encode()

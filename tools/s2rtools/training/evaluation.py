@@ -18,10 +18,7 @@ Splits = dict[str, NDArray[np.int8]]
 
 
 def predict(
-    network: PoseNetwork,
-    convention: OutputConvention,
-    domain: DomainFrames,
-    rows: NDArray[np.intp],
+    network: PoseNetwork, convention: OutputConvention, domain: DomainFrames, rows: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """Poses (B, 3) of some rows: metres, metres, radians of the map frame."""
     was_training = network.training

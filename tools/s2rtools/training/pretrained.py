@@ -22,11 +22,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
-from s2rtools.models.model_registration import (
-    DEFAULT_CONVENTIONS,
-    read_weights,
-    register_model,
-)
+from s2rtools.models.model_registration import DEFAULT_CONVENTIONS, read_weights, register_model
 from s2rtools.precompute.run_registration import find_domain, insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 

@@ -96,10 +96,7 @@ class DriveErrorOptions:
         relative: dict[str, float | None] = {"rpe_rmse": None, "rpe_heading_rmse": None}
         try:
             steps = rpe(drive.real, sim, self.step, self.alignment)
-            relative = {
-                "rpe_rmse": rmse(steps.position),
-                "rpe_heading_rmse": rmse(steps.heading),
-            }
+            relative = {"rpe_rmse": rmse(steps.position), "rpe_heading_rmse": rmse(steps.heading)}
         except RequestError:
             pass
         return {

@@ -16,10 +16,7 @@ from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSett
 from s2rtools.gap.visual.features import FeatureSource, feature_source
 from s2rtools.gap.visual.kid import KERNEL, block_mmd
 from s2rtools.gap.visual.kl_divergence import bias_warning
-from s2rtools.gap.visual.low_dimensional_samples import (
-    prediction_samples,
-    principal_components,
-)
+from s2rtools.gap.visual.low_dimensional_samples import prediction_samples, principal_components
 from s2rtools.gap.visual.split_half_metrics import split_half_metrics
 
 Floats = NDArray[np.float64]

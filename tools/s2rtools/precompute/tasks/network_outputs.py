@@ -16,13 +16,7 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.work_units import (
-    ArraySpec,
-    Stage,
-    WorkUnit,
-    content_key,
-    run_dependencies,
-)
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key, run_dependencies
 
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64

@@ -16,12 +16,7 @@ from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptio
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE
 from s2rtools.synthetic_world.routes import Poses
-from s2rtools.synthetic_world.world import (
-    DEPTH_MAX,
-    DEPTH_SCALE,
-    TRAJECTORIES,
-    standard_camera,
-)
+from s2rtools.synthetic_world.world import DEPTH_MAX, DEPTH_SCALE, TRAJECTORIES, standard_camera
 
 _FLOOR_PLAN_PIXELS = 1056
 _FRAME_INTERVAL = 0.5
