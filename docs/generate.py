@@ -202,11 +202,11 @@ def schema_page() -> str:
         "value, never NaN.\n",
     ]
     parts += [_schema_table(described) for described in schema.TABLES]
-    comments = schema._pair_comments()
+    comments = schema.pair_comments()
     parts += [
         "## pair (view)\n",
         "One row per run and instance: ground truth and both sides.\n",
-        table(("column", "meaning"), ((code(name), cell(text)) for name, text in comments)),
+        table(("column", "meaning"), ((code(name), cell(text)) for name, text in comments.items())),
         "# Gap history\n",
         "`history/gap.duckdb` in the store (or where `output.history` of the nightly "
         "configuration says). `s2r nightly` writes it.\n",

@@ -257,8 +257,8 @@ VIEWS: tuple[str, ...] = (_pair_view(), _pair_view(frozenset({"outlier"})))
 """The statements with which this release and earlier ones make the views of an index."""
 
 
-def statements() -> list[str]:
-    """The SQL that makes an empty index, comments included."""
+def pair_comments() -> dict[str, str]:
+    """The comment of each column of view `pair`."""
     comments = {"run": "run"} | {c.name: c.comment for c in BY_NAME["instance"].columns}
     comments["iid"] = "instance"
     for side in ("sim", "real"):
@@ -267,6 +267,12 @@ def statements() -> list[str]:
         comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
     comments["gap"] = "real error - sim error, m"
     comments["shift"] = "distance between the sim and the real prediction, m"
+    return comments
+
+
+def statements() -> list[str]:
+    """The SQL that makes an empty index, comments included."""
+    comments = pair_comments()
     return [
         *(statement for table in TABLES for statement in statements_of(table)),
         VIEWS[0],
