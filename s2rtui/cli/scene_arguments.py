@@ -36,7 +36,8 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
         help="aggregation of the heat per map cell; count is the number of pixels "
         "(default mean)")  # fmt: skip
     add("--mode", dest="map_mode", choices=("colour", "glyph", "full"), default="colour",
-        help="drawing mode of the map (default colour)")  # fmt: skip
+        help="map: colour by shift, glyph (direction and size of both errors), or full "
+        "(sim, truth and real joined by lines) (default colour)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
     add("--room-names", action="store_true", help="draw rooms with their names")
 

@@ -97,7 +97,7 @@ class _CellGrid:
         self.underlined = np.zeros((rows, columns), dtype=np.bool_)
 
     def mask(self, char: str, bold: bool, part: int) -> int:
-        """Return the mask of a character's `part`: 0, or 1 for the right half of a wide one."""
+        """Return a character's index in `masks`; `part` is 1 for the right half of a wide one."""
         key = (char, bold and char != " ", part)
         if key not in self.mask_numbers:
             self.mask_numbers[key] = len(self.masks)

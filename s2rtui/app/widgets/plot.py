@@ -75,7 +75,7 @@ class Drag:
         return due
 
     def taken(self) -> Stroke:
-        """The stroke so far; later moves post another message."""
+        """Return the stroke so far; its message is handled, and a later move posts a new one."""
         self._is_posted = False
         start, *trail = self._cells
         return Stroke(self._view, start, tuple(trail), self._done)

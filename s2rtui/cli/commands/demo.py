@@ -50,7 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="random seed of the building (default 1); for any other seed a model "
         "is trained")  # fmt: skip
     add("--instances", type=int, help=f"instances of each trajectory (default {INSTANCES})")
-    add("--factors", default="all", help="same as for `s2r ingest world`")
+    add(
+        "--factors",
+        default="all",
+        metavar="NAME[=SEVERITY],...",
+        help="differences of the real side: names with severities, all or none (default all)",
+    )
     add("--retrain", choices=(QUICK,), help="train one more model beside the pretrained ones")
     add = parser.add_argument_group("your images").add_argument
     add("--data", type=Path, metavar="DIR", help="folder in the Sim2RealViz layout (traj1/ ...)")

@@ -124,6 +124,9 @@ def _ranges(texts: list[str]) -> dict[str, Range]:
         name, _, bounds = text.partition("=")
         try:
             ranges[name.strip()] = parse_range(bounds)
-        except RequestError as error:
-            raise RequestError(f"--range {text}: NAME={error}") from None
+        except RequestError:
+            raise RequestError(
+                f"--range {text}: expected NAME=LOW..HIGH or NAME=LOW..HIGH:log, "
+                "such as latency=0.1..0.5"
+            ) from None
     return ranges

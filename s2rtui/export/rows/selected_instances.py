@@ -71,8 +71,8 @@ def selected_rows(
 ) -> SelectedRows:
     """Return the rows of the instances that an expression selects.
 
-    `columns` are fields of the selection language, `tags` and `note`. `selected` (N,) is the known
-    result of the expression; reading its rows takes little memory. Raises ExpressionError, and
+    `columns` are fields of the selection language, `tags` and `note`. `selected` (N,) is the result
+    of the expression if it is known, which then is not evaluated again. Raises ExpressionError, and
     RequestError for columns and runs that do not exist.
     """
     notes = notes or Notes()

@@ -57,7 +57,7 @@ def _replace(path: Path, change: Change) -> None:
 
 
 def _write(path: Path, base: Path | None, change: Change) -> None:
-    """Write a new file with the changed rows of `base`; its views are created again."""
+    """Write a new file: copy all rows of `base`, apply `change`, create the views again."""
     connection = locked_connection.connect_empty([path.absolute().parent])
     try:
         locked_connection.attach_new(connection, path, "history", schema.statements())

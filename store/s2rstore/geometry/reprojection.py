@@ -108,5 +108,5 @@ class HeatSurface:
         return self._nearer is not None
 
     def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
-        """Raw depth (n, h, w) at which heat lies."""
+        """Raw depth (n, h, w) at which heat is projected: `own`, or the nearer of both surfaces."""
         return own if self._nearer is None or other is None else self._nearer(own, other)

@@ -66,7 +66,9 @@ def check(
 
 
 def _refusal(path: Path, what: str) -> RequestError:
-    return RequestError(f"{path}: holds the {what}, which this program never writes; do not use it")
+    return RequestError(
+        f"{path}: holds the {what}, which this program never writes; do not use this file"
+    )
 
 
 def _check_views(

@@ -75,7 +75,7 @@ def _known(column: str) -> str:
 
 
 def _condition(node: tree.Node, writer: _Writer) -> str:
-    """A condition in parentheses; a chain of one operator takes one pair."""
+    """A condition in parentheses; operands of the same operator share one pair of parentheses."""
     first, links = tree.chain(node)
     parts, joined = [_operand(first, writer)], ""
     for link in links:

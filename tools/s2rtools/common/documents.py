@@ -64,7 +64,7 @@ def _check_values(value: Any, where: str, key: str) -> None:
     elif type(value) is int and abs(value) >= 2**63:
         raise RequestError(f"{place}: expected a number of at most 64 bits")
     elif isinstance(value, str) and (not value.strip() or "\0" in value):
-        raise RequestError(f"{place}: must not be empty")
+        raise RequestError(f"{place}: must not be empty or contain NUL")
 
 
 def _message(text: str, data: Any, kind: Any, key: str) -> str:

@@ -34,7 +34,7 @@ _LIBRARIES = ("numba", "umap-learn", "pynndescent")
 
 @contextmanager
 def cached() -> Iterator[None]:
-    """Cache the compiled functions of libraries that are imported inside.
+    """Cache compiled functions on disk of the libraries that are imported in this context.
 
     Without it, umap-learn compiles for 13 s in each process.
     """

@@ -59,7 +59,7 @@ class Backend:
     def features(self, x: Tensor) -> Tensor:
         """Trunk features in float32."""
         if self.trunk is None:
-            raise RequestError(f"model {self.model.name!r} has no accessible features")
+            raise RequestError(f"model {self.model.name!r} has no accessible feature maps")
         x = x.to(self.device).contiguous(memory_format=torch.channels_last)
         return self.trunk(x).float()
 

@@ -81,7 +81,7 @@ def read(path: Path, topic: str | None = None) -> Log:
     reader = rosbag_reader.read if path.is_dir() else READERS.get(path.suffix.lower())
     if reader is None:
         known = ", ".join(suffix for suffix in READERS if suffix)
-        raise RequestError(f"{path}: unknown log format (known: {known}, folders of ROS 2)")
+        raise RequestError(f"{path}: unknown log format (known: {known}, ROS 2 bag folders)")
     if reader is rosbag_reader.read:
         return rosbag_reader.read(path, topic)
     if topic is not None:

@@ -18,7 +18,7 @@ def withdraw(
 ) -> tuple[Night, ...]:
     """Move the rows of a night to the table `withdrawn`, and publish the newest remaining night.
 
-    Readers of the history no longer see the night, and evidence is no longer dated by it. Its
+    Readers of the history no longer see the night, and the age of evidence no longer counts it. Its
     report files remain. Returns the withdrawn rows. Raises RequestError where the history has no
     such night.
     """

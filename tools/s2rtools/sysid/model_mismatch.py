@@ -94,7 +94,10 @@ class Structure:
 
 def structure(held_out: PredictionError, everything: PredictionError, cube: Floats, count: int,
               rng: np.random.Generator) -> Structure:  # fmt: skip
-    """Test the fit `cube` on the problems over held-out windows and over all windows."""
+    """Test for model mismatch at the fitted parameters `cube`, in unit-cube coordinates.
+
+    Residuals come from the held-out windows, candidate terms from all windows.
+    """
     return Structure(_channels(held_out, cube), _candidates(everything, cube, count, rng))
 
 

@@ -56,9 +56,9 @@ def estimate_noise(log: Log) -> Noise:
 
 
 def noise_squares(real: Log, windows: DriveWindows, noise: Noise) -> Floats:
-    """Expected squares (H, K), m^2, of the windows' end errors under noise of the real poses alone.
+    """Expected squared end errors (horizons H, windows K), m^2, if only the real poses were noisy.
 
-    `windows` are those of `real`; noise of simulated poses counts as a gap. With noise n of the
+    `windows` are those of `real`; noise of simulated poses is not subtracted. With noise n of the
     positions and v of the heading: sum of n^2 + 2 D^2 (1 - exp(-v^2 / 2)), D the distance covered.
     """
     start = _interpolated_variance(real, windows.starts)

@@ -49,7 +49,8 @@ def feature_source(store: Store, run: str, description: Path | None) -> FeatureS
         _, array = store.array(run, "embedding", side)
         if array.shape[0] != len(store.instances):
             raise RequestError(
-                f"run {run!r}: the embedding has another number of instances; run `s2r verify`"
+                f"run {run!r}: the embedding has {array.shape[0]} rows for "
+                f"{len(store.instances)} instances; run `s2r verify`"
             )
         rows = [stored_array.read_rows(array, a, b)[chosen] for a, b, chosen in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
