@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 
 from s2rstore.errors import RequestError
 from s2rtui.app.app import S2RApp
-from s2rtui.app.controllers import prompt
+from s2rtui.app.controllers import annotations
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.app.screens.tour import TourScreen
@@ -561,10 +561,10 @@ async def test_the_number_of_tagged_instances_is_limited(
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "number_sign", *"many*")
-        monkeypatch.setattr(prompt, "_MAX_TAGGED", 39)
+        monkeypatch.setattr(annotations, "_MAX_TAGGED", 39)
         await press(app, pilot, "enter")
         assert "40 instances are too many to tag (at most 39): @" in app.session.state.message
-        monkeypatch.setattr(prompt, "_MAX_TAGGED", 40)
+        monkeypatch.setattr(annotations, "_MAX_TAGGED", 40)
         await press(app, pilot, "enter")
         assert app.session.state.message == "tagged: 40 instances"
         app.session.select("none")
