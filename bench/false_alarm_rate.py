@@ -247,9 +247,9 @@ def _line(row: Row) -> str:
         for m, s, over in zip(means, spread, row.over, strict=True)
     )
     words = "".join(f"{row.words[word]:6d}" for word in WORDS)
-    told = "" if row.good else "  NOT SO"
+    verdict = "" if row.good else "  OUTSIDE THE LIMIT"
     return (f"{row.condition.name:<17} {row.seeds:5d}{words}  {rate:.2f} ({low:.3f} .. {high:.3f})"
-            f"   {gaps}{told}")  # fmt: skip
+            f"   {gaps}{verdict}")  # fmt: skip
 
 
 if __name__ == "__main__":

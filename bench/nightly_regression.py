@@ -213,7 +213,7 @@ def _kept(folder: Path) -> bool:
     nights = [FIRST + datetime.timedelta(days=day) for day in range(DAYS)]
     good = [each.exit_code for each in found] == wanted and [each.night for each in found] == nights
     print(f"history: {len(found)} nights, exit codes {[each.exit_code for each in found]}"
-          f"{'' if good else '  NOT SO'}")  # fmt: skip
+          f"{'' if good else '  OUTSIDE THE LIMIT'}")  # fmt: skip
     return good
 
 
@@ -248,7 +248,7 @@ def _line(night_files: NightFiles) -> str:
     found = night_files.night
     gap = f"{found['gap']:.1f} ({found['gap_low']:.1f} .. {found['gap_high']:.1f})"
     failures = ", ".join(night_files.failures) or "-"
-    problems = f"  NOT SO: {'; '.join(night_files.problems)}" if night_files.problems else ""
+    problems = f"  PROBLEMS: {'; '.join(night_files.problems)}" if night_files.problems else ""
     return (f"{night_files.day:3d}  {night_files.code:4d}  {found['outcome']:<12}  {gap:<19}  "
             f"{found['worst']:<8}  {found['golden']:<6}  {failures}{problems}")  # fmt: skip
 

@@ -45,7 +45,7 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first world")
     options = parser.parse_args()
     print(f"60 s replay: {1e3 * replay_seconds():.2f} ms")
-    inside = cases = alarms = told = 0
+    inside = cases = alarms = detected = 0
     numbers = range(options.first, options.first + options.worlds)
     for number in numbers:
         began = time.perf_counter()
@@ -58,16 +58,16 @@ def main() -> int:
             print(f"{number:3d} {name:14s} {true:9.5f} {value:9.5f}  {low:9.5f} .. {high:9.5f}  "
                   f"{'inside' if good else 'OUTSIDE'}")  # fmt: skip
         print(f"{number:3d} mismatch: {found.structure.mismatch}; {taken:.1f} s", flush=True)
-    print(f"inside: {inside} of {cases}; mismatch told without one: {alarms} of {len(numbers)}")
+    print(f"inside: {inside} of {cases}; mismatch reported without one: {alarms} of {len(numbers)}")
     for number in numbers:
         wheels = (0.01, 0.02, 0.04)[number % 3] * (-1) ** number
         _, found = identified(number, wheels, options.efforts)
-        told += found.structure.mismatch
+        detected += found.structure.mismatch
         one = next(one for one in found.structure.candidates if one.name == "wheels")
-        print(f"{number:3d} wheels {wheels:+.3f}: told {found.structure.mismatch}, estimate "
+        print(f"{number:3d} wheels {wheels:+.3f}: reported {found.structure.mismatch}, estimate "
               f"{one.estimate:+.4f} ({one.low:+.4f} .. {one.high:+.4f})", flush=True)  # fmt: skip
-    print(f"mismatch told where there is one: {told} of {len(numbers)}")
-    return 0 if inside >= NEEDED / 40 * cases and told == len(numbers) else 1
+    print(f"mismatch reported where there is one: {detected} of {len(numbers)}")
+    return 0 if inside >= NEEDED / 40 * cases and detected == len(numbers) else 1
 
 
 def replay_seconds() -> float:
@@ -97,13 +97,13 @@ def identified(
 def rows(
     truth: dict[str, float], found: Identification
 ) -> list[tuple[str, float, float, float, float]]:
-    told = []
+    estimates = []
     for one in found.estimates:
         name, _, over = one.name.partition("/")
         if name in JUDGED:
             true = truth[name] / truth[over] if over else truth[name]
-            told.append((one.name, true, one.value, one.low, one.high))
-    return told
+            estimates.append((one.name, true, one.value, one.low, one.high))
+    return estimates
 
 
 if __name__ == "__main__":

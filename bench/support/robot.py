@@ -22,12 +22,12 @@ def commands(seconds: float, rng: np.random.Generator, hold: float = 1.0) -> Com
     turn = rng.uniform(-0.9, 0.9, n)[code]
     time = np.arange(n) * PERIOD
     channels = {"speed": speed, "turn": turn}
-    told = hashlib.sha256(np.stack([time, speed, turn]).tobytes()).hexdigest()
-    return Commands(time, channels, PERIOD, "random commands", told)
+    digest = hashlib.sha256(np.stack([time, speed, turn]).tobytes()).hexdigest()
+    return Commands(time, channels, PERIOD, "random commands", digest)
 
 
 def drive(
-    told: Commands,
+    commands_sent: Commands,
     delay: float = 0.0,
     lag: float = 0.15,
     gain: float = 1.0,
@@ -39,14 +39,14 @@ def drive(
 
     `slip` (1/sqrt(s)) disturbs speed and turn rate by white noise.
     """
-    end = told.time[-1] + told.period
+    end = commands_sent.time[-1] + commands_sent.period
     time = np.arange(0.0, end, STEP)
-    at = np.searchsorted(told.time, time, side="right") - 1
+    at = np.searchsorted(commands_sent.time, time, side="right") - 1
     rates = np.zeros((2, time.size))
     for row, (name, factor) in enumerate((("speed", gain), ("turn", turn_gain))):
-        wanted = told.channels[name][at] * factor
+        target = commands_sent.channels[name][at] * factor
         keep = np.exp(-STEP / lag)
-        rates[row] = signal.lfilter([1 - keep], [1, -keep], wanted)
+        rates[row] = signal.lfilter([1 - keep], [1, -keep], target)
     if slip:
         assert rng is not None
         rates += slip / np.sqrt(STEP) * rng.standard_normal(rates.shape)
@@ -88,11 +88,11 @@ def pair(
 ) -> Drive:
     """One drive: the simulator is exact but for the delay and what `real` says of the robot."""
     rng = np.random.default_rng(seed)
-    told = commands(seconds, rng)
-    truth = drive(told, delay=delay, rng=rng, **real)
+    sent = commands(seconds, rng)
+    truth = drive(sent, delay=delay, rng=rng, **real)
     recorded = sampled(truth, 50.0, noise, turn_noise, rng, name=f"real{seed}")
-    sim = sampled(drive(told), 50.0, name=f"sim{seed}")
+    sim = sampled(drive(sent), 50.0, name=f"sim{seed}")
     bad = None
     if untuned is not None:
-        bad = sampled(drive(told, delay=untuned, lag=0.4, gain=1.2), 50.0, name=f"untuned{seed}")
-    return Drive(f"drive{seed}", recorded, sim, bad, told)
+        bad = sampled(drive(sent, delay=untuned, lag=0.4, gain=1.2), 50.0, name=f"untuned{seed}")
+    return Drive(f"drive{seed}", recorded, sim, bad, sent)

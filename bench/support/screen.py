@@ -111,7 +111,7 @@ class Screen:
         self.resize_terminal(columns, rows)
 
     def resize_terminal(self, columns: int, rows: int) -> None:
-        """Only what the program is told, for sizes that the emulator cannot hold."""
+        """Set the size for the program only, for sizes that the emulator cannot hold."""
         self._set_size((columns, rows))
         os.kill(self.pid, signal.SIGWINCH)
 
@@ -126,8 +126,10 @@ class Screen:
                     return text
                 left = limit - time.monotonic()
                 if left <= 0 or self.code is not None:
-                    told = "waited in vain" if self.code is None else f"ended with {self.code}"
-                    raise AssertionError(f"{told} for {wanted!r}; the screen:\n{text}")
+                    outcome = (
+                        "timed out waiting" if self.code is None else f"ended with {self.code}"
+                    )
+                    raise AssertionError(f"{outcome} for {wanted!r}; the screen:\n{text}")
                 self._changed.wait(left)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
+from s2rtools.precompute.tasks import network_outputs
 from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
@@ -211,3 +213,20 @@ def test_uncomputed_frames_are_an_error(moved_camera_store: Path, tmp_path: Path
     add_run(path, "later", "vanilla", None, None, parse_adjustment("sim:camera_pitch=3"))
     with s2rstore.open(path) as opened, pytest.raises(RequestError, match="s2r precompute"):
         run_frame(opened, opened.run("later"), "sim", 0)
+
+
+def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contents: list[dict[str, Any]] = []
+
+    def recorded_key(content: dict[str, Any]) -> str:
+        contents.append(content)
+        return "0" * 16
+
+    monkeypatch.setattr(network_outputs, "content_key", recorded_key)
+    model, run = load_model(store, "vanilla"), store.run("vanilla")
+    network_outputs._kind_specs(store, run, {}, "harmonised_distance", model)
+    assert contents[0]["correction"].keys() == {"height", "zoom"}
+    section = f"alignment:{run.sim_domain}|{run.real_domain}"
+    assert store.provenance(section).keys() == {"height", "zoom", "frames", "version"}

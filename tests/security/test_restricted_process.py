@@ -122,10 +122,18 @@ def test_the_application_works_in_a_restricted_process(tiny_store: Path, tmp_pat
         screen.wait_for("of 15")
         screen.press("s")
         screen.wait_for("wrote")
+        screen.press("@")
+        screen.wait_for("a name for this selection")
+        screen.press("mine\r")
+        screen.wait_for("saved as @mine")
         screen.press("q")
         assert screen.wait_for_end() == 0
     finally:
         screen.close()
     written = [path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()]
     assert Path("data/s2rtui/s2r-001.png") in written
+    (notebook,) = (tmp_path / "data" / "s2rtui").glob("*.json")
+    content = json.loads(notebook.read_text())
+    assert "mine" in content["selections"]
+    assert content["history"]
     assert {path.parts[:2] for path in written} == {("data", "s2rtui")}

@@ -58,6 +58,7 @@ class PromptController:
         """Pass the text on; if it cannot be used, show why and keep the line open."""
         if self._accept is None:
             return
+        self._app.session.show_message("")
         try:
             self._accept(event.value)
         except (S2RError, OSError) as error:

@@ -110,6 +110,9 @@ def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
     """Layout and attributes of a `zarr.json`. RequestError names the array and the difference."""
     try:
         stored = parse_json(content, where)
+    except RequestError as error:
+        raise _refused(where, str(error).removeprefix(f"{where}: ")) from error
+    try:
         layout, attributes = _layout(stored), _attributes(stored["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
         raise _refused(where, f"{type(error).__name__}: {error}") from error

@@ -51,16 +51,26 @@ def write(root: Path, relative: str | Path, content: Content, durable: bool = Tr
 
 def write_file(path: Path, content: Content) -> None:
     """Write a file outside a store, in a folder that exists and may be reached by links."""
-    write(path.parent, path.name, content)
+    partial = write_partial(path, content)
+    try:
+        with errors_of(path):
+            partial.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink()
+        raise
+    sync_path(path.parent)
 
 
 def write_partial(path: Path, content: Content) -> Path:
-    """Write content to the disk, into a hidden file that can replace `path` later."""
-    with parent_folder(path.parent, path.name) as (parent, _):
-        return path.with_name(_write_partial(path, parent, content, durable=True))
+    """Write content to the disk, into a hidden file that can replace `path` later.
+
+    Uses whole paths, not folder descriptors, because a restricted process checks these paths.
+    """
+    return path.with_name(_write_partial(path, None, content, durable=True))
 
 
-def _write_partial(path: Path, parent: int, content: Content, durable: bool) -> str:
+def _write_partial(path: Path, parent: int | None, content: Content, durable: bool) -> str:
     partial = f".{path.name[:64]}.{secrets.token_hex(8)}{PARTIAL}"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_FOLLOW
     descriptor = safe_files.open_descriptor(path.with_name(partial), flags, parent)
@@ -72,7 +82,7 @@ def _write_partial(path: Path, parent: int, content: Content, durable: bool) -> 
                 os.fsync(descriptor)
     except BaseException:
         with suppress(OSError):
-            os.unlink(partial, dir_fd=parent)
+            os.unlink(path.with_name(partial) if parent is None else partial, dir_fd=parent)
         raise
     return partial
 

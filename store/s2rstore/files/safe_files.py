@@ -200,7 +200,10 @@ def checked_path(root: Path, relative: str | Path) -> Path:
     """
     path = root / relative
     with suppress(FileNotFoundError, NotADirectoryError), parent_folder(root, relative) as (at, _):
-        mode = os.stat(path.name, dir_fd=at, follow_symlinks=False).st_mode
+        try:
+            mode = os.stat(path.name, dir_fd=at, follow_symlinks=False).st_mode
+        except OSError:
+            return path
         if stat.S_ISLNK(mode):
             raise LinkError(path)
         input_files.refuse_special(path, mode)

@@ -20,7 +20,7 @@ def _bounds(name: str, comment: str) -> tuple[ColumnData, ...]:
 _MEASURED: tuple[Table, ...] = (
     table_of(
         "night",
-        "one row per night that said something new; of several for one night the last counts",
+        "one row per night with a new result; the last row of a night is the valid one",
         "night id",
         ("id", "INTEGER", "order of writing, from 1"),
         ("name", "VARCHAR", "of the nightly configuration"),
@@ -84,7 +84,7 @@ _MEASURED: tuple[Table, ...] = (
     ),
     table_of(
         "recorded",
-        "what was recorded, once per part; what is deleted later makes the rest no newer",
+        "first night on which each part of the evidence was used; deletions do not change it",
         "name part night",
         ("name", "VARCHAR", "of the nightly configuration"),
         ("part", "VARCHAR", "SHA-256 of a log; the data set's or the run's hash"),

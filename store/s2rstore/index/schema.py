@@ -89,7 +89,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "domain",
-        "ways of seeing every instance, with their cameras at the stored frame size",
+        "domains that image every instance, with their cameras at the stored frame size",
         "domain",
         ("domain", "VARCHAR", "name"),
         ("kind", "VARCHAR", "sim or real"),
@@ -153,7 +153,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "run",
-        "one model looking at one sim and one real domain through adjustments",
+        "one model applied to one sim and one real domain, each through its adjustments",
         "created_at run",
         ("run", "VARCHAR", "name"),
         ("model", "VARCHAR", "model"),
@@ -217,7 +217,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "provenance",
-        "how things came to be: versions, seeds, training curves, command lines",
+        "provenance: versions, seeds, training curves, command lines",
         "what key",
         ("what", "VARCHAR", "dataset, model:NAME, run:NAME, statistics, ..."),
         ("key", "VARCHAR", "name of the figure"),

@@ -55,7 +55,8 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         if safe_files.sha256(root, current.index) != current.sha256:
             raise RequestError(f"{path}: not what was published; run `s2r verify`, and restore it")
         indexes = _indexes(root)
-        needed = [number for number, _ in indexes if number <= current.generation][-max(1, keep) :]
+        published = sorted({number for number, _ in indexes if number <= current.generation})
+        needed = published[-max(1, keep) :]
         removed = [path for number, path in indexes if number not in needed]
         removed += _unreferenced(root, [path for number, path in indexes if number in needed])
         removed += [path for path in _unfinished(root) if not _is_in(path, removed)]

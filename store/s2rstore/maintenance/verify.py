@@ -133,7 +133,8 @@ class _Verification:
         self._ledger = Ledger(self.root)
         self._entries = self._ledger.by_path()
         for where, check_part in (
-            (self.current.index, self._check_tables), (layout.MODELS, self._check_weights),
+            (self.current.index, self._check_tables), (self.current.index, self._check_runs),
+            (layout.MODELS, self._check_weights),
             (layout.FRAMES, self._check_frames), (layout.RUNS, self._check_arrays),
             (layout.ASSETS, self._check_floor_plan), (layout.DRIVES, self._check_drives),
             (schema.CHECKSUMS, self._check_listed_files), (layout.HISTORY, self._check_history),
@@ -158,6 +159,8 @@ class _Verification:
 
     def _check_tables(self) -> None:
         self.damages.extend(_table_damages(self.store, self.current))
+
+    def _check_runs(self) -> None:
         self.damages.extend(_incomplete_runs(self.store))
 
     def _check_weights(self) -> None:

@@ -87,7 +87,7 @@ def _compute_run(
         with s2rstore.open(root) as store:
             record = store.run(name)
         if rig_calibration.ensure_calibrated(root, record):
-            reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs aligned")
+            reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs calibrated")
     with s2rstore.open(root) as store:
         run = store.run(name)
         model = load_model(store, run.model, options.trust)

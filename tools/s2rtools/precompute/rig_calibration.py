@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,9 @@ def ensure_calibrated(root: Path, run: Run) -> bool:
         sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
         offset = calibrate(sim, real, frame, pairs)
     with edit(root) as draft:
-        facts = {**asdict(offset), "frames": len(pairs), "version": VERSION}
+        facts = {
+            "height": offset.height, "zoom": offset.zoom, "frames": len(pairs), "version": VERSION,
+        }  # fmt: skip
         draft.set_provenance(section, facts)
     return True
 

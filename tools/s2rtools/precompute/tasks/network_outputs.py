@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -61,8 +60,10 @@ def _kind_specs(
 ) -> list[ArraySpec]:
     kind = HEATMAP_KINDS[name]
     if kind.aligned:
-        correction = store.rig_offset(run.sim_domain, run.real_domain)
-        facts = {**facts, "correction": correction and asdict(correction)}
+        offset = store.rig_offset(run.sim_domain, run.real_domain)
+        # Calibration estimates no pitch; the key has the entries that earlier versions wrote.
+        correction = offset and {"height": offset.height, "zoom": offset.zoom}
+        facts = {**facts, "correction": correction}
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
