@@ -96,7 +96,7 @@ def test_undetermined_parameters_exit_with_3(
 @pytest.mark.parametrize(("options", "line"), [
     (["latency=0..0.1..2"], "--range latency=0..0.1..2: expected NAME=LOW..HIGH"),
     (["latency"], "--range latency: expected NAME=LOW..HIGH"),
-    (["latency=0..1:root"], "expected LOW..HIGH"),
+    (["latency=0..1:root"], "expected NAME=LOW..HIGH"),
     (["weight=1..2"], "weight: no parameter"),
     (["mass=9..3"], "the lower first"),
     (["mass=0..3"], "must be above 0"),
