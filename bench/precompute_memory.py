@@ -18,7 +18,7 @@ import json, re, sys
 from pathlib import Path
 import sklearn.decomposition, torch, umap, zarr
 import numpy as np
-from s2rtools.precompute.pipeline import Options, precompute
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks.umap_projection import ProjectionSettings, joint_umap
 rng = np.random.default_rng(0)
 for n in (60, 2400):  # the second size compiles the neighbour search and transform
@@ -35,7 +35,7 @@ torch.set_num_threads(2)
 torch.nn.functional.conv2d(torch.rand(8, 4, 64, 64), torch.rand(24, 4, 5, 5))
 Path("/proc/self/clear_refs").write_text("5")
 before = status("VmRSS")
-precompute(Path(sys.argv[1]), Quiet(), [], Options((), trust=True))
+precompute(Path(sys.argv[1]), Quiet(), [], PrecomputeOptions((), trust=True))
 print(json.dumps(status("VmHWM") - before))
 """
 

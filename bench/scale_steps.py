@@ -17,7 +17,7 @@ from s2rtui.charts.overview.model import overview_model
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.rooms.model import rooms_model
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.base_map_model import map_model, value_range
+from s2rtui.charts.shared.base_map_model import map_model
 from s2rtui.charts.shared.points import highest_levels, unselected_dots
 from s2rtui.charts.umap.model import umap_model
 from s2rtui.charts.umap.terminal import umap_layout
@@ -95,7 +95,7 @@ def numbers(scene: Scene) -> None:
     model = map_model(shown)
     frame = map_layout(shown, _MAP).frame
     unselected_dots(shown.truth, model.selection, frame)
-    highest_levels(shown.truth, shown.values, value_range, model.selection, frame)
+    highest_levels(shown.truth, shown.values, model.value_range, model.selection, frame)
     other = run_comparison.other_run(scene.state)
     compare_model(BY_NAME["compare"].pair_input(scene, other))
 
