@@ -297,7 +297,7 @@ class S2RApp(GuardedApp):
         self.exit()
 
     def action_help_quit(self) -> None:
-        """Textual binds ctrl+c to this."""
+        """Override the action that Textual binds to ctrl+c."""
         self.session.show_message(f"{BY_NAME['quit'].key} quits")
         self.renderer.refresh_message()
 

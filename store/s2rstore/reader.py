@@ -190,7 +190,7 @@ class Store(IndexCatalog):
             return self._arrays[relative]
 
     def stored(self, record: ArrayRecord) -> StoredArray:
-        """The array of a record. RequestError where it differs from the index."""
+        """Open the array that an index row describes. RequestError if array and row differ."""
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:

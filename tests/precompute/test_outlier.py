@@ -15,7 +15,7 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtui.session.heatmaps import heatmap_choices
-from tests.precompute.test_pipeline import SilentReporter
+from tests.support.silent_reporter import SilentReporter
 
 FEATURE_DISTANCE_ONLY = PrecomputeOptions(kinds=("feature_distance",))
 

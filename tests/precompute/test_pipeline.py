@@ -24,24 +24,9 @@ from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import add_run
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("computed")
-
-
-class SilentReporter:
-    """A reporter that counts the steps."""
-
-    def __init__(self) -> None:
-        self.steps = 0
-        self.lines: list[str] = []
-
-    def begin(self, what: str, total: int) -> None: ...
-
-    def advance(self, steps: int) -> None:
-        self.steps += steps
-
-    def say(self, line: str) -> None:
-        self.lines.append(line)
 
 
 @pytest.fixture(scope="session")

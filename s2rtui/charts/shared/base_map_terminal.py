@@ -95,7 +95,7 @@ def map_panel(layout: MapLayout) -> Panel:
 
 
 def plane_panel(name: str, left: int, top: int, width: int, height: int, frame: MapFrame) -> Panel:
-    """The panel of a plane whose corner is the corner of a frame."""
+    """A brushable panel with x and y coordinates that covers a map frame."""
 
     def to_data(column: float, row: float) -> Point:
         return frame.to_world(column - left - 0.5, row - top - 0.5)

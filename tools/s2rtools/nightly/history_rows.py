@@ -39,7 +39,7 @@ def read_or_empty(path: Path) -> History:
 
 
 def counting_night(history: History, name: str, night: datetime.date) -> Night | None:
-    """The row that counts for a night."""
+    """The valid row of a night, which is the last one written; None if there is none."""
     return next((each for each in history.of_configuration(name) if each.night == night), None)
 
 

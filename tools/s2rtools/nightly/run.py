@@ -22,7 +22,7 @@ from s2rtools.nightly.publish import check_ownership, publish
 
 Clock = Callable[[], datetime.datetime]
 MAX_DAYS_BACK = 31
-"""Largest number of days before the newest night, for a night that is added later."""
+"""Days that an added night may lie before the newest one without `--far-night`."""
 MAX_DAYS_AHEAD = 366
 """Largest number of days after the newest night; clocks that were reset are years off."""
 
