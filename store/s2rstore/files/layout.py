@@ -20,6 +20,7 @@ MODELS = "models"
 ASSETS = "assets"
 HISTORY = "history"
 DRIVES = "drives"
+TRANSLATORS = "translators"
 
 _HASH = re.compile(r"[0-9a-f]{16,64}\Z")
 _CURRENT_BYTES = 65_536

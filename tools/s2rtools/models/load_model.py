@@ -10,11 +10,7 @@ from torch import Tensor, nn
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.reader import Store
-from s2rtools.models import ARCHITECTURES, build_network
-from s2rtools.models.conventions import parse_convention
-from s2rtools.models.pose_network import LoadedModel, PoseNetwork
-from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
-from s2rtools.models.weights_file import (
+from s2rtools.common.weights_file import (
     MAX_TORCHSCRIPT_BYTES,
     check_archive,
     check_tensors,
@@ -22,6 +18,10 @@ from s2rtools.models.weights_file import (
     parameter_bytes,
     read_state,
 )
+from s2rtools.models import ARCHITECTURES, build_network
+from s2rtools.models.conventions import parse_convention
+from s2rtools.models.pose_network import LoadedModel, PoseNetwork
+from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
 
 
 def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:

@@ -14,6 +14,7 @@ from s2rstore.files import atomic_writes, layout
 from s2rstore.files.input_files import check_regular, read_bytes
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
+from s2rtools.common.weights_file import MAX_TORCHSCRIPT_BYTES, read_state, read_weights_file
 from s2rtools.models import ARCHITECTURES
 from s2rtools.models.conventions import OutputConvention, parse_convention
 from s2rtools.models.load_model import (
@@ -25,7 +26,6 @@ from s2rtools.models.load_model import (
 )
 from s2rtools.models.pose_network import PoseNetwork
 from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
-from s2rtools.models.weights_file import MAX_TORCHSCRIPT_BYTES, read_state, read_weights_file
 
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
 

@@ -29,14 +29,14 @@ from torch import Tensor, nn
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.common.documents import convert
-from s2rtools.gap.visual.inception import FidInception
-from s2rtools.models.weights_file import (
+from s2rtools.common.weights_file import (
     check_tensors,
     max_file_bytes,
     parameter_bytes,
     read_state,
     read_weights_file,
 )
+from s2rtools.gap.visual.inception import FidInception
 
 ARCHITECTURES: dict[str, type[FidInception]] = {"inception_v3_fid": FidInception}
 FILTERS = {

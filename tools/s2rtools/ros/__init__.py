@@ -1,0 +1,1 @@
+"""ROS nodes: a proxy that translates camera images, and replay of bags."""

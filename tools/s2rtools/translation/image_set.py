@@ -1,0 +1,129 @@
+"""Images of one domain for fitting and judging translators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import read_bytes
+from s2rstore.reader import Store
+
+Rgb = NDArray[np.uint8]
+
+LONG_EDGE = 160
+"""Pixels of the longer edge of images for fitting."""
+EDGE_MULTIPLE = 8
+"""Both edges are multiples of this number, so that networks can halve them three times."""
+MAX_IMAGE_BYTES = 64 << 20
+SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm")
+_BLOCK = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageSet:
+    """Images (N, h, w, 3) uint8 RGB in recording order.
+
+    `groups` (N,) are the codes of recordings: neighbours inside one look alike. `names` are file
+    names or `DOMAIN/IID`. `iids` (N,) are instances of a store, None for files.
+    """
+
+    name: str
+    images: Rgb
+    groups: NDArray[np.int32]
+    names: tuple[str, ...]
+    iids: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return int(self.images.shape[1]), int(self.images.shape[2])
+
+    def rows(self, rows: NDArray[np.intp] | slice) -> ImageSet:
+        """The images of some rows."""
+        index = np.arange(len(self))[rows]
+        iids = None if self.iids is None else self.iids[index]
+        names = tuple(self.names[row] for row in index)
+        return ImageSet(self.name, self.images[index], self.groups[index], names, iids)
+
+
+def fit_size(height: int, width: int, long_edge: int = LONG_EDGE) -> tuple[int, int]:
+    """Size of images for fitting: the same aspect within rounding to `EDGE_MULTIPLE`, never larger
+    than the source (rounded up)."""
+    scale = min(1.0, long_edge / max(height, width))
+
+    def rounded(edge: int) -> int:
+        return max(EDGE_MULTIPLE, EDGE_MULTIPLE * round(edge * scale / EDGE_MULTIPLE))
+
+    return rounded(height), rounded(width)
+
+
+def resize(rgb: Rgb, size: tuple[int, int]) -> Rgb:
+    """Resize images (B, H, W, 3) to (B, *size, 3), by area where they become smaller."""
+    height, width = rgb.shape[1:3]
+    if (height, width) == size:
+        return rgb
+    smaller = size[0] <= height and size[1] <= width
+    how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return np.stack([cv2.resize(image, size[::-1], interpolation=how) for image in rgb])
+
+
+def from_store(
+    store: Store, domain: str, iids: NDArray[np.int64], size: tuple[int, int] | None = None
+) -> ImageSet:
+    """Images of some instances in a domain, in iid order."""
+    if domain not in store.domains:
+        raise RequestError(f"domain {domain!r}: not in {store.path}: {', '.join(store.domains)}")
+    dataset = store.dataset
+    size = size or fit_size(dataset.frame_height, dataset.frame_width)
+    iids = np.sort(iids)
+    images = np.empty((len(iids), *size, 3), dtype=np.uint8)
+    done = 0
+    for start in range(0, len(store.instances), _BLOCK):
+        stop = min(start + _BLOCK, len(store.instances))
+        chosen = iids[(iids >= start) & (iids < stop)] - start
+        if chosen.size:
+            rgb = store.frames(domain, start, stop, ("rgb",))["rgb"][chosen]
+            images[done : done + len(chosen)] = resize(rgb, size)
+            done += len(chosen)
+    groups = store.instances.trajectory[iids].astype(np.int32)
+    return ImageSet(domain, images, groups, tuple(f"{domain}/{iid}" for iid in iids), iids)
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Image files of a folder and its subfolders, sorted by path. Raises RequestError if none."""
+    if not folder.is_dir():
+        raise RequestError(f"{folder}: no such folder")
+    files = sorted(
+        path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file()
+    )
+    if not files:
+        raise RequestError(f"{folder}: no image files ({', '.join(SUFFIXES)})")
+    return files
+
+
+def read_image(path: Path) -> Rgb:
+    """An 8-bit RGB image (H, W, 3) of a file. Raises RequestError if it cannot be decoded."""
+    content = np.frombuffer(read_bytes(path, MAX_IMAGE_BYTES), dtype=np.uint8)
+    decoded = cv2.imdecode(content, cv2.IMREAD_COLOR) if content.size else None
+    if decoded is None:
+        raise RequestError(f"{path}: cannot be decoded as an image")
+    return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+
+
+def from_folder(folder: Path, size: tuple[int, int] | None = None) -> ImageSet:
+    """Images of a folder; each subfolder counts as one recording."""
+    files = image_files(folder)
+    first = read_image(files[0])
+    size = size or fit_size(*first.shape[:2])
+    images = np.stack([resize(read_image(file)[None], size)[0] for file in files])
+    folders = [str(file.parent.relative_to(folder)) for file in files]
+    codes = np.unique(folders, return_inverse=True)[1].astype(np.int32)
+    names = tuple(str(file.relative_to(folder)) for file in files)
+    return ImageSet(folder.name, images, codes, names)

@@ -1,0 +1,136 @@
+"""Translator files: tensors as safetensors, with a JSON header that names method and settings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import Struct, field
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.files.input_files import decode_json
+from s2rtools.common.weights_file import read_weights_file
+from s2rtools.translation import METHODS
+from s2rtools.translation.depth_noise import DepthNoise
+from s2rtools.translation.method import Translator
+
+HEADER = "translator"
+FORMAT = 1
+MAX_BYTES = 256 << 20
+_DEPTH = "depth_noise/"
+
+
+class Header(Struct, frozen=True, forbid_unknown_fields=True):
+    """The header of a translator file.
+
+    `source` and `target` are names of domains or folders; `size` is the size of the images of the
+    fit, rows and columns.
+    """
+
+    format: int
+    method: str
+    version: int
+    source: str
+    target: str
+    size: tuple[int, int]
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredTranslator:
+    """A translator as it is stored; `depth_noise` is None where depth passes through."""
+
+    translator: Translator
+    source: str
+    target: str
+    size: tuple[int, int]
+    depth_noise: DepthNoise | None = None
+
+    @property
+    def method(self) -> str:
+        return self.translator.method
+
+
+def encode(stored: StoredTranslator) -> bytes:
+    """Content of the file; equal translators give equal bytes."""
+    translator = stored.translator
+    version = METHODS[translator.method].version
+    header = {
+        "format": FORMAT, "method": translator.method, "version": version,
+        "source": stored.source, "target": stored.target, "size": stored.size,
+        "settings": translator.settings(),
+    }  # fmt: skip
+    tensors = {name: np.ascontiguousarray(array) for name, array in translator.tensors().items()}
+    if stored.depth_noise is not None:
+        noise = stored.depth_noise.tensors()
+        tensors |= {_DEPTH + name: np.ascontiguousarray(array) for name, array in noise.items()}
+    if not tensors:
+        tensors = {"empty": np.zeros(1, dtype=np.float32)}
+    return save(tensors, {HEADER: json.dumps(header, sort_keys=True)})
+
+
+def read_translator(path: Path) -> StoredTranslator:
+    """The translator of a file. Raises RequestError naming the file if it is not one."""
+    return decode(read_weights_file(path, MAX_BYTES), str(path))
+
+
+def decode(content: bytes, where: str) -> StoredTranslator:
+    """The translator of a file's content; errors begin with `where`."""
+    try:
+        tensors = load(content)
+        length = int.from_bytes(content[:8], "little")
+        metadata = json.loads(content[8 : 8 + length]).get("__metadata__") or {}
+        text = metadata[HEADER]
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RequestError(f"{where}: not a translator file; make one with `s2r translate fit`") \
+            from error  # fmt: skip
+    header = decode_json(text.encode(), Header, where)
+    if header.format != FORMAT:
+        raise RequestError(f"{where}: format {header.format}, this version reads {FORMAT}")
+    if header.method not in METHODS:
+        raise RequestError(f"{where}: method {header.method!r}: one of {', '.join(METHODS)}")
+    method = METHODS[header.method]
+    if header.version != method.version:
+        raise RequestError(
+            f"{where}: version {header.version} of {method.name}, this program has "
+            f"{method.version}; fit it again"
+        )
+    infinite = [name for name, array in tensors.items() if not np.isfinite(array).all()]
+    if infinite:
+        raise RequestError(f"{where}: {infinite[0]} contains values that are not finite")
+    noise = {name.removeprefix(_DEPTH): a for name, a in tensors.items() if name.startswith(_DEPTH)}
+    plain = {name: array for name, array in tensors.items() if not name.startswith(_DEPTH)}
+    plain.pop("empty", None)
+    try:
+        translator = method.translator.restore(plain, header.settings)
+        depth_noise = DepthNoise.restore(noise) if noise else None
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise RequestError(f"{where}: damaged ({type(error).__name__}: {error})") from error
+    return StoredTranslator(translator, header.source, header.target, header.size, depth_noise)
+
+
+def stored_path(sha256: str) -> str:
+    """Path of a translator's file inside a store."""
+    return f"{layout.TRANSLATORS}/{layout.checked_hash(sha256, 'translator')}.safetensors"
+
+
+@lru_cache(maxsize=8)
+def open_stored(root: Path, sha256: str) -> StoredTranslator:
+    """The translator of a store by its hash. Raises RequestError if it is missing or damaged."""
+    file = stored_path(sha256)
+    try:
+        content = safe_files.read(root, file, MAX_BYTES)
+    except OSError as error:
+        reason = safe_files.error_text(error)
+        raise RequestError(f"{root / file}: cannot be read ({reason}); fit it again") from error
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise RequestError(f"{root / file}: damaged (its checksum does not agree); fit it again")
+    return decode(content, str(root / file))
