@@ -116,7 +116,7 @@ def test_histograms_agree_after_matching():
 
 
 def test_fda_replaces_the_low_frequencies_only():
-    source, target = smooth_images(12, 20), smooth_images(13, 20) // 3
+    source, target = smooth_images(12, 20) // 2 + 60, smooth_images(13, 20) // 2 + 90
     translated = fit("fda", source, target, beta="0.05").translate(source)
     assert abs(translated.mean() - target.mean()) < 2
     low = np.zeros((32, 32), dtype=bool)

@@ -1,8 +1,8 @@
 """Gray world: scale each channel of each image so that its mean becomes that of the target domain.
 
 A linear map per channel and image, as the anti-instagram filter of Duckietown; it removes the
-colour of the light and the exposure. Source: Buchsbaum, "A spatial processor model for object colour
-perception", 1980, with the target's mean in place of grey.
+colour of the light and the exposure. Source: Buchsbaum, "A spatial processor model for object
+colour perception", 1980, with the target's mean in place of grey.
 """
 
 from __future__ import annotations
