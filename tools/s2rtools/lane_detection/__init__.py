@@ -1,1 +1,1 @@
-"""Line detection on road images by colour thresholds, and whether translation spares their tuning."""
+"""Line detection on road images by colour thresholds, tuning of the thresholds, translation."""
