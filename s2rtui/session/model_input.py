@@ -15,7 +15,7 @@ from s2rstore.files.layout import FRAMES
 from s2rstore.geometry.camera_offset import NAMES
 from s2rstore.reader import Frame, Store
 from s2rstore.records import Domain, Run, Side
-from s2rstore.run_inputs import run_frame
+from s2rstore.run_inputs import chain_text, run_frame
 
 Chain = Sequence[Mapping[str, Any]]
 _SHORT = 18
@@ -65,11 +65,6 @@ def _title_and_notes(
     notes = [(f"{side} camera", camera)] if moving else []
     notes += [(f"{side} images", chain_text(images))] if images else []
     return f"{domain}, {before}adjust{'ments' if before else 'ed'}", tuple(notes)
-
-
-def chain_text(chain: Chain) -> str:
-    """`brightness=1.15, contrast=1.1`."""
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
 
 
 def _adjusted(frame: Frame, domain: Domain, chain: Chain, store_path: Path) -> Frame | None:

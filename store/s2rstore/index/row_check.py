@@ -29,8 +29,8 @@ MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
             "translator": 10_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
-TRANSLATE = "translate:"
-"""Start of the name of an adjustment by a translator."""
+TRANSLATE = "translate"
+"""Adjustment by a translator T; its name in a chain is `translate:T`."""
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
 _KIND = re.compile(r"[a-z][a-z0-9_:]{0,79}\Z")
 _EDGES = ("x0", "y0", "x1", "y1")
@@ -201,7 +201,7 @@ def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
             for step in adjustments[column]:
                 if not isinstance(step, dict) or not isinstance(step.get("name"), str):
                     check.refuse(column, 'not a list of {"name", "value"}')
-                if step["name"].startswith(TRANSLATE):
+                if step["name"].partition(":")[0] == TRANSLATE:
                     label = f"{index}: table run: {column} of {row['run']!r}"
                     layout.checked_hash(step.get("sha256"), label)
         if row["key"] is not None:
