@@ -27,13 +27,15 @@ class ModelInput:
 
     Without frames in the store, rgb has shape (0, 0, 3) and depth is None.
     `title` names a domain other than the side's usual one and short adjustments; `notes` hold
-    adjustments that are too long for it.
+    adjustments that are too long for it. `original` is the RGB image before the adjustments, None
+    where no translator is among them.
     """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32] | None
     title: str
     notes: tuple[tuple[str, str], ...] = ()
+    original: NDArray[np.uint8] | None = None
 
 
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
@@ -49,7 +51,9 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
     usual = "" if domain.domain == side and not chain else domain.domain
     title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
-    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes)
+    is_translated = adjusted is not None and any("sha256" in step for step in images)
+    original = frame.rgb if is_translated else None
+    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes, original)
 
 
 def _title_and_notes(

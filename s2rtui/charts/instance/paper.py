@@ -39,7 +39,8 @@ def instance_figure(
     page = new_page(size, theme, title, heat)
     top, (wide, _) = page.top, page.inches
     has_depth = data.sim.depth is not None or data.real.depth is not None
-    kinds = ["rgb", "depth"] if has_depth else ["rgb"]
+    is_translated = any(side.original is not None for side in (data.sim, data.real))
+    kinds = ["rgb", *["original"] * is_translated, *["depth"] * has_depth]
     side = SIDE if wide > 6 else 0.0
     gap = 0.12
     aspect = data.sim.rgb.shape[1] / max(1, data.sim.rgb.shape[0])
@@ -69,8 +70,9 @@ def _draw_image(
 ) -> None:
     axes = page.axes(*box)
     axes.set_axis_off()
-    if what == "depth" and side.depth is None:
-        axes.text(0.5, 0.5, "no depth", ha="center", va="center", color=page.inks.muted)
+    missing = {"depth": (side.depth, "no depth"), "original": (side.original, "not translated")}
+    if what in missing and missing[what][0] is None:
+        axes.text(0.5, 0.5, missing[what][1], ha="center", va="center", color=page.inks.muted)
         return
     rows, columns = side.rgb.shape[:2]
     pixels = panel_pixels(side, what, model, data, (rows, columns))

@@ -110,10 +110,16 @@ def _translation(
 def _frames(
     store: Store, size: tuple[int, int], chains: dict[str, list[dict[str, Any]]]
 ) -> TrainingFrames:
-    """The frames of every domain through its chain of adjustments, at one size."""
+    """The frames of every domain through its chain of adjustments, at one size.
+
+    Where a domain is translated, the other sim domains are left out.
+    """
     truth = store.instances
     domains = {}
+    translated = [name for name, chain in chains.items() if chain]
     for name, domain in store.domains.items():
+        if translated and domain.kind == "sim" and name not in translated:
+            continue
         blocks = (
             _adjusted_frames(store, domain, start, min(start + _BLOCK, len(truth)), chains)
             for start in range(0, len(truth), _BLOCK)
