@@ -215,7 +215,7 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
-    for index, heading in enumerate(HEADINGS):
+    for index, heading in enumerate(HEADINGS if model.poses else ()):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
         glyph, colour = canvas.options.role(line.role)
