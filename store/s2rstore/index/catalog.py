@@ -214,11 +214,14 @@ class IndexCatalog:
         return {row["run"]: Run(**row) for row in rows}
 
     def run(self, name: str | None = None) -> Run:
-        """The named run, by default the first computed one; RequestError with the known names."""
+        """The named run, by default the first computed one.
+
+        Raises RequestError with the known names, or because there are no poses.
+        """
+        self.require_poses("a run")
         if name is None:
             computed = [run for run in self.runs.values() if run.key]
             if not computed:
-                self.require_poses("a run")
                 raise RequestError(f"{self.path}: no computed run; `s2r precompute` makes them")
             return computed[0]
         if name not in self.runs:
