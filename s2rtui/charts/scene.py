@@ -165,6 +165,11 @@ class Scene:
         return remark.text if remark else ""
 
     @property
+    def title(self) -> str:
+        """What titles of figures begin with: the run, or the data set where there are no runs."""
+        return self.state.run or self.store.dataset.name
+
+    @property
     def caption(self) -> str:
         """The subtitle of a figure: data set, number of instances, expression."""
         counted = f"{self.state.count} instances"

@@ -56,6 +56,20 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     return ModelInput(shown.rgb, metres.astype(np.float32), title, notes, original)
 
 
+def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
+    """An instance's image in the first domain of a kind that has one; for data sets without poses.
+
+    The title names other domains than that of the side. rgb has shape (0, 0, 3) without an image.
+    """
+    of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
+    imaged = [name for name in of_kind if store.imaged(name)[iid]]
+    if not imaged:
+        return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "")
+    rgb = store.frames(imaged[0], iid, iid + 1, ("rgb",))["rgb"][0]
+    more = ((f"{side} domains", ", ".join(imaged)),) if len(imaged) > 1 else ()
+    return ModelInput(rgb, None, "" if imaged[0] == side else imaged[0], more)
+
+
 def _title_and_notes(
     domain: str, side: Side, chain: Chain, before: str
 ) -> tuple[str, tuple[tuple[str, str], ...]]:

@@ -73,7 +73,7 @@ def instance_layout(
             break
     else:
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
-    panels, used = _arrange(what, _shape(data), width, space, title)
+    panels, used = _arrange(what, _sides(data), _shape(data), width, space, title)
     return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
 
 
@@ -88,6 +88,12 @@ def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) ->
     return kinds
 
 
+def _sides(data: InstanceInput) -> list[str]:
+    """The sides that are shown: both, except without a pose, where a side may have no image."""
+    sides = [name for name, side in (("sim", data.sim), ("real", data.real)) if side.rgb.size]
+    return ["sim", "real"] if data.truth is not None or not sides else sides
+
+
 def _shape(data: InstanceInput) -> tuple[int, int]:
     """Rows and columns of the images."""
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
@@ -95,15 +101,20 @@ def _shape(data: InstanceInput) -> tuple[int, int]:
 
 
 def _arrange(
-    kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
+    kinds: list[str],
+    sides: list[str],
+    shape: tuple[int, int],
+    width: int,
+    space: int,
+    top: int,
 ) -> tuple[tuple[ImagePanel, ...], int]:
-    """Arrange images in two columns or in one row, whichever shows them larger."""
+    """Arrange images in a column per side or in one row, whichever shows them larger."""
     if not kinds:
         return (), 0
-    aspect = shape[1] / max(1, shape[0])
+    aspect, count = shape[1] / max(1, shape[0]), len(sides)
     best: tuple[int, int, int] = (0, 0, 0)
-    for columns in (2, 2 * len(kinds)):
-        rows = 2 * len(kinds) // columns
+    for columns in (count, count * len(kinds)):
+        rows = count * len(kinds) // columns
         high = space // rows
         wide = min((width - columns + 1) // columns, int(2 * high * aspect))
         high = min(high, -int(-wide / aspect // 2))
@@ -112,12 +123,12 @@ def _arrange(
     wide, high, columns = best
     panels = []
     for index, what in enumerate(kinds if wide and high else []):
-        for offset, side in enumerate(("sim", "real")):
-            place = index * 2 + offset
+        for offset, side in enumerate(sides):
+            place = index * count + offset
             half = (width + 1) // 2 if columns == 2 else wide + 1
             x = place % columns * max(wide + 1, min(half, wide + 3))
             panels.append(ImagePanel(what, side, x, top + place // columns * high, wide, high))
-    rows = 2 * len(kinds) // columns if columns else 0
+    rows = count * len(kinds) // columns if columns else 0
     return tuple(panels), top + rows * high
 
 
@@ -229,7 +240,7 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
-    for index, heading in enumerate(HEADINGS):
+    for index, heading in enumerate(HEADINGS if model.poses else ()):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
         glyph, colour = canvas.options.role(line.role)

@@ -62,6 +62,7 @@ def train_into_store(
     recipe = find_recipe(request.recipe)
     check_writable(root)
     with s2rstore.open(root) as store:
+        store.require_poses("training")
         if name in store.runs or name in store.models:
             raise RequestError(f"--name {name}: already in {root}; choose another")
         if recipe.needs_start and request.start is None:
