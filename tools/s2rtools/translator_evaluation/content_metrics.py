@@ -23,6 +23,8 @@ REGIONS = 8
 """Rows and columns of the regions of `region_correlation`."""
 STRONG_EDGES = 0.1
 """Share of the pixels of a source that count as its strong edges."""
+COARSE = 2.5
+"""Pixels: smoothing of the edges that `sharpness` compares fine edges with."""
 WINDOW = 2.5
 """Pixels: Gaussian window of the local explanation of one image by another."""
 UNEXPLAINED_SHARE = 0.5
@@ -76,33 +78,36 @@ def region_correlation(source: Rgb, translated: Rgb) -> Floats:
 
 
 def sharpness(source: Rgb, translated: Rgb) -> Floats:
-    """Sharpness (N,) of the translated image relative to the source, at the source's strong edges.
+    """Sharpness (N,) of the translated images relative to their sources: less than 1 for a blur.
 
-    Sharpness is the strength of edges at the scale of 0.7 pixels over that at 2.5 pixels of the
-    images as given, so that contrast cancels: 1 where edges keep their width, less where they are
-    blurred. NaN where the translated image has no edges there.
+    NaN where a translated image has no edges at the strong edges of its source.
     """
     values = []
     for before, after in zip(source, translated, strict=True):
-        coarse = structure.edge_strength(before, 2.5, 1.0)
-        strong = coarse >= np.quantile(coarse, 1 - STRONG_EDGES)
-        ratios = []
-        for image in (before, after):
-            fine_energy = structure.edge_strength(image, 0.7, 1.0)[strong].mean()
-            coarse_energy = structure.edge_strength(image, 2.5, 1.0)[strong].mean()
-            flat = coarse_energy < 0.05
-            ratios.append(np.nan if flat else float(fine_energy / coarse_energy))
-        values.append(ratios[1] / ratios[0])
+        strong = _strong_edges(before)
+        values.append(_edge_sharpness(after, strong) / _edge_sharpness(before, strong))
     return np.array(values)
 
 
-def fine_detail(images: Rgb) -> Floats:
-    """Deviation (N,) of what a Gaussian of one pixel removes, over the contrast of the image."""
-    values = []
-    for plane in structure.luminance(images):
-        fine = plane - structure.smoothed(plane, 1.0)
-        values.append(float(fine.std() / np.hypot(plane.std(), GREY_FLOOR)))
-    return np.array(values)
+def edge_sharpness(images: Rgb) -> Floats:
+    """Sharpness (N,) at the strong edges of each image, NaN for an image without edges.
+
+    Strength of the edges of the image over that of the image smoothed with `COARSE` pixels:
+    contrast cancels, and noise counts little beside strong edges.
+    """
+    return np.array([_edge_sharpness(image, _strong_edges(image)) for image in images])
+
+
+def _strong_edges(image: Rgb) -> NDArray[np.bool_]:
+    strength = structure.edge_strength(image, COARSE)
+    return np.asarray(strength >= np.quantile(strength, 1 - STRONG_EDGES))
+
+
+def _edge_sharpness(image: Rgb, strong: NDArray[np.bool_]) -> float:
+    coarse = float(structure.edge_strength(image, COARSE)[strong].mean())
+    if coarse < 0.05:
+        return float("nan")
+    return float(structure.edge_strength(image, 0.0)[strong].mean()) / coarse
 
 
 def diversity(source: Rgb, translated: Rgb) -> float:
@@ -163,8 +168,9 @@ def invented_regions(source: Rgb, translated: Rgb) -> Floats:
     """Area (N,) of the largest region of each translated image that its source does not explain.
 
     As a share of the image. A pixel is unexplained if, around it, no affine map of the source's
-    colours gives the translated image: edges that the source lacks. A region includes what its
-    outline encloses. With the arguments exchanged: regions of the source that are lost.
+    colours and no blur gives the translated image: it shows edges that the source lacks. A region
+    includes what its outline encloses. With the arguments exchanged: regions of the source that
+    are lost.
     """
     return np.array(
         [
@@ -185,9 +191,7 @@ def invented_mask(source: Rgb, translated: Rgb) -> NDArray[np.bool_]:
 
 def largest_region(mask: NDArray[np.bool_]) -> float:
     """Share of the image inside the outline of the largest connected region."""
-    outlines, _ = cv2.findContours(
-        mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-    )
+    outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     largest = 0
     for outline in outlines:
         filled = np.zeros(mask.shape, dtype=np.uint8)

@@ -6,6 +6,8 @@ a longer edge of `REFERENCE_EDGE` pixels and scale with the image.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,8 @@ LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 """Weights of R, G, B in the luminance, ITU-R BT.601."""
 GREY_FLOOR = 4.0
 """Grey levels of contrast below which an image counts as flat."""
+BLUR = 1.5
+"""Pixels: smoothing of the luminance with which a blur of the image is explained."""
 GRID = 16
 """Rows and columns of a layout descriptor."""
 
@@ -103,30 +107,32 @@ def standardised_thumbnail(rgb: Rgb) -> Floats:
 def unexplained_variance(explaining: Rgb, explained: Rgb, window: float) -> tuple[Plane, Plane]:
     """Local variance of `explained` that no affine map of the colours of `explaining` gives.
 
-    Around every pixel the three channels of one image are regressed on those of the other, with
-    Gaussian weights of `window` pixels. Returns the residual variance and the total variance, both
-    summed over the channels, (h, w), squared grey levels. The regression is that of the guided
-    filter: He, Sun and Tang, "Guided image filtering", 2013.
+    Around every pixel the three channels of one image are regressed on those of the other and on
+    its smoothed luminance, with Gaussian weights of `window` pixels; the smoothed luminance
+    explains a blur. Returns the residual variance and the total variance, both summed over the
+    channels, (h, w), squared grey levels. The regression is that of the guided filter: He, Sun and
+    Tang, "Guided image filtering", 2013.
     """
-    x, y = explaining.astype(np.float64), explained.astype(np.float64)
+    grey = smoothed(luminance(explaining), scaled(BLUR, explaining.shape))
+    x = _centred(np.concatenate([explaining, grey[..., None]], axis=-1))
+    y = _centred(explained)
+    mean_x, mean_y = smoothed(x, window), smoothed(y, window)
+    xx = _products(x, x, window) - mean_x[..., :, None] * mean_x[..., None, :]
+    xy = _products(x, y, window) - mean_x[..., :, None] * mean_y[..., None, :]
+    # A variance of one squared grey level, so that flat windows explain nothing.
+    solution = np.linalg.solve(xx.astype(np.float64) + np.eye(x.shape[-1]), xy)
+    total = np.maximum(smoothed(y * y, window) - mean_y**2, 0).sum(axis=-1)
+    residual = np.clip(total - (solution * xy).sum(axis=(-2, -1)), 0, total)
+    return residual.astype(np.float32), total
 
-    def mean(values: Floats) -> Floats:
-        blurred = cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT_101)
-        return np.asarray(blurred)
 
-    mean_x, mean_y = mean(x), mean(y)
-    height, width = x.shape[:2]
+def _centred(image: NDArray[Any]) -> Plane:
+    """The image as float32 minus its mean: float32 keeps seven digits of the products."""
+    values = image.astype(np.float32)
+    return values - values.mean(axis=(0, 1))
 
-    def covariance(a: Floats, b: Floats, mean_a: Floats, mean_b: Floats) -> Floats:
-        products = (a[..., :, None] * b[..., None, :]).reshape(height, width, 9)
-        means = (mean_a[..., :, None] * mean_b[..., None, :]).reshape(height, width, 9)
-        # OpenCV filters at most four channels of an image at a time in some builds.
-        parts = [mean(products[..., k : k + 3]) for k in (0, 3, 6)]
-        return (np.concatenate(parts, axis=-1) - means).reshape(height, width, 3, 3)
 
-    xx = covariance(x, x, mean_x, mean_x) + np.eye(3)
-    xy = covariance(x, y, mean_x, mean_y)
-    total = np.maximum(mean(y * y) - mean_y**2, 0).sum(axis=-1)
-    solution = np.linalg.solve(xx, xy)
-    residual = total - np.einsum("hwij,hwij->hw", solution, xy)
-    return np.clip(residual, 0, total).astype(np.float32), total.astype(np.float32)
+def _products(a: Plane, b: Plane, window: float) -> Plane:
+    """Local means of every channel of `a` (h, w, A) times every one of `b`, (h, w, A, B)."""
+    columns = [smoothed(a * b[..., k : k + 1], window) for k in range(b.shape[-1])]
+    return np.stack(columns, axis=-1)
