@@ -7,7 +7,17 @@ with a `Translator` and a fit function, and add one line to `METHODS`.
 from __future__ import annotations
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import fda, grayworld, histogram, identity, mkl, reinhard
+from s2rtools.translation import (
+    cut,
+    cyclegan,
+    fda,
+    grayworld,
+    histogram,
+    identity,
+    mkl,
+    reinhard,
+    unit,
+)
 from s2rtools.translation.method import TranslationMethod
 
 __all__ = ["METHODS", "TranslationMethod", "find_method"]
@@ -21,6 +31,9 @@ METHODS: dict[str, TranslationMethod] = {
         mkl.METHOD,
         histogram.METHOD,
         fda.METHOD,
+        cut.METHOD,
+        cyclegan.METHOD,
+        unit.METHOD,
     )
 }
 
