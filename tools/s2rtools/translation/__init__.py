@@ -22,6 +22,9 @@ _MODULES = {
     "mkl": "mkl",
     "histogram": "histogram",
     "fda": "fda",
+    "cut": "cut",
+    "cyclegan": "cyclegan",
+    "unit": "unit",
 }
 
 
