@@ -15,6 +15,7 @@ COMMANDS: dict[str, str] = {
     "train": "train a model with a recipe and register a run of it",
     "model": "register a weights file or the pretrained models",
     "run": "register a run: a model, a sim and a real domain, and image adjustments",
+    "translate": "fit, apply and judge translators between sim and real images",
     "precompute": "compute the missing predictions and heatmaps of runs",
     "tui": "open the terminal application on a store",
     "serve": "serve the application on a store to web browsers",

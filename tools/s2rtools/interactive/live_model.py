@@ -174,7 +174,10 @@ class LiveModel:
         for side in SIDES:
             if cancelled():
                 return
-            chain = tuple((step["name"], float(step["value"])) for step in run.adjustments(side))
+            chain = tuple(
+                (step["name"], float(step["value"]), step.get("sha256"))
+                for step in run.adjustments(side)
+            )
             compute = partial(self._compute_side, run, side, iid)
             outputs.append(self._outputs.get((iid, run.domain(side), chain), compute))
         if cancelled():
@@ -220,7 +223,7 @@ class LiveModel:
             (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
         )
         size = self._backend.model.network.input_size
-        frames = side_frames(images, domain, run.adjustments(side), size)
+        frames = side_frames(images, domain, run.adjustments(side), size, self._store.path)
         truth = self._store.instances
         pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
         batch = side_batch(self._backend, frames, pose)

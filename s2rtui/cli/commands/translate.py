@@ -1,0 +1,135 @@
+"""`s2r translate`: fit translators between domains, apply them and judge them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from s2rstore.errors import RequestError
+from s2rtui.cli.formatting.progress import percent_callback, reporter
+
+if TYPE_CHECKING:
+    from s2rtools.translator_evaluation.fit_into_store import FitRequest
+
+EXAMPLE = "s2r translate fit mkl --direction real2sim --name to_sim --store lab.s2r"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(metavar="ACTION", title="actions", required=True)
+    fit = actions.add_parser("fit", help="fit a translator on the images of two domains")
+    _add_fit_arguments(fit)
+    fit.set_defaults(action=_fit)
+    apply = actions.add_parser("apply", help="translate images, a folder, a video or a bag")
+    apply.add_argument("translator", help="translator file, or name of a translator of --store")
+    apply.add_argument("input", type=Path, help="image, folder of images, video or bag")
+    apply.add_argument("output", type=Path, help="what is written; must not exist")
+    apply.add_argument("--store", type=Path, help="store that has the translator")
+    apply.add_argument("--strength", type=float, default=1.0, help="0 to 1 (default 1)")
+    apply.set_defaults(action=_apply)
+
+
+def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
+    fit.add_argument("method", help="method of the fit, or `all` with --store; see the reference")
+    add = fit.add_argument_group("images").add_argument
+    add("--store", type=Path, help="store folder; the translator is registered in it")
+    add("--direction", choices=("sim2real", "real2sim"), default="sim2real",
+        help="which images are translated (default sim2real)")  # fmt: skip
+    add("--domains", metavar="SIM,REAL", help="names of both domains (default: the first of each)")
+    add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
+    add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
+    add("--size", type=int, default=160, metavar="PX",
+        help="longer edge of the images of the fit (default 160)")  # fmt: skip
+    add("--paired", action="store_true",
+        help="use that both domains show the same scenes (mkl+residual)")  # fmt: skip
+    add("--depth-noise", action="store_true",
+        help="also degrade depth by the measured noise of the target")  # fmt: skip
+    add = fit.add_argument_group("result").add_argument
+    add("--name", help="name of the translator in the store (default: method and direction)")
+    add("--out", type=Path, metavar="FILE", help="translator file to write, with --source")
+    add = fit.add_argument_group("budget").add_argument
+    add("--minutes", type=float, help="training time, in place of the default number of steps")
+    add("--steps", type=int, help="number of training steps")
+    add("--seed", type=int, default=0, help="random seed (default 0)")
+    add("--option", action="append", default=[], metavar="NAME=VALUE",
+        help="option of the method, such as statistics=image")  # fmt: skip
+
+
+def execute(options: argparse.Namespace) -> int:
+    options.action(options)
+    return 0
+
+
+def _fit(options: argparse.Namespace) -> None:
+    from s2rtools.translator_evaluation import fit_into_store as fitting
+
+    _check_budget(options)
+    if (options.store is None) == (options.source is None):
+        raise RequestError("name --store S, or --source DIR and --target DIR with --out FILE")
+    if options.store is None:
+        if options.target is None or options.out is None:
+            raise RequestError("--source needs --target DIR and --out FILE")
+        with reporter() as progress:
+            report = percent_callback(progress, f"fit {options.method}")
+            request = _request(options, options.method, options.method, report)
+            fitting.fit_folders(options.source, options.target, request, options.out)
+        print(f"{options.out}: {options.method} from {options.source} to {options.target}")
+        return
+    command = shlex.join(["s2r", *sys.argv[1:]])
+    methods = fitting.all_methods() if options.method == "all" else (options.method,)
+    if options.name and len(methods) > 1:
+        raise RequestError("--name: not with `all`, which names each translator by its method")
+    for method in methods:
+        name = options.name or f"{method}-{options.direction}"
+        with reporter() as progress:
+            report = percent_callback(progress, f"fit {name}")
+            request = _request(options, method, name, report)
+            fitting.fit_into_store(options.store, request, command)
+        print(f"{options.store}: translator {name} registered")
+
+
+def _check_budget(options: argparse.Namespace) -> None:
+    if options.minutes is not None and not 0 < options.minutes <= 10_000:
+        raise RequestError("--minutes: must be more than 0 and at most 10000")
+    if options.steps is not None and options.steps < 1:
+        raise RequestError("--steps: must be at least 1")
+    if not 0 <= options.seed < 2**31:
+        raise RequestError("--seed: must be 0 to 2147483647")
+    if not 32 <= options.size <= 1024:
+        raise RequestError("--size: must be 32 to 1024")
+
+
+def _request(options: argparse.Namespace, method: str, name: str, report: object) -> FitRequest:
+    from s2rtools.translator_evaluation import fit_into_store as fitting
+
+    domains = None
+    if options.domains is not None:
+        sim, _, real = options.domains.partition(",")
+        if not sim or not real:
+            raise RequestError(f"--domains {options.domains}: name two domains, SIM,REAL")
+        domains = sim, real
+    settings = fitting.default_settings(
+        method, options.seed, options.steps, options.minutes, options.paired, options.option,
+        report,  # type: ignore[arg-type]
+    )  # fmt: skip
+    return fitting.FitRequest(
+        method, name, options.direction, domains, options.depth_noise, options.size, settings
+    )
+
+
+def _apply(options: argparse.Namespace) -> None:
+    from s2rtools.translation.apply_files import apply_to_files
+
+    from s2rtools.translator_evaluation.fit_into_store import load_translator
+
+    if not 0 <= options.strength <= 1:
+        raise RequestError("--strength: must be 0 to 1")
+    stored = load_translator(options.translator, options.store)
+    with reporter() as progress:
+        report = percent_callback(progress, f"translate {options.input.name}")
+        count = apply_to_files(
+            stored.translator, options.strength, options.input, options.output, report
+        )
+    print(f"{options.output}: {count} images translated by {options.translator}")
