@@ -26,8 +26,9 @@ _JITTER = 0.06
 class Condition:
     """A light and a camera.
 
-    `lamp` and `balance` multiply linear RGB; `exposure` is a factor; `vignette` and `slope` are the
-    shares of light lost in the corners and towards one side; `shadows` is a number of shadows that
+    `lamp` and `balance` multiply linear RGB; with `second_lamp`, the colour changes from `lamp` on
+    one side of the image to `second_lamp` on the other; `exposure` is a factor; `vignette` and
+    `slope` are the shares of light lost in the corners and towards one side; `shadows` is a number of shadows that
     each take `shadow_depth` of the light; `glare` is the light that is added around one bright
     spot; `haze` is light added everywhere; `blur` is a standard deviation in pixels of a 640 pixel
     wide image; `noise` is the standard deviation of the read noise in linear units, and a fifth of
@@ -37,6 +38,7 @@ class Condition:
     name: str
     description: str
     lamp: Colour = (1.0, 1.0, 1.0)
+    second_lamp: Colour | None = None
     balance: Colour = (1.0, 1.0, 1.0)
     exposure: float = 1.0
     vignette: float = 0.1
@@ -66,6 +68,10 @@ CONDITIONS: dict[str, Condition] = {
                   noise=0.004, slope=0.3),
         Condition("reddish", "strongly red lamp, dark", lamp=(1.5, 0.5, 0.4), exposure=0.45,
                   noise=0.004, slope=0.3),
+        Condition("mixed", "warm lamp on one side, blue lamp on the other", exposure=0.5,
+                  lamp=(1.3, 0.8, 0.35), second_lamp=(0.4, 0.7, 1.5), noise=0.004),
+        Condition("violet", "violet lamp in the dark, contrast raised", lamp=(0.7, 0.12, 1.3),
+                  exposure=0.35, noise=0.006, slope=0.5, vignette=0.35, gamma=1.3),
         Condition("shadows", "deep shadows", shadows=3, shadow_depth=0.65),
         Condition("glare", "low sun with a reflection", glare=0.8, haze=0.02, lamp=(1.1, 1.0, 0.85),
                   slope=0.3),
@@ -101,9 +107,7 @@ class LightField:
     def apply(self, rgb: Rgb) -> Rgb:
         """Camera image (H, W, 3) uint8 of an albedo image (H, W, 3) uint8 of the field's size."""
         of = self.condition
-        light = np.array(of.lamp, np.float32) * np.float32(of.exposure)
-        linear = _DECODED[rgb] * light
-        linear *= self._factor
+        linear = _DECODED[rgb] * self._factor
         linear += self._added
         sigma = of.blur * rgb.shape[1] / 640
         if sigma > 0.2:
@@ -126,7 +130,11 @@ class LightField:
         light *= 1 - of.slope * (1 + x * np.cos(angle) + y * np.sin(angle)) / 2
         for _ in range(of.shadows):
             light *= self._shadow(size)
-        return np.asarray(light, np.float32)[..., None]
+        lamp = np.array(of.lamp)
+        if of.second_lamp is not None:
+            side = (1 + np.clip(x * np.cos(angle) + y * np.sin(angle), -1, 1))[..., None] / 2
+            lamp = lamp * (1 - side) + np.array(of.second_lamp) * side
+        return np.asarray(of.exposure * light[..., None] * lamp, np.float32)
 
     def _shadow(self, size: tuple[int, int]) -> Floats:
         height, width = size

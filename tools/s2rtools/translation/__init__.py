@@ -7,7 +7,7 @@ with a `Translator` and a fit function, and add one line to `METHODS`.
 from __future__ import annotations
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import fda, grayworld, histogram, identity, mkl, reinhard
+from s2rtools.translation import fda, grayworld, histogram, identity, levels, mkl, reinhard
 from s2rtools.translation.method import TranslationMethod
 
 __all__ = ["METHODS", "TranslationMethod", "find_method"]
@@ -17,6 +17,7 @@ METHODS: dict[str, TranslationMethod] = {
     for method in (
         identity.METHOD,
         grayworld.METHOD,
+        levels.METHOD,
         reinhard.METHOD,
         mkl.METHOD,
         histogram.METHOD,
