@@ -18,6 +18,7 @@ __all__ = ["METHODS", "TranslationMethod", "find_method"]
 _MODULES = {
     "identity": "identity",
     "grayworld": "grayworld",
+    "levels": "levels",
     "reinhard": "reinhard",
     "mkl": "mkl",
     "histogram": "histogram",
