@@ -51,7 +51,7 @@ def test_the_list_and_one_image_are_shown_and_drawn(
     ]  # fmt: skip
     words = output(capsys, "show", images, "instance", "--iid", "9", "--words")
     assert words == ["Instance 9 (sim_loop 0): image in sim."]
-    for view in ("instance", "list", "screen"):
+    for view in ("instance", "list", "workbench"):
         assert main(["export", images, "--view", view, "--out", str(tmp_path / f"{view}.png")]) == 0
         assert (tmp_path / f"{view}.png").read_bytes().startswith(b"\x89PNG")
 
