@@ -259,3 +259,8 @@ def _read_folder(folder: Path, max_images: int) -> Rgb:
 def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
     """Reports as JSON data; non-finite values are null."""
     return [dict(plain(asdict(report))) for report in reports]
+
+
+def folder_json(report: FolderReport) -> dict[str, Any]:
+    """A report on folders as JSON data; non-finite values are null."""
+    return dict(plain(asdict(report)))
