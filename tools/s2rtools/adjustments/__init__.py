@@ -127,8 +127,8 @@ def with_hashes(chain: Chain, translators: Mapping[str, TranslatorRecord]) -> li
 
 def translator_name(name: str) -> str | None:
     """T of the adjustment `translate:T`; None for other adjustments."""
-    kind, colon, translator = name.partition(":")
-    return translator if colon and kind == translation.TRANSLATE.name else None
+    kind, _, translator = name.partition(":")
+    return translator if kind == translation.TRANSLATE.name else None
 
 
 def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
