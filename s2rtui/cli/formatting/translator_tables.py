@@ -102,12 +102,12 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
 
     rows, trained = [], []
     for report in reports:
-        gain = report.row("error_gain")
+        side, error = ("sim", "sim_error") if report.direction == "sim2real" else ("real", "error")
+        gain = report.row(f"{error}_gain")
         if gain is not None:
-            side = "sim" if report.direction == "sim2real" else "real"
             rows.append((
-                report.name, side, _bounded(report.row("error", "identity"), 2),
-                _bounded(report.row("error"), 2), _bounded(gain, 2),
+                report.name, side, _bounded(report.row(error, "identity"), 2),
+                _bounded(report.row(error), 2), _bounded(gain, 2),
                 claim(Interval(gain.low, gain.value, gain.high)),
                 _percent(report.row("features_gain")),
             ))  # fmt: skip
@@ -120,6 +120,7 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
         yield output.table(
             ("translator", "images", "without", "with", "gain", "answer", "features closer"), rows
         )
+        yield "  each interval is that of one comparison, not corrected for their number"
     if trained:
         yield "\nMean real error, m, of networks trained on translated images\n"
         yield output.table(("translator", "run", "error", "gain", "answer"), trained)

@@ -143,6 +143,8 @@ def _judge(
             notes.append(f"task not judged: {reason}")
             usable = False
         else:
+            _, note = task_metrics.untrained_rows(store, run, frames.iids)
+            notes += [note] if note else []
             features["network"] = partial(_embedding, store, run, translator, backend, frames)
     blocks = instance_blocks(store, frames.iids)
     found = distance_metrics.paired_distances(
