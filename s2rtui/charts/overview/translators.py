@@ -16,7 +16,8 @@ MOST_ROWS = 6
 """Rows of the block at most, its header included."""
 _GAINS = (
     "SELECT translator, run, value, low, high FROM translator_metric "
-    "WHERE metric = 'error_gain' AND reference = 'translator' AND value IS NOT NULL "
+    "WHERE metric IN ('error_gain', 'trained_error_gain') AND reference = 'translator' "
+    "AND value IS NOT NULL "
     "ORDER BY translator, value DESC"
 )
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     apply.add_argument("--store", type=Path, help="store that has the translator")
     apply.add_argument("--strength", type=float, default=1.0, help="0 to 1 (default 1)")
     apply.set_defaults(action=_apply)
+    report = actions.add_parser("report", help="judge translators: content, distance, task, cost")
+    _add_report_arguments(report)
+    report.set_defaults(action=_report)
     listed = actions.add_parser("list", help="list the translators of a store")
     listed.add_argument("--store", type=Path, required=True, help="store folder")
     output.add_output_options(listed)
@@ -75,6 +80,27 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, help="random seed (default 0)")
     add("--option", action="append", default=[], metavar="NAME=VALUE",
         help="option of the method, such as statistics=image")  # fmt: skip
+
+
+def _add_report_arguments(report: argparse.ArgumentParser) -> None:
+    report.add_argument("translators", nargs="*", metavar="T",
+                        help="translators of --store (default: all), or one translator file with "
+                        "--source")  # fmt: skip
+    add = report.add_argument_group("images").add_argument
+    add("--store", type=Path, help="store that has the translators")
+    add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
+    add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
+    add("--images", type=int, default=120, metavar="N",
+        help="most images on which translators are judged (default 120)")  # fmt: skip
+    add("--seed", type=int, default=1, help="random seed that draws images (default 1)")
+    add = report.add_argument_group("task").add_argument
+    add("--run", help="run whose network judges the task (default: none)")
+    add("--trust", action="store_true", help="allow model formats that execute code")
+    add = report.add_argument_group("output").add_argument
+    add("--out", type=Path, metavar="DIR",
+        help="write a contact sheet of each translator and report.json to this folder")  # fmt: skip
+    add("--no-keep", action="store_true", help="do not save the verdict in the store")
+    add("--json", action="store_true", help="print the report as JSON")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -156,3 +182,79 @@ def _apply(options: argparse.Namespace) -> None:
             stored.translator, options.strength, options.input, options.output, report
         )
     print(f"{options.output}: {count} images translated by {options.translator}")
+
+
+def _report(options: argparse.Namespace) -> None:
+    if (options.store is None) == (options.source is None):
+        raise RequestError("name --store S, or --source DIR and --target DIR")
+    if not 8 <= options.images <= 100_000:
+        raise RequestError(f"--images {options.images}: must be 8 to 100000")
+    if not 0 <= options.seed < 2**31:
+        raise RequestError("--seed: must be 0 to 2147483647")
+    if options.store is None:
+        _report_folders(options)
+    else:
+        _report_store(options)
+
+
+def _report_store(options: argparse.Namespace) -> None:
+    import s2rstore
+    from s2rstore.index.transaction import check_writable
+    from s2rtools.translator_evaluation import contact_sheet, report
+    from s2rtools.translator_evaluation.judged_frames import judged_instances
+    from s2rtools.translator_evaluation.named_translator import named_translator
+    from s2rtools.translator_evaluation.save_report import save_reports
+    from s2rtui.cli.formatting.translator_tables import reports_text
+
+    if not options.no_keep:
+        check_writable(options.store)
+    with s2rstore.open(options.store) as store:
+        names = options.translators or list(store.translators)
+        if not names:
+            raise RequestError(
+                f"{options.store}: no translators; make one with `s2r translate fit`"
+            )
+        translators = [named_translator(store, name) for name in dict.fromkeys(names)]
+        settings = report.ReportSettings(options.run, options.images, options.seed, options.trust)
+        with reporter() as progress:
+            show = percent_callback(progress, "judge translators")
+            found = report.evaluate(
+                store, translators, settings, lambda fraction, name: show(fraction, 0.0, 0.0)
+            )
+        for translator in translators if options.out else ():
+            iids, _ = judged_instances(store, translators, options.images, options.seed)
+            sheet = contact_sheet.store_sheet(store, translator, iids, options.seed)
+            contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
+    if not options.no_keep:
+        save_reports(options.store, found)
+    _print_report(options, report.as_json(found), lambda: reports_text(found, options.run))
+
+
+def _report_folders(options: argparse.Namespace) -> None:
+    from s2rtools.translator_evaluation import contact_sheet, report
+    from s2rtools.translator_evaluation.fit_into_store import load_translator
+    from s2rtui.cli.formatting.translator_tables import folder_text
+
+    if options.target is None or len(options.translators) != 1:
+        raise RequestError("--source needs --target DIR and one translator file")
+    if options.run is not None:
+        raise RequestError("--run: needs --store, because folders have no poses")
+    translator = load_translator(options.translators[0]).translator
+    found = report.evaluate_folders(options.source, options.target, translator, options.images)
+    if options.out:
+        sheet = contact_sheet.folder_sheet(options.source, options.target, translator, options.seed)
+        name = Path(options.translators[0]).stem
+        contact_sheet.write_png(options.out / f"{name}.png", sheet)
+    _print_report(options, report.folder_json(found), lambda: folder_text(found))
+
+
+def _print_report(options: argparse.Namespace, content: object, text: Callable[[], str]) -> None:
+    """Print the text, or the JSON with --json; write the JSON to the folder of --out."""
+    from s2rtui.cli.formatting.rows import write_file
+
+    as_json = json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    if options.out:
+        write_file(options.out / "report.json", as_json.encode())
+    sys.stdout.write(as_json if options.json else text() + "\n")
+    if options.out:
+        print(f"wrote {options.out}", file=sys.stderr)

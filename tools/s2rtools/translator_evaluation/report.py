@@ -143,6 +143,8 @@ def _judge(
             notes.append(f"task not judged: {reason}")
             usable = False
         else:
+            _, note = task_metrics.untrained_rows(store, run, frames.iids)
+            notes += [note] if note else []
             features["network"] = partial(_embedding, store, run, translator, backend, frames)
     blocks = instance_blocks(store, frames.iids)
     found = distance_metrics.paired_distances(
@@ -259,3 +261,8 @@ def _read_folder(folder: Path, max_images: int) -> Rgb:
 def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
     """Reports as JSON data; non-finite values are null."""
     return [dict(plain(asdict(report))) for report in reports]
+
+
+def folder_json(report: FolderReport) -> dict[str, Any]:
+    """A report on folders as JSON data; non-finite values are null."""
+    return dict(plain(asdict(report)))

@@ -24,9 +24,11 @@ from s2rtools.inference import Backend
 from s2rtools.precompute.frame_reader import side_frames
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
-from s2rtools.translator_evaluation.judged_frames import Iids, JudgedFrames
+from s2rtools.translator_evaluation.judged_frames import MIN_IMAGES, Iids, JudgedFrames
 from s2rtools.translator_evaluation.named_translator import NamedTranslator
 
+RECIPE = "translated"
+"""Name of the training recipe that trains on translated sim images."""
 _BATCH = 16
 
 
@@ -120,6 +122,20 @@ def position_errors(store: Store, iids: Iids, outputs: NetworkOutputs) -> Floats
     )
 
 
+def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp], str | None]:
+    """Rows of `iids` whose poses the run's network was not trained on, and a note.
+
+    All rows where the run was not computed yet, or where fewer than `MIN_IMAGES` remain.
+    """
+    everything = np.arange(len(iids))
+    if run.key is None:
+        return everything, None
+    rows = np.flatnonzero(run_metrics.held_out(store, run.run)[iids])
+    if rows.size < MIN_IMAGES:
+        return everything, f"the network of run {run.run} was trained on most of these poses"
+    return rows, None
+
+
 def run_time_metrics(
     store: Store, run: Run, translator: NamedTranslator, backend: Backend, frames: JudgedFrames
 ) -> list[TaskMetric]:
@@ -128,6 +144,10 @@ def run_time_metrics(
     - `error`: mean position error on the translated images, on the source's (identity) and on the
       target's at the same poses (target).
     - `error_gain`: error of the source's images minus that of the translated ones, paired.
+
+    For translators of sim images these are named `sim_error` and `sim_error_gain`, because they say
+    nothing about reality.
+
     - `features_gain`: by how much the features come closer to those of the target at the same
       pose, as a share of the distance without translation; paired.
     """
@@ -136,13 +156,15 @@ def run_time_metrics(
         store, run, translator, backend, frames.translated, frames.translated_depth
     )
     ideal = target_outputs(store, run, translator, backend, frames.iids)
-    recording = store.instances.trajectory[frames.iids]
+    untrained, _ = untrained_rows(store, run, frames.iids)
+    recording = store.instances.trajectory[frames.iids[untrained]]
     errors = {
-        reference: position_errors(store, frames.iids, outputs)
+        reference: position_errors(store, frames.iids, outputs)[untrained]
         for reference, outputs in (("translator", moved), ("identity", plain), ("target", ideal))
     }
+    error = "error" if translator.side == "real" else "sim_error"
     rows = [
-        TaskMetric("error", reference, run.run, mean_interval(values, recording), "m")
+        TaskMetric(error, reference, run.run, mean_interval(values, recording), "m")
         for reference, values in errors.items()
     ]
     gain = errors["identity"] - errors["translator"]
@@ -150,7 +172,8 @@ def run_time_metrics(
         TaskMetric("error_gain", "translator", run.run, mean_interval(gain, recording), "m")
     )
     before, after = (
-        np.linalg.norm(each.embedding - ideal.embedding, axis=1) for each in (plain, moved)
+        np.linalg.norm(each.embedding - ideal.embedding, axis=1)[untrained]
+        for each in (plain, moved)
     )
     if before.mean() > 0:
         closer = mean_interval((before - after) / before.mean(), recording)
@@ -165,10 +188,13 @@ def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
     `run` minus it, paired on the instances that both networks were not trained on. Empty where no
     such run was computed.
     """
-    rows = []
+    rows: list[TaskMetric] = []
+    if store.run(run).key is None:
+        return rows
     for record in store.runs.values():
-        facts = store.provenance(f"model:{record.model}")
-        if facts.get("translator") != name or record.key is None or record.run == run:
+        used = [translator_name(str(step["name"])) for step in record.sim_adjustments]
+        recipe = store.provenance(f"model:{record.model}").get("recipe")
+        if recipe != RECIPE or name not in used or record.key is None:
             continue
         keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
         recording = store.instances.trajectory[keep]
