@@ -16,6 +16,9 @@ from s2rtools.translation import (
     identity,
     mkl,
     reinhard,
+    residual,
+    style,
+    style_network,
     unit,
 )
 from s2rtools.translation.method import TranslationMethod
@@ -31,6 +34,9 @@ METHODS: dict[str, TranslationMethod] = {
         mkl.METHOD,
         histogram.METHOD,
         fda.METHOD,
+        residual.METHOD,
+        style.METHOD,
+        style_network.METHOD,
         cut.METHOD,
         cyclegan.METHOD,
         unit.METHOD,
