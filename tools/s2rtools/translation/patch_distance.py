@@ -2,8 +2,8 @@
 
 Sliced Wasserstein distance: the mean over random directions of the one-dimensional Wasserstein
 distance. Source: Rabin et al., "Wasserstein barycenter and its application to texture mixing",
-2011; of patches at several scales: Karras et al., "Progressive growing of GANs for improved quality,
-stability, and variation", 2018.
+2011; of patches at several scales: Karras et al., "Progressive growing of GANs for improved
+quality, stability, and variation", 2018.
 """
 
 from __future__ import annotations
