@@ -56,6 +56,10 @@ def initialised(seed: int, build: Callable[[], Kind]) -> Kind:
         return build()
 
 
+def _norm(channels: int, normalised: bool) -> nn.Module:
+    return nn.InstanceNorm2d(channels) if normalised else nn.Identity()
+
+
 def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.Conv2d:
     return nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, padding_mode="reflect")
 
@@ -63,11 +67,11 @@ def _convolution(inputs: int, outputs: int, kernel: int, stride: int = 1) -> nn.
 class ResidualBlock(nn.Module):
     """x plus two 3 x 3 convolutions of x."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, normalised: bool = True) -> None:
         super().__init__()
         self.change = nn.Sequential(
-            _convolution(channels, channels, 3), nn.InstanceNorm2d(channels), nn.ReLU(),
-            _convolution(channels, channels, 3), nn.InstanceNorm2d(channels),
+            _convolution(channels, channels, 3), _norm(channels, normalised), nn.ReLU(),
+            _convolution(channels, channels, 3), _norm(channels, normalised),
         )  # fmt: skip
 
     def forward(self, x: Tensor) -> Tensor:
@@ -77,12 +81,12 @@ class ResidualBlock(nn.Module):
 class Encoder(nn.Sequential):
     """Images to 4 `channels` features at a quarter of the edges, in three stages."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, normalised: bool = True) -> None:
         super().__init__(
             *(
                 nn.Sequential(
                     _convolution(inputs, outputs, kernel, stride),
-                    nn.InstanceNorm2d(outputs),
+                    _norm(outputs, normalised),
                     nn.ReLU(),
                 )
                 for inputs, outputs, kernel, stride in (
@@ -100,12 +104,12 @@ class Decoder(nn.Sequential):
     Transposed convolutions with a kernel of 4 and a stride of 2 weigh all pixels equally.
     """
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, normalised: bool = True) -> None:
         super().__init__(
             *(
                 nn.Sequential(
                     nn.ConvTranspose2d(2 * outputs, outputs, 4, 2, 1),
-                    nn.InstanceNorm2d(outputs),
+                    _norm(outputs, normalised),
                     nn.ReLU(),
                 )
                 for outputs in (2 * channels, channels)
@@ -118,15 +122,16 @@ class Generator(nn.Module):
     """A residual network that changes its input by at most `bound`.
 
     The last layer starts with small weights, so that an untrained generator returns almost its
-    input. This differs from Zhu et al., whose generator makes the whole image.
+    input. This differs from Zhu et al., whose generator makes the whole image. Without instance
+    normalisation (`normalised`) it learns maps of colours that are the same in all images.
     """
 
-    def __init__(self, size: GeneratorSize) -> None:
+    def __init__(self, size: GeneratorSize, normalised: bool = True) -> None:
         super().__init__()
-        self.bound = size.bound
-        self.encoder = Encoder(size.channels)
-        self.blocks = nn.Sequential(*(ResidualBlock(4 * size.channels) for _ in range(size.blocks)))
-        self.decoder = Decoder(size.channels)
+        self.bound, width = size.bound, 4 * size.channels
+        self.encoder = Encoder(size.channels, normalised)
+        self.blocks = nn.Sequential(*(ResidualBlock(width, normalised) for _ in range(size.blocks)))
+        self.decoder = Decoder(size.channels, normalised)
         last = self.decoder[-1]
         nn.init.normal_(last.weight, std=size.bound * FIRST_CHANGE)  # type: ignore[arg-type]
         nn.init.zeros_(last.bias)  # type: ignore[arg-type]

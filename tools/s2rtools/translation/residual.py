@@ -12,6 +12,7 @@ both domains, by the mean absolute difference of pairs, or by the patch distance
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -67,7 +68,7 @@ class ResidualNetwork(nn.Module):
 
     def __init__(self, size: GeneratorSize) -> None:
         super().__init__()
-        self.generator = Generator(size)
+        self.generator = Generator(size, normalised=False)
         self.register_buffer("matrix", torch.eye(3))
         self.register_buffer("offset", torch.zeros(3))
         self.register_buffer("share", torch.ones(()))
@@ -165,9 +166,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     check_request("mkl+residual", OPTIONS, source, target, settings)
     options = settings.options
     bound = number(options, "bound", BOUND, 0.001, 1.0)
-    size = generator_size(
-        options, GeneratorSize(DEFAULT_SIZE.channels, DEFAULT_SIZE.blocks, 2 * bound)
-    )
+    size = generator_size(options, replace(DEFAULT_SIZE, bound=2 * bound))
     batch = whole_number(options, "batch", BATCH, 1, 64)
     source_out = held_out_rows(source.groups)
     target_out = source_out if settings.paired else held_out_rows(target.groups)
