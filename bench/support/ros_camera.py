@@ -73,9 +73,7 @@ def _message(kind: Any, image: NDArray[np.uint8]) -> Any:
         content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
         return kind(format="rgb8; jpeg compressed bgr8", data=content.tobytes())
     height, width = image.shape[:2]
-    return kind(
-        height=height, width=width, encoding="bgr8", step=3 * width, data=image.tobytes()
-    )
+    return kind(height=height, width=width, encoding="bgr8", step=3 * width, data=image.tobytes())
 
 
 def _stay_registered(link: MasterLink, uri: str) -> None:

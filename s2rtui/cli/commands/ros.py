@@ -95,20 +95,19 @@ def _proxy(options: argparse.Namespace) -> None:
 
 
 def _replay(options: argparse.Namespace) -> None:
-    from s2rtools.translation.apply_bag import apply_to_bag
-
     from s2rtools.ros.proxy_settings import load_translator
+    from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
 
     translator = load_translator(options.translator, options.store)
     with reporter() as progress:
         counts = apply_to_bag(
             translator, options.strength, options.bag, options.output, progress,
-            options.input, options.jpeg_quality,
+            BagRequest(options.input, options.jpeg_quality),
         )  # fmt: skip
     print(f"{options.output}: {counts.summary()}")
 
 
 def _package(options: argparse.Namespace) -> None:
-    from s2rtools.ros.run_proxy import PACKAGE
+    from s2rtools.ros.ros_environment import ROS1_PACKAGE
 
-    print(PACKAGE)
+    print(ROS1_PACKAGE)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import cv2
 
 from s2rtools.ros.image_topics import check_topics
 from s2rtools.ros.proxy_settings import ProxyRequest
-
-PACKAGE = Path(__file__).parent / "launch"
-"""Folder of the ROS 1 package with the launch file; it belongs into ROS_PACKAGE_PATH."""
 
 
 def run_proxy(request: ProxyRequest, version: int) -> None:
