@@ -145,10 +145,8 @@ def _translate_file(stored: StoredTranslator, strength: float, source: Path, tar
 
     Raises UndecodableImageError, which names the file.
     """
-    suffix = source.suffix.lower()
-    if suffix in _KEPT_SUFFIXES and _KEPT_SUFFIXES[suffix] == _KEPT_SUFFIXES.get(
-        target.suffix.lower()
-    ):
+    kinds = [_KEPT_SUFFIXES.get(path.suffix.lower()) for path in (source, target)]
+    if kinds[0] is not None and kinds[0] == kinds[1]:
         content = read_bytes(source, MAX_IMAGE_BYTES)
         try:
             rgb, image_format = decode_compressed(content)
