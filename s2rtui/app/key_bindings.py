@@ -72,6 +72,11 @@ class Action:
     command: Callable[[S2RApp], object] | None = None
 
     @property
+    def needs_poses(self) -> bool:
+        """Whether it does nothing in a data set without poses."""
+        return self.group in ("adjust", "heat", "map") or self.name in ("alike", "other_run")
+
+    @property
     def keys(self) -> list[str]:
         return self.key_names.split(",")
 

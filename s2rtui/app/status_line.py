@@ -56,7 +56,7 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
         "all trajectories" if view is None else "trajectories": (
             f"traj {', '.join(view or ('all',))}"
         ),
-        "run": f"run {state.run}{_pending_text(state)}",
+        "run": f"run {state.run}{_pending_text(state)}" if state.run else "no runs",
         "count": state.count,
     }
     if state.newest == state.generation:

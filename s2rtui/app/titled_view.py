@@ -24,10 +24,16 @@ class TitledView:
     @property
     def cache_key(self) -> tuple[object, ...] | None:
         """Key of everything the drawing depends on; None draws it always."""
+        if reason := self._unavailable:
+            return reason, self.scene.state.view == self.view.name
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None
         return (*depends, self.view.subtitle(self.scene), self.scene.state.view == self.view.name)
+
+    @property
+    def _unavailable(self) -> str:
+        return self.view.unavailable(self.scene.store)
 
     def draw(self, size: tuple[int, int], options: RenderOptions) -> Canvas:
         """The title line over the view's drawing, `size` (columns, rows) together."""
@@ -39,6 +45,9 @@ class TitledView:
             canvas.fill(0, 0, width, 1, theme.highlight)
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)
         start = len(label) + 2
+        if reason := self._unavailable:
+            canvas.text(0, min(1, height - 1), truncated(reason, width, options), fg=theme.muted)
+            return canvas
         if start < width:
             subtitle = truncated(view.subtitle(self.scene), width - start, options)
             canvas.text(start, 0, subtitle, fg=theme.muted)

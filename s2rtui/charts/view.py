@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from s2rstore.errors import RequestError
+from s2rstore.index.catalog import NO_POSES
+from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
@@ -32,6 +35,7 @@ class View:
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
+        needs_poses: whether it shows nothing of a data set without poses.
     """
 
     name: str
@@ -44,6 +48,18 @@ class View:
     single_instance: bool = False
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
+    needs_poses: bool = True
+
+    def unavailable(self, store: Store) -> str:
+        """Why the view has nothing to show of a store, in one line; empty if it has."""
+        if not self.needs_poses or store.has_poses:
+            return ""
+        return NO_POSES
+
+    def require_available(self, store: Store) -> None:
+        """Raise RequestError where the view has nothing to show of a store."""
+        if reason := self.unavailable(store):
+            raise RequestError(f"{store.path}: {reason}, so there is no {self.name} view")
 
     def subtitle(self, scene: Scene) -> str:
         """The text beside the title."""

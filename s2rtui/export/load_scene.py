@@ -51,6 +51,8 @@ def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scen
     """
     session = Session(path, options.run, ReadNotebook, options.history)
     try:
+        for view in views:
+            view.require_available(session.store)
         apply_options(session, options)
         cursor = options.iid is not None or not views or any(view.single_instance for view in views)
         yield load_scene(session, *views, cursor=cursor)
@@ -91,7 +93,7 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     if other is not None and other not in others:
         names = ", ".join(others) or "there is none"
         raise RequestError(f"--with {other}: must be another run ({names})")
-    columns = instance_list.columns(session.notes)
+    columns = instance_list.columns(session.store, session.notes)
     if sort not in columns:
         raise RequestError(f"--sort {sort}: must be one of {', '.join(columns)}")
     if iid is None and state.selected.any():

@@ -60,7 +60,10 @@ def evaluate(
 def _cursor(
     store: Store, state: State, selected: NDArray[np.bool_], base: NDArray[np.bool_]
 ) -> int | None:
-    """The present cursor if it is still selected, else the instance with the worst real error."""
+    """The present cursor if it is still selected, else the instance with the worst real error.
+
+    Without poses, and so without errors, it is the first one.
+    """
     pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
         return state.cursor
@@ -69,7 +72,10 @@ def _cursor(
     inside = pool[worst]
     if inside.any():
         return int(worst[inside.argmax()])
-    return first_largest(errors, selection_indices(pool, base).members)
+    members = selection_indices(pool, base).members
+    if not store.has_poses:
+        return int(members[0]) if members.size else None
+    return first_largest(errors, members)
 
 
 @cached_by_identity(4)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.geometry.floor_grid import AGGREGATES, FloorHeat, MapGrid, Ray
 from s2rstore.reader import Store
-from s2rstore.records import Run, Side
+from s2rstore.records import NO_RUN, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
@@ -30,7 +30,7 @@ _PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order of the keys."""
     choices: list[tuple[str, str | None]] = []
-    for record in store.arrays(run):
+    for record in store.arrays(run) if run != NO_RUN else ():
         if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):

@@ -21,6 +21,8 @@ COLUMNS = (
     "iid", "x", "y", "heading", "curvature", "seq", "room", "trajectory",
 )  # fmt: skip
 """Columns to sort by, named as in the selection language."""
+IMAGE_COLUMNS = ("iid", "trajectory", "seq")
+"""The columns of a data set without poses."""
 REMARK = "remark"
 """The user's tags and note: sorted alphabetically, instances without them last."""
 NAMES = ("room", "trajectory")
@@ -33,9 +35,10 @@ _SMALL_PART = 6
 """A selection above 1 / 6 of all instances is taken from the cached order of all."""
 
 
-def columns(notes: Notes) -> tuple[str, ...]:
+def columns(store: Store, notes: Notes) -> tuple[str, ...]:
     """The columns to sort by; remarks are one of them if the user has made any."""
-    return (*COLUMNS, REMARK) if notes.remarks else COLUMNS
+    known = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    return (*known, REMARK) if notes.remarks else known
 
 
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
@@ -108,7 +111,7 @@ def _alphabetical_ranks(
 
 def sort_by_next_column(context: SessionContext, state: State) -> State:
     """Sort by the next column, the largest first; ranks, counts and names ascend."""
-    available = columns(context.notes)
+    available = columns(context.store, context.notes)
     at = available.index(state.sort) + 1 if state.sort in available else 0
     name = available[at % len(available)]
     return state.updated(sort=name, descending=name not in _ASCENDING, message=f"sorted by {name}")

@@ -27,13 +27,15 @@ class ModelInput:
 
     Without frames in the store, rgb has shape (0, 0, 3) and depth is None.
     `title` names a domain other than the side's usual one and short adjustments; `notes` hold
-    adjustments that are too long for it.
+    adjustments that are too long for it. `original` is the RGB image before the adjustments, None
+    where no translator is among them.
     """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32] | None
     title: str
     notes: tuple[tuple[str, str], ...] = ()
+    original: NDArray[np.uint8] | None = None
 
 
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
@@ -49,7 +51,23 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
     usual = "" if domain.domain == side and not chain else domain.domain
     title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
-    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes)
+    is_translated = adjusted is not None and any("sha256" in step for step in images)
+    original = frame.rgb if is_translated else None
+    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes, original)
+
+
+def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
+    """An instance's image in the first domain of a kind that has one; for data sets without poses.
+
+    The title names other domains than that of the side. rgb has shape (0, 0, 3) without an image.
+    """
+    of_kind = (name for name, domain in store.domains.items() if domain.kind == side)
+    imaged = [name for name in of_kind if store.imaged(name)[iid]]
+    if not imaged:
+        return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "")
+    rgb = store.frames(imaged[0], iid, iid + 1, ("rgb",))["rgb"][0]
+    more = ((f"{side} domains", ", ".join(imaged)),) if len(imaged) > 1 else ()
+    return ModelInput(rgb, None, "" if imaged[0] == side else imaged[0], more)
 
 
 def _title_and_notes(

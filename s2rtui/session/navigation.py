@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from s2rstore.errors import RequestError
+from s2rstore.index.catalog import NO_POSES
 from s2rstore.language import Node, parse
 from s2rstore.reader import Store
+from s2rstore.records import NO_RUN
 from s2rtui.session import adjusting, pending_target, saved_selection_diff, selection
 from s2rtui.session.context import SessionContext
 from s2rtui.session.evaluation import evaluate
@@ -38,6 +40,8 @@ def set_cursor(context: SessionContext, state: State, iid: int) -> State:
 
 def change_run(context: SessionContext, state: State, steps: int) -> State:
     """Show the next run, counted from the pending one."""
+    if not state.runs:
+        return state.with_message(f"{NO_POSES}, so there are no runs")
     target = pending_target.final_target(state)
     present = target.run if target.run in state.runs else state.run
     index = (state.runs.index(present) + steps) % len(state.runs)
@@ -135,7 +139,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
         generation=store.generation,
         newest=store.generation,
         runs=runs,
-        run=state.run if state.run in runs else runs[0],
+        run=state.run if state.run in runs else next(iter(runs), NO_RUN),
         other=state.other if state.other in runs else None,
     )
     result = _settle(context, base, target)
@@ -147,7 +151,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
 
 def refuse_generation(fresh: Store, present: Store) -> str:
     """Why a session cannot continue in a newer generation; empty if it can."""
-    if not computed_runs(fresh):
+    if not computed_runs(fresh) and fresh.has_poses:
         return "the newest generation has no computed run: reopen the store"
     if fresh.dataset.hash != present.dataset.hash:
         return "the newest generation holds another data set: reopen the store"

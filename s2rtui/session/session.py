@@ -17,6 +17,7 @@ from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Extreme, Field, Named
 from s2rstore.metrics import store_summary
 from s2rstore.reader import Store
+from s2rstore.records import NO_RUN
 from s2rtui.session import navigation, pending_target, selection
 from s2rtui.session.context import BasePopulations, Reducer, SessionContext
 from s2rtui.session.heatmaps import with_heat
@@ -40,6 +41,8 @@ class Session:
         gap_history: Path | None = None,
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst region.
+
+        A data set without poses has no runs: all its images are selected.
 
         `notebooks` opens the notebook of a data set by its hash; without it nothing is saved.
         `gap_history` overrides the history file of the store. Set `defers_loading` if background
@@ -190,15 +193,15 @@ class Session:
 
 def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -> State:
     """The state on a run before anything is selected; raises RequestError if it is not computed."""
-    record = store.run(run)
-    if record.key is None:
-        raise RequestError(f"run {record.run!r}: not computed yet; run `s2r precompute`")
+    name = store.run_name(run)
+    if name != NO_RUN and store.run(name).key is None:
+        raise RequestError(f"run {name!r}: not computed yet; run `s2r precompute`")
     everything = np.ones(len(store.instances), dtype=np.bool_)
-    return State(
+    state = State(
         generation=store.generation,
         newest=store.generation,
         runs=navigation.computed_runs(store),
-        run=record.run,
+        run=name,
         trajectories=None,
         expression="all",
         selected=everything,
@@ -207,6 +210,9 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         heat=None,
         history=history,
     )
+    if store.has_poses:
+        return state
+    return replace(state, view="instance", centre="list", sort="iid", descending=False)
 
 
 def _select_finding(context: SessionContext, state: State, error: str) -> State:
@@ -214,6 +220,10 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
 
     `error` is shown in place of the finding's description if it is not empty.
     """
+    if not context.store.has_poses:
+        state = replace(selection.select(context, state, "all", "replace"), past=())
+        message = "images without poses: `3` shows an image, `8` the list, `/` selects"
+        return replace(state, message=error or message, is_error=bool(error))
     regions = store_summary.worst_rooms(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
     message = "the worst 15 % in reality"

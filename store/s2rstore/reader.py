@@ -19,7 +19,7 @@ from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import ArrayRecord, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Domain, Side
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -87,8 +87,13 @@ class Store(IndexCatalog):
         return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
 
     def run_columns(self, run: str) -> RunColumns:
-        """Predictions of a computed run, aligned by iid; each column is loaded at its first use."""
+        """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
+
+        `NO_RUN` gives blank columns where the data set has no poses.
+        """
         with self._lock:
+            if run == NO_RUN and not self.has_poses and run not in self._runs_columns:
+                self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
             if run not in self._runs_columns:
                 if self.run(run).key is None:
                     raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
@@ -131,20 +136,54 @@ class Store(IndexCatalog):
     def frames(
         self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
     ) -> dict[str, NDArray[Any]]:
-        """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values."""
+        """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values.
+
+        In a data set without poses depth is 0, which is not valid. Raises RequestError where the
+        domain does not image a trajectory of these instances.
+        """
         self.domain(domain)
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for trajectory, first in self._first_iids.items():
             count = self._counts[trajectory]
             low, high = max(start, first), min(stop, first + count)
             if low < high:
+                self._check_images(domain, trajectory)
                 for image in images:
+                    if image == "depth" and not self.has_poses:
+                        size = self.dataset.frame_height, self.dataset.frame_width
+                        parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
+                        continue
                     array = self.frames_array(domain, trajectory, image)
                     parts[image].append(array.rows(low - first, high - first))
         return {
             image: rows[0] if len(rows) == 1 else np.concatenate(rows)
             for image, rows in parts.items()
         }
+
+    @cached_property
+    def imaged_trajectories(self) -> dict[str, frozenset[str]]:
+        """The trajectories that each domain images: all of them, unless there are no poses."""
+        if self.has_poses:
+            names = frozenset(trajectory.trajectory for trajectory in self.trajectories)
+            return dict.fromkeys(self.domains, names)
+        query = "SELECT DISTINCT domain, trajectory FROM frame JOIN instance USING (iid)"
+        rows = self.execute(query)
+        return {name: frozenset(t for d, t in rows if d == name) for name in self.domains}
+
+    def imaged(self, domain: str) -> NDArray[np.bool_]:
+        """The instances that a domain images, shape (N,)."""
+        self.domain(domain)
+        truth, names = self.instances, self.imaged_trajectories[domain]
+        codes = [truth.trajectory_names.index(name) for name in names]
+        return np.isin(truth.trajectory, codes)
+
+    def _check_images(self, domain: str, trajectory: str) -> None:
+        if trajectory not in self.imaged_trajectories[domain]:
+            domains = [d for d, names in self.imaged_trajectories.items() if trajectory in names]
+            raise RequestError(
+                f"{self.path}: domain {domain} has no images of trajectory {trajectory} "
+                f"(domains: {', '.join(domains)})"
+            )
 
     def first_iid(self, trajectory: str) -> int:
         """The iid of a trajectory's first instance; its rows follow without gaps."""

@@ -14,6 +14,9 @@ DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
 
+NO_RUN = ""
+"""Stands for the run in a data set without poses, which has none."""
+
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
@@ -39,7 +42,11 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """One environment. `accuracy_scale` is S of `accuracy = max(0, 1 - error / S)`, metres."""
+    """One environment. `accuracy_scale` is S of `accuracy = max(0, 1 - error / S)`, metres.
+
+    Without poses (`has_poses` false) it is a set of images: there are no depth, no cameras, no map
+    and no runs; `bounds` and `accuracy_scale` are NaN.
+    """
 
     name: str
     hash: str
@@ -49,6 +56,7 @@ class Dataset:
     accuracy_scale: float
     frame_height: int
     frame_width: int
+    has_poses: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +96,9 @@ class Intrinsics:
 @dataclass(frozen=True, slots=True)
 class Domain:
     """One source of images of every instance, with its cameras.
+
+    In a data set without poses it images some trajectories only; figures of cameras and depth are
+    NaN, and the range of valid depth is empty (1 .. 0).
 
     `camera_height` (metres above the floor) and `forward_offset` (metres ahead of the pose,
     negative behind it) hold for both cameras. Metres = raw depth value * `depth_scale`; a raw

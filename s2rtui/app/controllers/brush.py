@@ -35,7 +35,8 @@ class BrushController:
         """The panels of a view on the screen; none if it is hidden."""
         widget = self._app.renderer.plot(view.name)
         width, height = widget.size
-        if not widget.placed or height <= TITLE_ROWS:
+        is_shown = widget.placed and height > TITLE_ROWS
+        if not is_shown or view.unavailable(self._app.session.store):
             return ()
         size = (width, height - TITLE_ROWS)
         return view.panels(self._app.renderer.scene, size, self._app.render_options)

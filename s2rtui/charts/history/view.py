@@ -26,6 +26,7 @@ class HistoryView(View):
     pane: Pane = "centre"
     description = "the gap over time, night by night"
     loads = ("history",)
+    needs_poses = False
     figure_size = (1600, 1100)
 
     def subtitle(self, scene: Scene) -> str:

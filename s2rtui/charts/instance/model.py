@@ -8,8 +8,9 @@ from s2rstore.errors import RequestError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
+from s2rstore.security.printable_text import printable
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
-from s2rtui.session.model_input import ModelInput, model_input
+from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
@@ -18,6 +19,8 @@ NEIGHBOURS = 5
 
 def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps."""
+    if not store.has_poses:
+        return _image_input(store, iid)
     truth = store.instances
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
@@ -39,6 +42,20 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *real.notes,
         ),
     )
+
+
+def _image_input(store: Store, iid: int) -> InstanceInput:
+    """The images of an instance without pose, and where they come from."""
+    truth = store.instances
+    sim, real = (stored_image(store, side, iid) for side in SIDES)
+    notes = [("where", f"{truth.trajectory_names[truth.trajectory[iid]]} {truth.seq[iid]}")]
+    if not math.isnan(time := float(truth.timestamp[iid])):
+        notes.append(("time", f"{time:.3f} s"))
+    query = "SELECT domain, rgb_path FROM frame WHERE iid = ? ORDER BY domain"
+    notes += [(f"{domain} file", printable(path)) for domain, path in store.execute(query, [iid])
+              if path is not None]  # fmt: skip
+    views = (SideView(rgb=shown.rgb, title=shown.title) for shown in (sim, real))
+    return InstanceInput(iid, *views, notes=(*notes, *sim.notes, *real.notes))
 
 
 def _named(names: tuple[str, ...], code: int) -> str:
@@ -80,4 +97,5 @@ def _side(
         heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
         pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
         title=shown.title,
+        original=shown.original,
     )

@@ -39,10 +39,12 @@ def instance_figure(
     page = new_page(size, theme, title, heat)
     top, (wide, _) = page.top, page.inches
     has_depth = data.sim.depth is not None or data.real.depth is not None
-    kinds = ["rgb", "depth"] if has_depth else ["rgb"]
+    is_translated = any(side.original is not None for side in (data.sim, data.real))
+    kinds = ["rgb", *["original"] * is_translated, *["depth"] * has_depth]
     side = SIDE if wide > 6 else 0.0
     gap = 0.12
-    aspect = data.sim.rgb.shape[1] / max(1, data.sim.rgb.shape[0])
+    rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
+    aspect = columns / max(1, rows)
     high = max(0.2, (top - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
     high = min(high, max(0.2, (wide - side - 0.65 - gap) / 2 / aspect))
     across = high * aspect
@@ -69,8 +71,14 @@ def _draw_image(
 ) -> None:
     axes = page.axes(*box)
     axes.set_axis_off()
-    if what == "depth" and side.depth is None:
-        axes.text(0.5, 0.5, "no depth", ha="center", va="center", color=page.inks.muted)
+    missing = {
+        "rgb": (side.rgb.size, "no image"),
+        "original": (side.original is not None, "not translated"),
+        "depth": (side.depth is not None, "no depth"),
+    }
+    present, text = missing[what]
+    if not present:
+        axes.text(0.5, 0.5, text, ha="center", va="center", color=page.inks.muted)
         return
     rows, columns = side.rgb.shape[:2]
     pixels = panel_pixels(side, what, model, data, (rows, columns))
@@ -108,7 +116,8 @@ def _write_numbers(
     def put_name(role: str, name: str) -> None:
         page.text(left, top, name, getattr(page.inks, role), 9, va="top", fontweight="bold")
 
-    put_row("x (m)", "y (m)", "heading", ink=muted)
+    if model.poses:
+        put_row("x (m)", "y (m)", "heading", ink=muted)
     for line in model.poses:
         top -= 0.24
         put_name(line.role, line.role)

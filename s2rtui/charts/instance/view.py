@@ -19,6 +19,7 @@ class InstanceView(View):
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
     loads = ("pictures",)
     single_instance = True
+    needs_poses = False
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
@@ -69,6 +70,9 @@ class InstanceView(View):
             if side.pose is not None
         ]
         where = dict(shown.notes).get("where", "")
+        if not scene.store.has_poses:
+            images = (("sim", shown.sim), ("real", shown.real))
+            sides = [f"image in {side.title or role}" for role, side in images if side.rgb.size]
         return f"Instance {shown.iid} ({where}): {', '.join(sides) or 'not predicted'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -77,10 +81,11 @@ class InstanceView(View):
         shown = scene.resources.pictures
         if shown is None:
             raise RequestError("--select: selects nothing, so there is no instance to draw")
-        if not (shown.sim.rgb.size and shown.real.rgb.size):
+        has_images = [bool(side.rgb.size) for side in (shown.sim, shown.real)]
+        if not (all if scene.store.has_poses else any)(has_images):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        title = f"{scene.state.run}: instance {shown.iid}"
+        title = f"{scene.title}: instance {shown.iid}"
         return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:

@@ -61,7 +61,8 @@ def _column(scene: Scene, name: str, sorts: bool) -> _Column:
         return _numbers(scene, name, sorts)
     truth = scene.store.instances
     text = _named(getattr(truth, name), getattr(truth, f"{name}_names"))
-    return _texts(name, text, 16 if name == "room" else 12, sorts=sorts)
+    width = 16 if name == "room" else 12 if scene.store.has_poses else 28
+    return _texts(name, text, width, sorts=sorts)
 
 
 def _remark(scene: Scene, sorts: bool) -> _Column:

@@ -23,6 +23,7 @@ class ListView(View):
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
+    needs_poses = False
     figure_size = (1600, 1200)
 
     def subtitle(self, scene: Scene) -> str:
@@ -39,11 +40,12 @@ class ListView(View):
         columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
         if sort != "iid":
             columns.append(_column(scene, sort, True))
-        if sort != "room":
+        names = instance_list.COLUMNS if scene.store.has_poses else instance_list.IMAGE_COLUMNS
+        if sort != "room" and "room" in names:
             columns.append(_column(scene, "room", False))
         if scene.notes.remarks and sort != instance_list.REMARK:
             columns.append(_remark(scene, False))
-        others = (name for name in instance_list.COLUMNS if name not in (sort, "iid", "room"))
+        others = (name for name in names if name not in (sort, "iid", "room"))
         return [*columns, *(_column(scene, name, False) for name in others)]
 
     def numbers(self, scene: Scene) -> Table:
@@ -62,8 +64,8 @@ class ListView(View):
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.list import paper
 
-        title = f"{scene.state.run}: instances by {scene.state.sort}"
-        subtitle = f"{scene.caption}  ·  metres and degrees"
+        title = f"{scene.title}: instances by {scene.state.sort}"
+        subtitle = f"{scene.caption}{'  ·  metres and degrees' * scene.store.has_poses}"
         return paper.list_figure(self.input(scene), size, theme, title, subtitle)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:

@@ -31,7 +31,7 @@ HEAT_RAMP = ".123456789"
 
 @dataclass(frozen=True, slots=True)
 class ImagePanel:
-    """The place of an image in cells; `what`: "rgb", "depth" or "heat"."""
+    """The place of an image in cells; `what`: "rgb", "original", "depth" or "heat"."""
 
     what: str
     side: str
@@ -73,17 +73,25 @@ def instance_layout(
             break
     else:
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
-    panels, used = _arrange(what, _shape(data), width, space, title)
+    panels, used = _arrange(what, _sides(data), _shape(data), width, space, title)
     return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
 
 
 def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) -> list[str]:
     kinds = ["rgb"] if data.sim.rgb.size or data.real.rgb.size else []
+    if any(side.original is not None for side in (data.sim, data.real)):
+        kinds.append("original")
     if model.heat_range is not None and not options.supports_images:
         kinds.append("heat")
     if data.sim.depth is not None or data.real.depth is not None:
         kinds.append("depth")
     return kinds
+
+
+def _sides(data: InstanceInput) -> list[str]:
+    """The sides that are shown: both, except without a pose, where a side may have no image."""
+    sides = [name for name, side in (("sim", data.sim), ("real", data.real)) if side.rgb.size]
+    return ["sim", "real"] if data.truth is not None or not sides else sides
 
 
 def _shape(data: InstanceInput) -> tuple[int, int]:
@@ -93,15 +101,20 @@ def _shape(data: InstanceInput) -> tuple[int, int]:
 
 
 def _arrange(
-    kinds: list[str], shape: tuple[int, int], width: int, space: int, top: int
+    kinds: list[str],
+    sides: list[str],
+    shape: tuple[int, int],
+    width: int,
+    space: int,
+    top: int,
 ) -> tuple[tuple[ImagePanel, ...], int]:
-    """Arrange images in two columns or in one row, whichever shows them larger."""
+    """Arrange images in a column per side or in one row, whichever shows them larger."""
     if not kinds:
         return (), 0
-    aspect = shape[1] / max(1, shape[0])
+    aspect, count = shape[1] / max(1, shape[0]), len(sides)
     best: tuple[int, int, int] = (0, 0, 0)
-    for columns in (2, 2 * len(kinds)):
-        rows = 2 * len(kinds) // columns
+    for columns in (count, count * len(kinds)):
+        rows = count * len(kinds) // columns
         high = space // rows
         wide = min((width - columns + 1) // columns, int(2 * high * aspect))
         high = min(high, -int(-wide / aspect // 2))
@@ -110,12 +123,12 @@ def _arrange(
     wide, high, columns = best
     panels = []
     for index, what in enumerate(kinds if wide and high else []):
-        for offset, side in enumerate(("sim", "real")):
-            place = index * 2 + offset
+        for offset, side in enumerate(sides):
+            place = index * count + offset
             half = (width + 1) // 2 if columns == 2 else wide + 1
             x = place % columns * max(wide + 1, min(half, wide + 3))
             panels.append(ImagePanel(what, side, x, top + place // columns * high, wide, high))
-    rows = 2 * len(kinds) // columns if columns else 0
+    rows = count * len(kinds) // columns if columns else 0
     return tuple(panels), top + rows * high
 
 
@@ -139,12 +152,22 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
     side = data.sim if panel.side == "sim" else data.real
     if panel.what == "heat":
         _heat_glyphs(canvas, panel, side, data, model)
-    elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
+    elif panel.what == "original" and side.original is None:
+        text = "not translated"
+        canvas.text(panel.x, panel.y + panel.height // 2, text[: panel.width], canvas.theme.muted)
+    elif side.rgb.size if panel.what in ("rgb", "original") else side.depth is not None:
         plain = data if canvas.options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
         draw_image(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
         if canvas.options.supports_shading:
-            sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            sources = (
+                side.rgb,
+                side.original,
+                side.depth,
+                side.heat,
+                model.heat_range,
+                model.depth_range,
+            )
             key = identity_key((panel.what, *sources, data.over, data.signed))
             true_pixels = partial(pixels, shades=DEPTH_SHADES)
             canvas.images.append(_inline_image(panel, side, true_pixels, key))
@@ -156,7 +179,7 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
 def _inline_image(
     panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], key: object
 ) -> InlineImage:
-    image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
+    image = side.depth if panel.what == "depth" and side.depth is not None else side.rgb
     shape = image.shape[0], image.shape[1]
     return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, key)
 
@@ -183,9 +206,11 @@ def _heat_glyphs(
 
 def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None:
     for panel in layout.panels:
-        if panel.y != 1:
-            continue
         side = data.sim if panel.side == "sim" else data.real
+        if panel.y != 1:
+            if panel.what == "original" and side.original is not None:
+                canvas.text(panel.x, panel.y, " original "[: panel.width], canvas.theme.text)
+            continue
         glyph, colour = canvas.options.role(panel.side)
         title = side.title or panel.side if panel.what == "rgb" else panel.what
         text = canvas.options.printable(f"{glyph} {title}")
@@ -215,7 +240,7 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
     label = 8 if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
-    for index, heading in enumerate(HEADINGS):
+    for index, heading in enumerate(HEADINGS if model.poses else ()):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
         glyph, colour = canvas.options.role(line.role)

@@ -1,4 +1,4 @@
-"""`s2r ingest`: create a store from paired images or from the synthetic world."""
+"""`s2r ingest`: create a store from images, paired or without poses, or from the world."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtui.cli.formatting.progress import reporter
 
@@ -22,20 +23,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sim2realviz = layouts.add_parser("sim2realviz", help="folder in the Sim2RealViz layout")
     manifest = layouts.add_parser("csv", help="CSV manifest of paired images")
     world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
+    images = layouts.add_parser("images", help="folders of sim and real images without poses")
+    for side in SIDES:
+        images.add_argument(f"--{side}", type=Path, required=True, metavar="DIR",
+                            help=f"folder of {side} images; subfolders, or the conditions of its "
+                            "index.csv (file, condition), are trajectories")  # fmt: skip
     for layout in (sim2realviz, manifest):
         layout.add_argument("path", type=Path, help="folder or manifest to read")
         layout.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
                             help="TOML or JSON file with bounds, rooms and cameras")  # fmt: skip
+    for layout in (sim2realviz, manifest, images):
         layout.add_argument("--allow-outside", action="store_true",
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
-    for layout in (sim2realviz, manifest, world):
-        size = 128 if layout is world else 256
+    for layout in (sim2realviz, manifest, world, images):
+        size = {world: 128, images: 320}.get(layout, 256)
+        edge = "longer edge" if layout is images else "height and width"
         layout.add_argument("--store", type=Path, required=True, help="store folder to create")
         layout.add_argument("--trajectory", action="append", default=[],
                             help="read only this trajectory (repeatable)")  # fmt: skip
         layout.add_argument("--size", type=int, default=size,
-                            help=f"height and width of stored frames (default {size})")  # fmt: skip
+                            help=f"{edge} of stored frames, pixels (default {size})")  # fmt: skip
         layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,
@@ -65,7 +73,10 @@ def execute(options: argparse.Namespace) -> int:
     frame = options.size, options.size
     header = getattr(options, "header", None)
     allow_outside = getattr(options, "allow_outside", False)
-    scan_options = ScanOptions(tuple(options.trajectory), header, frame, world, allow_outside)
+    folders = {side: getattr(options, side) for side in SIDES if options.layout == "images"}
+    scan_options = ScanOptions(
+        tuple(options.trajectory), header, frame, world, allow_outside, folders
+    )
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
     views = sum(len(s.sources) for rows in scan.trajectories.values() for s in rows)
     for folder, count in sorted(scan.outside_folders.items()):

@@ -33,7 +33,7 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
-        run = store.run(options.run).run
+        run = store.run_name(options.run)
         known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:
@@ -50,5 +50,6 @@ def execute(options: argparse.Namespace) -> int:
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
     if options.format == "table" and options.out is None:
-        print(f"{selection.facts.count} instances of run {run}", file=sys.stderr)
+        of_run = f" of run {run}" if run else ""
+        print(f"{selection.facts.count} instances{of_run}", file=sys.stderr)
     return 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
@@ -29,6 +30,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     apply.add_argument("--store", type=Path, help="store that has the translator")
     apply.add_argument("--strength", type=float, default=1.0, help="0 to 1 (default 1)")
     apply.set_defaults(action=_apply)
+    listed = actions.add_parser("list", help="list the translators of a store")
+    listed.add_argument("--store", type=Path, required=True, help="store folder")
+    output.add_output_options(listed)
+    listed.set_defaults(action=_list)
+
+
+def _list(options: argparse.Namespace) -> None:
+    import s2rstore
+    from s2rtui.charts.overview.translators import translator_rows
+
+    with s2rstore.open(options.store) as store:
+        found = {row.translator: row for row in translator_rows(store)}
+        rows = [
+            (name, record.method, record.source_domain, record.target_domain, found[name].verdict,
+             found[name].gain_text, "; ".join(record.reasons))
+            for name, record in store.translators.items()
+        ]  # fmt: skip
+    names = ("translator", "method", "from", "to", "verdict", "gain", "reasons")
+    output.write(names, rows, options)
 
 
 def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:

@@ -21,7 +21,8 @@ COLUMNS = (
     "degrees(real_heading_error) AS real_heading_error",
 )  # fmt: skip
 """Default columns, as SQL on `pair`."""
-_NAMES = tuple(column.split(" AS ")[-1] for column in COLUMNS)
+IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp")
+"""Default columns in a data set without poses."""
 NOTEBOOK_COLUMNS = ("tags", "note")
 _BLOCK_IIDS = 100_000
 """Number of instances whose rows are read at a time, which bounds the memory."""
@@ -76,13 +77,15 @@ def selected_rows(
     RequestError for columns and runs that do not exist.
     """
     notes = notes or Notes()
-    name = store.run(run).run
+    name = store.run_name(run)
+    default = COLUMNS if store.has_poses else IMAGE_COLUMNS
     if columns is None and selected is not None:
-        rows = _rows_of(store, name, np.flatnonzero(selected))
+        rows = _rows_of(store, name, np.flatnonzero(selected), default)
     else:
         text, parameters = evaluation.sql(store, expression, name, trajectories, notes.nodes)
         if columns is None:
-            query = f"SELECT {', '.join(COLUMNS)} FROM pair JOIN ({text}) USING (iid)"
+            pairs = evaluation.pairs(store)
+            query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
             rows = store.execute(f"{query} WHERE run = ? ORDER BY iid", [*parameters, name])
         else:
             readers = [_column(store, name, column, notes) for column in columns]
@@ -94,11 +97,15 @@ def selected_rows(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
     )  # fmt: skip
-    return SelectedRows(_NAMES if columns is None else tuple(columns), rows, facts)
+    names = [column.split(" AS ")[-1] for column in columns or default]
+    return SelectedRows(tuple(names), rows, facts)
 
 
-def _rows_of(store: Store, run: str, iids: NDArray[np.intp]) -> list[tuple[Any, ...]]:
-    query = f"SELECT {', '.join(COLUMNS)} FROM pair WHERE run = ? AND iid BETWEEN ? AND ?"
+def _rows_of(
+    store: Store, run: str, iids: NDArray[np.intp], columns: Sequence[str]
+) -> list[tuple[Any, ...]]:
+    pairs = evaluation.pairs(store)
+    query = f"SELECT {', '.join(columns)} FROM {pairs} WHERE run = ? AND iid BETWEEN ? AND ?"
     rows: list[tuple[Any, ...]] = []
     for block in np.split(iids, np.flatnonzero(np.diff(iids // _BLOCK_IIDS)) + 1):
         if block.size:

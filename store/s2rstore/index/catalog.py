@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -16,6 +17,7 @@ from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import locked_connection, row_check, schema
 from s2rstore.records import (
+    NO_RUN,
     ArrayRecord,
     Bounds,
     Dataset,
@@ -29,6 +31,8 @@ from s2rstore.records import (
 )
 from s2rstore.security.printable_text import printable, printable_lines
 
+NO_POSES = "the data set has no poses"
+"""Why views and commands refuse a data set of images without poses."""
 _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons")
 """Columns of JSON, whose strings become printable once they are parsed."""
 
@@ -133,8 +137,21 @@ class IndexCatalog:
             raise RequestError(f"{self._index}: table dataset: more than one row; run `s2r verify`")
         row = rows[0]
         row_check.check_dataset(self._index, row)
+        row["has_poses"] = row["has_poses"] is not False
+        if not row["has_poses"]:
+            row = {name: math.nan if _is_map(name) else value for name, value in row.items()}
         bounds = Bounds(*(row.pop(f"bounds_{name}") for name in ("x0", "y0", "x1", "y1")))
         return Dataset(bounds=bounds, **row)
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether the instances have poses, depth and a map, or are images only."""
+        return self.dataset.has_poses
+
+    def require_poses(self, purpose: str) -> None:
+        """Raise RequestError in a data set without poses; `purpose` begins the reason."""
+        if not self.has_poses:
+            raise RequestError(f"{self.path}: {NO_POSES}; {purpose} needs poses")
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -170,8 +187,13 @@ class IndexCatalog:
 
     @cached_property
     def domains(self) -> dict[str, Domain]:
-        rows = row_check.check_domains(self._index, self._rows("domain"))
+        rows = row_check.check_domains(self._index, self._rows("domain"), self._may_have_cameras)
         return {row["domain"]: _domain(row) for row in rows}
+
+    @property
+    def _may_have_cameras(self) -> bool:
+        """False in a data set without poses; an index without a data set has no such fact."""
+        return not self.execute("SELECT 1 FROM dataset LIMIT 1") or self.has_poses
 
     def domain(self, name: str) -> Domain:
         """Raises RequestError with the known names."""
@@ -203,10 +225,19 @@ class IndexCatalog:
     def runs(self) -> dict[str, Run]:
         """In order of creation."""
         rows = row_check.check_runs(self._index, self._rows("run"))
+        if rows and not self.has_poses:
+            raise RequestError(
+                f"{self._index}: table run: {rows[0]['run']!r} in a data set without poses; "
+                "run `s2r verify`"
+            )
         return {row["run"]: Run(**row) for row in rows}
 
     def run(self, name: str | None = None) -> Run:
-        """The named run, by default the first computed one; RequestError with the known names."""
+        """The named run, by default the first computed one.
+
+        Raises RequestError with the known names, or because there are no poses.
+        """
+        self.require_poses("a run")
         if name is None:
             computed = [run for run in self.runs.values() if run.key]
             if not computed:
@@ -221,6 +252,10 @@ class IndexCatalog:
         """Whether the index has an optional table."""
         query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
         return self.execute(query, [table]) != [(0,)]
+
+    def run_name(self, name: str | None = None) -> str:
+        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name."""
+        return NO_RUN if not name and not self.has_poses else self.run(name).run
 
     def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that an index of an earlier release does not have."""
@@ -272,6 +307,11 @@ class IndexCatalog:
         return list(self._array_records.get(self.run(run).run, ()))
 
 
+def _is_map(column: str) -> bool:
+    """Whether a column of table `dataset` describes the map and the scale of errors on it."""
+    return column.startswith("bounds_") or column == "accuracy_scale"
+
+
 def _printable(column: str, value: Any) -> Any:
     if not isinstance(value, str):
         return value
@@ -279,6 +319,9 @@ def _printable(column: str, value: Any) -> Any:
 
 
 def _domain(row: dict[str, Any]) -> Domain:
+    if row["depth_scale"] is None:
+        row |= dict.fromkeys(row_check.CAMERA_COLUMNS, math.nan)
+        row |= {"depth_raw_min": 1, "depth_raw_max": 0}
     figures = ("fx", "fy", "cx", "cy", "pitch")
     rgb, depth = (
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))

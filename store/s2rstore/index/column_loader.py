@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import SIDES, SPLITS, Room, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, Room, Side
 
 _PROJECTED = ("u", "v")
 _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
@@ -129,6 +129,23 @@ def load_run_columns(
         return np.asarray(np.sqrt(dx * dx + dy * dy))
 
     return RunColumns(cached(None, of_run), run, sim, real)
+
+
+def unpredicted(n: int) -> RunColumns:
+    """Columns in place of a run's in a data set without poses, where every instance is valid."""
+    cache: dict[str, NDArray[Any]] = {}
+
+    def read(name: str) -> NDArray[Any]:
+        blank: NDArray[Any] = np.full(n, np.nan)
+        if name in ("split", "room"):
+            blank = np.full(n, -1, dtype=np.int32)
+        elif name == "rank":
+            blank = np.zeros(n, dtype=np.int32)
+        elif name == "valid":
+            blank = np.ones(n, dtype=np.bool_)
+        return cache.setdefault(name, blank)
+
+    return RunColumns(read, NO_RUN, SideColumns(read), SideColumns(read))
 
 
 def _predicted(

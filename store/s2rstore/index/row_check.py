@@ -34,6 +34,12 @@ TRANSLATE = "translate"
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
 _KIND = re.compile(r"[a-z][a-z0-9_:]{0,79}\Z")
 _EDGES = ("x0", "y0", "x1", "y1")
+_INTRINSICS = ("fx", "fy", "cx", "cy", "pitch")
+CAMERA_COLUMNS = (
+    *(f"rgb_{name}" for name in _INTRINSICS), *(f"depth_{name}" for name in _INTRINSICS),
+    "camera_height", "forward_offset", "depth_scale", "depth_raw_min", "depth_raw_max",
+)  # fmt: skip
+"""Columns of table `domain` that are NULL in a data set without poses."""
 
 
 class RowChecker:
@@ -75,7 +81,13 @@ class RowChecker:
         except RequestError as error:
             raise RequestError(f"{self._index}: {error}") from error
 
-    def choice(self, column: str, allowed: Sequence[str | None]) -> None:
+    def nulls(self, *columns: str) -> None:
+        """Columns that a data set without poses leaves empty."""
+        for column in columns:
+            if self._row[column] is not None:
+                self.refuse(column, f"{self._row[column]} in a data set without poses")
+
+    def choice(self, column: str, allowed: Sequence[str | bool | None]) -> None:
         if self._row[column] not in allowed:
             self.refuse(
                 column, f"{self._row[column]!r} is not one of {', '.join(map(str, allowed))}"
@@ -112,14 +124,18 @@ def check_dataset(index: Path, row: Row) -> None:
     check.text("name")
     check.text("floor_plan", optional=True)
     layout.checked_hash(row["hash"], f"{index}: table dataset: hash")
+    check.choice("y_down", (True, False))
+    check.numbers(1, MAX_IMAGE_SIZE, "frame_height", "frame_width")
+    check.choice("has_poses", (True, False, None))
+    if row["has_poses"] is False:
+        check.nulls("floor_plan", *(f"bounds_{edge}" for edge in _EDGES), "accuracy_scale")
+        return
     x0, y0, x1, y1 = (
         check.number(f"bounds_{edge}", -MAX_COORDINATE, MAX_COORDINATE) for edge in _EDGES
     )
     if not (x1 > x0 and y1 > y0):
         check.refuse("bounds", "x1 and y1 must be larger than x0 and y0")
     check.number("accuracy_scale", 1e-6, 2 * MAX_COORDINATE)
-    check.choice("y_down", (True, False))  # type: ignore[arg-type]
-    check.numbers(1, MAX_IMAGE_SIZE, "frame_height", "frame_width")
 
 
 def check_trajectories(index: Path, rows: Sequence[Row]) -> None:
@@ -139,24 +155,31 @@ def check_rooms(index: Path, rows: Sequence[Row]) -> None:
             check.refuse("x1", "x1 and y1 must not be smaller than x0 and y0")
 
 
-def check_domains(index: Path, rows: Sequence[Row]) -> list[Row]:
-    """Rows with `source` as an object of texts."""
+def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> list[Row]:
+    """Rows with `source` as an object of texts. Without poses there are no cameras."""
     checked = []
     for row, check in _checkers(index, "domain", rows, "domain", "domain"):
         check.name("domain")
         check.choice("kind", SIDES)
-        for image in ("rgb", "depth"):
-            check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
-            check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
-            check.number(f"{image}_pitch", -math.pi, math.pi)
-        check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
-        check.number("depth_scale", 1e-12, 1e6)
-        check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
+        if has_poses:
+            _check_cameras(check)
+        else:
+            check.nulls(*CAMERA_COLUMNS)
         sources = check.parsed("source", dict) if row["source"] else {}
         if not all(isinstance(value, str) for value in sources.values()):
             check.refuse("source", "not an object of texts")
         checked.append({**row, "source": sources})
     return checked
+
+
+def _check_cameras(check: RowChecker) -> None:
+    for image in ("rgb", "depth"):
+        check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
+        check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
+        check.number(f"{image}_pitch", -math.pi, math.pi)
+    check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
+    check.number("depth_scale", 1e-12, 1e6)
+    check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
 
 
 def check_models(index: Path, rows: Sequence[Row]) -> None:

@@ -73,6 +73,13 @@ TABLES: tuple[Table, ...] = (
         ("accuracy_scale", "DOUBLE", "S of accuracy = max(0, 1 - error / S), m"),
         ("frame_height", "INTEGER", "rows of every stored frame"),
         ("frame_width", "INTEGER", "columns of every stored frame"),
+        (
+            "has_poses",
+            "BOOLEAN",
+            "false: images without poses, depth, cameras and map, whose columns are NULL; "
+            "NULL = true",
+            True,
+        ),
     ),
     table_of(
         "trajectory",
@@ -95,7 +102,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "domain",
-        "domains that image every instance, with their cameras at the stored frame size",
+        "domains that image every instance, with their cameras at the stored frame size; without "
+        "poses a domain images the instances of table frame",
         "domain",
         ("domain", "VARCHAR", "name"),
         ("kind", "VARCHAR", "sim or real"),
@@ -119,7 +127,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "instance",
-        "one row per ground-truth pose, in (trajectory, seq) order",
+        "one row per ground-truth pose, or per image without poses, in (trajectory, seq) order",
         "iid",
         ("iid", "INTEGER", "identity, 0 .. N-1"),
         ("trajectory", "VARCHAR", "recording"),
@@ -288,6 +296,21 @@ def _pair_view(missing: frozenset[str] = frozenset()) -> str:
     """
 
 
+def _unpredicted() -> str:
+    """A relation with the columns of view `pair` and a row per instance, without predictions."""
+    types = {
+        c.name: c.type for table in ("prediction", "projection") for c in BY_NAME[table].columns
+    }
+    truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
+    parts = ["'' AS run", "iid", *truth]
+    for side in ("sim", "real"):
+        parts += [f"NULL::{types[name]} AS {side}_{name}" for name in (*_SIDE_COLUMNS, "u", "v")]
+    parts += ["NULL::DOUBLE AS gap", "NULL::DOUBLE AS shift"]
+    return f"(SELECT {', '.join(parts)} FROM instance)"
+
+
+UNPREDICTED = _unpredicted()
+"""Takes the place of view `pair` in a data set without poses; `run` is `records.NO_RUN`."""
 VIEWS: tuple[str, ...] = (_pair_view(), _pair_view(frozenset({"outlier"})))
 """The statements with which this release and earlier ones make the views of an index."""
 

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.index import schema
 from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
@@ -31,7 +32,7 @@ def context(
 ) -> MaskContext:
     """The context to evaluate masks of a run, by default of the first computed one."""
     return MaskContext(
-        store.instances, store.run(run).run, store.run_columns, vocabulary(store, saved),
+        store.instances, store.run_name(run), store.run_columns, vocabulary(store, saved),
         None if trajectories is None else tuple(trajectories),
         partial(_neighbours, store), store.evaluated,
     )  # fmt: skip
@@ -61,11 +62,17 @@ def sql(
     """The same selection as a DuckDB query with bound parameters."""
     missing = store.missing_columns("prediction")
     context = SqlContext(
-        store.run(run).run, vocabulary(store, saved),
+        store.run_name(run), vocabulary(store, saved),
         None if trajectories is None else tuple(trajectories), partial(_neighbours, store),
         frozenset(f"{side}_{name}" for name in missing for side in SIDES), store.stored_rooms,
+        pairs(store),
     )  # fmt: skip
     return to_sql(parse(expression), context)
+
+
+def pairs(store: Store) -> str:
+    """The relation of instances with their predictions: view `pair`, or one without any."""
+    return "pair" if store.has_poses else schema.UNPREDICTED
 
 
 def _neighbours(

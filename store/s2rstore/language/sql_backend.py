@@ -12,7 +12,7 @@ from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.language import fields, lasso
 from s2rstore.language import syntax_tree as tree
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
-from s2rstore.records import SIDES
+from s2rstore.records import NO_RUN, SIDES
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,8 @@ class SqlContext:
 
     `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
     written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
-    room for the one that is shown, where they differ.
+    room for the one that is shown, where they differ. `pairs` is the relation of instances: view
+    `pair`, or `schema.UNPREDICTED` where there are no predictions.
     """
 
     run: str
@@ -30,6 +31,7 @@ class SqlContext:
     neighbours: Neighbours | None = None
     missing: frozenset[str] = frozenset()
     stored_rooms: Mapping[str, str] = field(default_factory=dict)
+    pairs: str = "pair"
 
 
 @dataclass(slots=True)
@@ -55,7 +57,7 @@ def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
     base = _base(writer, None, "q")
     condition = _condition(expand(node, context.words), writer)
     return (
-        f"SELECT q.iid FROM pair q WHERE {base} AND {condition} ORDER BY q.iid",
+        f"SELECT q.iid FROM {context.pairs} q WHERE {base} AND {condition} ORDER BY q.iid",
         writer.parameters,
     )
 
@@ -63,7 +65,8 @@ def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
 def _base(writer: _Writer, run: str | None, alias: str) -> str:
     """The condition on `alias` of the base population of a run, by default the current one."""
     parts = [f"{alias}.run = {writer.bind(run or writer.context.run)}"]
-    parts += [_known(f"{alias}.{side}_error") for side in SIDES]
+    if writer.context.run != NO_RUN:
+        parts += [_known(f"{alias}.{side}_error") for side in SIDES]
     if writer.context.trajectories is not None:
         listed = writer.bind(list(writer.context.trajectories))
         parts.append(f"list_contains({listed}, {alias}.trajectory)")
@@ -154,7 +157,8 @@ def _among(writer: _Writer, field: tree.Field, condition: Any) -> str:
     if fields.is_truth(field.name) or (is_current and not joins):
         return f"coalesce({condition(writer)}, false)"
     run = writer.bind(field.run or writer.context.run)
-    return f"q.iid IN (SELECT q.iid FROM pair q WHERE q.run = {run} AND {condition(writer)})"
+    pairs = writer.context.pairs
+    return f"q.iid IN (SELECT q.iid FROM {pairs} q WHERE q.run = {run} AND {condition(writer)})"
 
 
 def _between(node: tree.Between, writer: _Writer) -> str:
@@ -211,15 +215,16 @@ def _named(node: tree.Named, writer: _Writer) -> str:
 
 
 def _extreme(node: tree.Extreme, writer: _Writer) -> str:
-    column = writer.column(node.field)
+    column, pairs = writer.column(node.field), writer.context.pairs
     direction = "ASC" if node.which == "best" else "DESC"
     inner = (
-        f"SELECT q.iid FROM pair q WHERE {_base(writer, node.field.run, 'q')} AND {_known(column)}"
+        f"SELECT q.iid FROM {pairs} q WHERE {_base(writer, node.field.run, 'q')} "
+        f"AND {_known(column)}"
     )
     if node.percent:
         amount = writer.bind(float(node.amount))
         base = _base(writer, node.field.run, "b")
-        count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM pair b WHERE {base})"
+        count = f"(SELECT ceil({amount} * count(*) / 100)::BIGINT FROM {pairs} b WHERE {base})"
     else:
         count = writer.bind(int(node.amount))
     return f"q.iid IN ({inner} ORDER BY {column} {direction}, q.iid LIMIT {count})"

@@ -207,8 +207,10 @@ class _Verification:
             self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
-        trajectories = [trajectory.trajectory for trajectory in self.store.trajectories]
-        for names in product(self.store.domains, trajectories, ("rgb", "depth")):
+        images = ("rgb", "depth") if self.store.has_poses else ("rgb",)
+        imaged = self.store.imaged_trajectories
+        pairs = ((domain, name) for domain in imaged for name in sorted(imaged[domain]))
+        for names in ((*pair, image) for pair, image in product(pairs, images)):
             relative = "/".join((layout.FRAMES, *names))
             is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
             if not is_covered:
@@ -301,13 +303,31 @@ class _Verification:
             )
 
 
-_RULES = (
+_POSE_RULE = (
+    "instance",
+    "pose is NULL or not finite",
+    "x IS NULL OR y IS NULL OR heading IS NULL OR "
+    "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)",
+)
+_IMAGE_RULES = (
     (
         "instance",
-        "pose is NULL or not finite",
-        "x IS NULL OR y IS NULL OR heading IS NULL OR "
-        "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)",
+        "a pose in a data set without poses",
+        "x IS NOT NULL OR y IS NOT NULL OR heading IS NOT NULL OR room IS NOT NULL",
     ),
+    ("instance", "no image in any domain", "iid NOT IN (SELECT iid FROM frame)"),
+    ("frame", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
+    ("frame", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
+    ("run", "a run in a data set without poses", "true"),
+)
+"""Rules of a data set without poses, in place of `_POSE_RULE`."""
+_PARTLY_IMAGED = """
+    SELECT count(*) FROM (
+        SELECT domain, trajectory, count(DISTINCT iid) AS imaged, count(*) AS n
+        FROM frame JOIN instance USING (iid) GROUP BY domain, trajectory) f
+    JOIN trajectory t USING (trajectory) WHERE imaged <> t.instances OR n <> t.instances
+"""
+_RULES = (
     (
         "prediction",
         "a NaN where NULL belongs",
@@ -376,7 +396,7 @@ _FIGURES = """WITH figures AS (
 
 
 def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
-    rules = list(_RULES)
+    rules = [*((_POSE_RULE,) if store.has_poses else _IMAGE_RULES), *_RULES]
     if "outlier" not in store.missing_columns("prediction"):
         rules.append(_OUTLIER_RULE)
     for name, what, condition in rules:
@@ -391,6 +411,8 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     (unordered,) = store.execute(_ORDER)[0]
     if unordered:
         yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
+    if not store.has_poses and (count := store.execute(_PARTLY_IMAGED)[0][0]):
+        yield Damage("table frame", f"{count} trajectories: a domain images a part of them")
     stated = sum(trajectory.instances for trajectory in store.trajectories)
     if stated != total:
         yield Damage("table trajectory", f"states {stated} instances, there are {total}")

@@ -57,7 +57,8 @@ def build(
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
     edges = scan.bounds
-    for record in (record for records in scan.trajectories.values() for record in records):
+    posed = scan.trajectories.values() if scan.has_poses else ()
+    for record in (record for records in posed for record in records):
         if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
             file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
             detail = f"({record.x:g}, {record.y:g}); stored anyway"
@@ -73,7 +74,9 @@ def build(
         }
         stored = {name: rows for name, rows in stored.items() if rows}
         if not stored:
-            scan.issues.append(InputIssue("empty data set", str(scan.root), "no usable pair"))
+            scan.issues.append(
+                InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}")
+            )
         plan = _write_floor_plan(scan, folder)
         _refuse_unusable(scan, strict)
         if scan.drives:
@@ -141,7 +144,7 @@ def _write_trajectory(
         if not usable:
             return
         checksums: dict[str, list[FrameChecksum]] = {}
-        for domain in scan.domains.values():
+        for domain in (scan.domains[name] for name in usable[0].sources):
             frames = map_ahead(pool, partial(_decode, scan, domain), usable)
             checksums[domain.domain] = list(_write_frames(root, name, domain, frames, len(usable)))
             progress(len(usable))
@@ -165,7 +168,7 @@ def _usable_records(
             decoded.append((record, conversions))
     expected = {
         name: Counter(record.sources[name].depth_type for record, _ in decoded).most_common(1)[0][0]
-        for name in (scan.domains if decoded else ())
+        for name in (decoded[0][0].sources if decoded else ())
     }
     usable = []
     for record, conversions in decoded:
@@ -216,10 +219,9 @@ def _write_frames(
     folder = Path(layout.FRAMES, domain.domain, trajectory)
     shard = 0
     while block := list(islice(frames, SHARD_ROWS)):
-        images = {
-            "rgb": np.stack([frame.rgb for frame in block]),
-            "depth": np.stack([frame.depth for frame in block]),
-        }
+        images = {"rgb": np.stack([frame.rgb for frame in block])}
+        if depths := [frame.depth for frame in block if frame.depth is not None]:
+            images["depth"] = np.stack(depths)
         for image, rows in images.items():
             relative = folder / image
             if shard == 0:

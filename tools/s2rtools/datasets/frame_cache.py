@@ -5,13 +5,25 @@ from __future__ import annotations
 import os
 import threading
 from dataclasses import dataclass, replace
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Domain
-from s2rtools.datasets.scan import DecodedFrame, FrameSource, Scan
+from s2rtools.datasets.scan import DecodedFrame, Scan
+
+NO_DEPTH = "no depth"
+"""The depth type of frames without depth."""
+
+
+class FrameOrigin(Protocol):
+    """Where a cached frame came from; see `FrameSource`."""
+
+    @property
+    def pixels(self) -> int: ...
+
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]: ...
 
 
 class FrameCache:
@@ -25,9 +37,10 @@ class FrameCache:
         self._lock = threading.Lock()
         self._end = 0
 
-    def add(self, source: FrameSource, frame: DecodedFrame) -> CachedFrame:
+    def add(self, source: FrameOrigin, frame: DecodedFrame) -> CachedFrame:
         """Store a frame; the returned source reads it from here."""
-        content = frame.rgb.tobytes() + frame.depth.tobytes()
+        depth = np.empty(0, dtype=np.uint8) if frame.depth is None else frame.depth
+        content = frame.rgb.tobytes() + depth.tobytes()
         with self._lock:
             offset = self._end
             self._end += len(content)
@@ -35,9 +48,10 @@ class FrameCache:
         while written < len(content):
             written += os.pwrite(self._descriptor, content[written:], offset + written)
         empty = np.empty(0, dtype=np.uint8)
-        shapes = frame.rgb.shape, frame.depth.shape
-        metadata = replace(frame, rgb=empty, depth=empty)
-        return CachedFrame(source, self, metadata, offset, shapes, frame.depth.dtype)
+        shapes = frame.rgb.shape, depth.shape
+        metadata = replace(frame, rgb=empty, depth=None)
+        dtype = None if frame.depth is None else depth.dtype
+        return CachedFrame(source, self, metadata, offset, shapes, dtype)
 
     def read(self, size: int, offset: int) -> bytearray:
         content = bytearray(size)
@@ -52,14 +66,14 @@ class FrameCache:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CachedFrame:
-    """A `FrameSource` whose frame lies in a `FrameCache`."""
+    """A `FrameSource` whose frame lies in a `FrameCache`; `depth_dtype` is None without depth."""
 
-    source: FrameSource
+    source: FrameOrigin
     cache: FrameCache
     metadata: DecodedFrame
     offset: int
     shapes: tuple[tuple[int, ...], tuple[int, ...]]
-    depth_dtype: np.dtype[Any]
+    depth_dtype: np.dtype[Any] | None
 
     @property
     def pixels(self) -> int:
@@ -67,7 +81,7 @@ class CachedFrame:
 
     @property
     def depth_type(self) -> str:
-        return str(self.depth_dtype)
+        return NO_DEPTH if self.depth_dtype is None else str(self.depth_dtype)
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.source.file_names(scan)
@@ -75,8 +89,11 @@ class CachedFrame:
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes
         split = int(np.prod(rgb_shape))
-        size = split + int(np.prod(depth_shape)) * self.depth_dtype.itemsize
+        itemsize = 0 if self.depth_dtype is None else self.depth_dtype.itemsize
+        size = split + int(np.prod(depth_shape)) * itemsize
         content = self.cache.read(size, self.offset)
         rgb: NDArray[np.uint8] = np.frombuffer(content, np.uint8, split).reshape(rgb_shape)
+        if self.depth_dtype is None:
+            return replace(self.metadata, rgb=rgb)
         depth = np.frombuffer(content, self.depth_dtype, offset=split).reshape(depth_shape)
         return replace(self.metadata, rgb=rgb, depth=depth)

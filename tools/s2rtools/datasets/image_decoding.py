@@ -25,6 +25,8 @@ _MAX_PIXEL_BYTES = 8
 """Four channels of 16 bits."""
 _MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
+_ASPECT_TOLERANCE = 0.02
+"""Share by which an image may be stretched without a report; rounding of the size explains it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +61,8 @@ class ImageFiles:
         if isinstance(rgb, InputIssue):
             return rgb
         height, width = scan.frame
-        pixels, bits = rgb
-        shrinks = pixels.shape[0] >= height and pixels.shape[1] >= width
-        mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-        small = np.asarray(cv2.resize(pixels, (width, height), interpolation=mode), dtype=np.uint8)
-        del rgb, pixels
+        small, bits = resized(rgb[0], scan.frame), rgb[1]
+        del rgb
         depth = _read(scan, self.depth, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
         if isinstance(depth, InputIssue):
             return depth
@@ -78,18 +77,78 @@ class ImageFiles:
         if _is_photo(raw, small):
             return InputIssue("not a depth image", name, "it repeats the RGB image")
         valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        issues: tuple[InputIssue, ...] = ()
-        if bits > 8:
-            detail = f"{bits} bits; stored with 8"
-            issues = (InputIssue("colours of more than 8 bits", scan.relative(self.rgb), detail),)
+        issues = _lost_bits(scan.relative(self.rgb), bits)
         return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues)
 
 
+@dataclass(frozen=True, slots=True)
+class RgbFile:
+    """One image file without depth, of any size.
+
+    `size` (height, width) is what its header declares; the orientation that the file states may
+    exchange both. `name` is its name in reports and in the index.
+    """
+
+    path: Path
+    name: str
+    size: tuple[int, int]
+    depth_type: ClassVar[None] = None
+
+    @property
+    def pixels(self) -> int:
+        return self.size[0] * self.size[1]
+
+    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
+        return self.name, None
+
+    def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
+        """Read and check the image, and resize it to the frame; an InputIssue names the file.
+
+        An image of another aspect ratio is stretched, and reported.
+        """
+        digest = hashlib.sha256()
+        read = _read(
+            scan, self.path, self.size, cv2.IMREAD_COLOR_RGB, digest, self.name, may_turn=True
+        )
+        if isinstance(read, InputIssue):
+            return read
+        rgb, bits = read
+        issues = _lost_bits(self.name, bits)
+        (height, width), (rows, columns) = rgb.shape[:2], scan.frame
+        if abs(width * rows / (height * columns) - 1) > _ASPECT_TOLERANCE:
+            detail = f"{size_text(rgb.shape)}; stretched to {size_text(scan.frame)}"
+            issues += (InputIssue("other aspect ratio", self.name, detail),)
+        small = resized(rgb, scan.frame)
+        return DecodedFrame(small, None, digest.hexdigest(), float("nan"), issues)
+
+
+def resized(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """An image (h, w, 3) as (*size, 3): averaged over areas, interpolated where it grows."""
+    shrinks = rgb.shape[0] >= size[0] and rgb.shape[1] >= size[1]
+    mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(rgb, size[::-1], interpolation=mode), dtype=np.uint8)
+
+
+def _lost_bits(name: str, bits: int) -> tuple[InputIssue, ...]:
+    if bits <= 8:
+        return ()
+    return (InputIssue("colours of more than 8 bits", name, f"{bits} bits; stored with 8"),)
+
+
 def _read(
-    scan: Scan, path: Path, size: tuple[int, int], mode: int, digest: Any
+    scan: Scan,
+    path: Path,
+    size: tuple[int, int],
+    mode: int,
+    digest: Any,
+    name: str = "",
+    may_turn: bool = False,
 ) -> tuple[NDArray[Any], int] | InputIssue:
-    """Pixels and bits per sample of an image; other sizes than (height, width) are not decoded."""
-    name = scan.relative(path)
+    """Pixels and bits per sample of an image; other sizes than (height, width) are not decoded.
+
+    `name` stands for the path in reports. With `may_turn` the decoded image may be (width, height).
+    """
+    name = name or scan.relative(path)
     try:
         content = read_bytes(path, size[0] * size[1] * _MAX_PIXEL_BYTES + _MAX_METADATA_BYTES)
     except RequestError as error:
@@ -116,7 +175,7 @@ def _read(
         image = None
     if image is None:
         return InputIssue("unreadable image", name, "it cannot be decoded")
-    if image.shape[:2] != size:
+    if image.shape[:2] != size and not (may_turn and image.shape[1::-1] == size):
         return _wrong_size(name, image.shape, size)
     return np.asarray(image), header.bits
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from s2rstore.geometry.curvature import curvature
 from s2rstore.geometry.rooms import room_codes
+from s2rstore.index.row_check import CAMERA_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
 from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
@@ -27,7 +28,6 @@ def write_index(
     """Fill the tables of a new store; iids follow trajectory name, then recording order."""
     names = sorted(stored)
     rows = [(name, seq, *row) for name in names for seq, row in enumerate(stored[name])]
-    records = [record for _, _, record, _ in rows]
     draft.insert_row("dataset", _dataset_row(scan, rows, plan))
     for name in names:
         draft.insert_row(
@@ -41,18 +41,21 @@ def write_index(
         row = {k: v for k, v in asdict(domain).items() if not isinstance(v, dict)}
         for image in ("rgb", "depth"):
             row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
+        if not scan.has_poses:
+            row |= dict.fromkeys(CAMERA_COLUMNS)
         draft.insert_row("domain", {**row, "source": domain.sources})
     draft.insert("instance", _instance_columns(scan, rows))
     for name in scan.domains:
+        imaged = [(iid, *row[2:]) for iid, row in enumerate(rows) if name in row[2].sources]
         draft.insert(
             "frame",
             {
-                "iid": np.arange(len(rows), dtype=np.int32),
-                "domain": np.full(len(rows), name, dtype=object),
-                "rgb_path": [r.sources[name].file_names(scan)[0] for r in records],
-                "depth_path": [r.sources[name].file_names(scan)[1] for r in records],
-                "sha256": [checksums[name].sha256 for *_, checksums in rows],
-                "valid_depth_fraction": [checksums[name].valid_fraction for *_, checksums in rows],
+                "iid": np.array([iid for iid, *_ in imaged], dtype=np.int32),
+                "domain": np.full(len(imaged), name, dtype=object),
+                "rgb_path": [r.sources[name].file_names(scan)[0] for _, r, _ in imaged],
+                "depth_path": [r.sources[name].file_names(scan)[1] for _, r, _ in imaged],
+                "sha256": [checksums[name].sha256 for *_, checksums in imaged],
+                "valid_depth_fraction": [c[name].valid_fraction for *_, c in imaged],
             },
         )
     draft.set_provenance(
@@ -92,6 +95,7 @@ def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[
         "accuracy_scale": scan.accuracy_scale,
         "frame_height": scan.frame[0],
         "frame_width": scan.frame[1],
+        "has_poses": scan.has_poses,
     }
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
-from s2rstore.records import Bounds, Domain, Room
+from s2rstore.records import Bounds, Domain, Room, Side
 
 FRAME_SIZE = (256, 256)
 MAX_PIXELS = 1 << 25
@@ -34,6 +34,8 @@ class ScanOptions:
 
     `header` is the data set configuration (CSV) or the calibration file (Sim2RealViz). `world`
     holds the fields of a `WorldRecipe`. `allow_outside` admits files outside the data set's folder.
+    `folders` are those of images without poses, by domain; the longer edge of `frame` is that of
+    their frames.
     """
 
     trajectories: tuple[str, ...] = ()
@@ -41,6 +43,7 @@ class ScanOptions:
     frame: tuple[int, int] = FRAME_SIZE
     world: Mapping[str, Any] = field(default_factory=dict)
     allow_outside: bool = False
+    folders: Mapping[Side, Path] = field(default_factory=dict)
 
     def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
         """The requested trajectories, all by default. Raises RequestError for unknown names."""
@@ -53,13 +56,13 @@ class ScanOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecodedFrame:
-    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size.
+    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size; None without depth.
 
     `issues` report conversions that lost information; the frame is stored nevertheless.
     """
 
     rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
+    depth: NDArray[Any] | None
     sha256: str
     valid_fraction: float
     issues: tuple[InputIssue, ...] = ()
@@ -85,7 +88,11 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class InstanceRecord:
-    """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain."""
+    """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain.
+
+    In a data set without poses x, y and heading are NaN, and only some domains have a frame: the
+    same ones in all instances of a trajectory.
+    """
 
     x: float
     y: float
@@ -97,7 +104,7 @@ class InstanceRecord:
 
 @dataclass(frozen=True, slots=True)
 class FrameChecksum:
-    """SHA-256 of both source files of a stored frame, and its share of valid depth."""
+    """SHA-256 of the source files of a stored frame, and its share of valid depth, NaN for none."""
 
     sha256: str
     valid_fraction: float
@@ -111,6 +118,7 @@ class Scan:
     to `root`. `floor_plan` is a file or an image (h, w, 3) uint8 RGB that fills the bounds.
     `provenance` is stored by section. `drives` writes the robot's drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
+    Without poses (`has_poses` false) there are no depth, no cameras, no bounds and no floor plan.
     """
 
     name: str
@@ -128,13 +136,19 @@ class Scan:
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
     outside_folders: Mapping[str, int] = field(default_factory=dict)
+    has_poses: bool = True
+
+    @property
+    def unit(self) -> str:
+        """What an instance consists of, as reports call it."""
+        return "pair" if self.has_poses else "image"
 
     def add_trajectory(self, name: str, records: Iterable[InstanceRecord | None]) -> None:
         """Add the usable records of a trajectory; without any, add an issue."""
         if usable := [record for record in records if record is not None]:
             self.trajectories[name] = usable
         else:
-            self.issues.append(InputIssue("empty trajectory", name, "no usable pair"))
+            self.issues.append(InputIssue("empty trajectory", name, f"no usable {self.unit}"))
 
     def relative(self, path: Path) -> str:
         """The path relative to `root`, or unchanged if it lies elsewhere."""

@@ -69,6 +69,7 @@ def precompute(
     kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
     with locks.compute_lock(root):
         with s2rstore.open(root) as store:
+            store.require_poses("precompute")
             names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
             raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")

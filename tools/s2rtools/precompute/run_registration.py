@@ -37,6 +37,7 @@ def add_run(
         if repeated is not None:
             raise RequestError(f"--adjust {side}: {repeated} twice; name each adjustment once")
     with s2rstore.open(root) as store:
+        store.require_poses("a run")
         if name in store.runs:
             raise RequestError(f"run {name!r}: already in {root}; choose another name")
         if model not in store.models:

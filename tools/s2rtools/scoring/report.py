@@ -88,6 +88,7 @@ def save_report(root: Path, report: ScoreReport) -> bool:
 
 
 def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
+    store.require_poses("scoring")
     runs = [store.run(name) for name in dict.fromkeys(requested)] or list(store.runs.values())
     missing = [run.run for run in runs if not run.key]
     if len(missing) == len(runs) or (requested and missing):

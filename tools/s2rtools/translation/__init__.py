@@ -18,10 +18,14 @@ __all__ = ["METHODS", "TranslationMethod", "find_method"]
 _MODULES = {
     "identity": "identity",
     "grayworld": "grayworld",
+    "levels": "levels",
     "reinhard": "reinhard",
     "mkl": "mkl",
     "histogram": "histogram",
     "fda": "fda",
+    "cut": "cut",
+    "cyclegan": "cyclegan",
+    "unit": "unit",
 }
 
 

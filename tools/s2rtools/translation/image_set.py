@@ -77,22 +77,28 @@ def resize(rgb: Rgb, size: tuple[int, int]) -> Rgb:
 def from_store(
     store: Store, domain: str, iids: NDArray[np.int64], size: tuple[int, int] | None = None
 ) -> ImageSet:
-    """Images of some instances in a domain, in iid order."""
+    """Images of some instances in a domain, in iid order.
+
+    Instances that the domain does not image are left out; this occurs only in data sets without
+    poses. Raises RequestError for an unknown domain, and where no instance is left.
+    """
     if domain not in store.domains:
         raise RequestError(f"domain {domain!r}: not in {store.path}: {', '.join(store.domains)}")
     dataset = store.dataset
     size = size or fit_size(dataset.frame_height, dataset.frame_width)
     iids = np.sort(iids)
+    iids = iids[store.imaged(domain)[iids]]
+    if not iids.size:
+        raise RequestError(f"{store.path}: domain {domain} images none of the chosen instances")
+    groups = store.instances.trajectory[iids].astype(np.int32)
     images = np.empty((len(iids), *size, 3), dtype=np.uint8)
     done = 0
-    for start in range(0, len(store.instances), _BLOCK):
-        stop = min(start + _BLOCK, len(store.instances))
-        chosen = iids[(iids >= start) & (iids < stop)] - start
-        if chosen.size:
-            rgb = store.frames(domain, start, stop, ("rgb",))["rgb"][chosen]
-            images[done : done + len(chosen)] = resize(rgb, size)
-            done += len(chosen)
-    groups = store.instances.trajectory[iids].astype(np.int32)
+    starts = (np.diff(iids // _BLOCK) != 0) | (np.diff(groups) != 0)
+    for chosen in np.split(iids, np.flatnonzero(starts) + 1):
+        first, last = int(chosen[0]), int(chosen[-1])
+        rgb = store.frames(domain, first, last + 1, ("rgb",))["rgb"][chosen - first]
+        images[done : done + len(chosen)] = resize(rgb, size)
+        done += len(chosen)
     return ImageSet(domain, images, groups, tuple(f"{domain}/{iid}" for iid in iids), iids)
 
 
