@@ -12,24 +12,20 @@ from rosbags.highlevel import AnyReader
 
 from s2rstore.errors import RequestError
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
-from s2rtools.translation.apply_files import apply
+from s2rtools.translation.apply_files import apply_to_files
 from s2rtools.translation.colour_statistics import Moments
 from s2rtools.translation.image_codec import decode_compressed
 from s2rtools.translation.image_set import read_image
 from s2rtools.translation.mkl import MklTranslator
-from s2rtools.translation.translator_file import StoredTranslator
 from tests.support.image_bags import COMPRESSED, RAW, STRINGS, grey_images, write_image_bag
 from tests.support.silent_reporter import SilentReporter
 
 SOURCE = Moments(np.full(3, 120.0), np.eye(3) * 900)
-REDDER = StoredTranslator(
-    MklTranslator(Moments(np.array([160.0, 120, 80]), SOURCE.covariance), SOURCE),
-    "real", "sim", (16, 16),
-)  # fmt: skip
+REDDER = MklTranslator(Moments(np.array([160.0, 120, 80]), SOURCE.covariance), SOURCE)
 
 
 def run(source: Path, target: Path, strength: float = 1.0):
-    return apply(REDDER, strength, source, target, SilentReporter())
+    return apply_to_files(REDDER, strength, source, target, SilentReporter())
 
 
 def save(path: Path, value: int = 100) -> Path:

@@ -75,15 +75,18 @@ def _check(options: argparse.Namespace) -> None:
 
 def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
-    from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, load_translator, parse_age
+    from s2rtools.ros.image_topics import check_topics
+    from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
     from s2rtools.ros.run_proxy import run_proxy
+    from s2rtools.translation.load_translator import load_translator
 
     unknown = [text for text in options.arguments if ":=" not in text]
     if unknown:
         raise RequestError(f"{unknown[0]}: unknown argument; remappings are FROM:=TO")
     max_age = None if options.max_age is None else parse_age(options.max_age)
-    version = ros_environment.find_ros(options.ros)
+    check_topics(options.input, options.output)
     translator = load_translator(options.translator, options.store)
+    version = ros_environment.find_ros(options.ros)
     settings = ProxySettings(
         options.translator, translator, options.strength, max_age, options.jpeg_quality
     )
@@ -95,10 +98,10 @@ def _proxy(options: argparse.Namespace) -> None:
 
 
 def _replay(options: argparse.Namespace) -> None:
-    from s2rtools.ros.proxy_settings import load_translator
     from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
+    from s2rtools.translation.load_translator import load_translator
 
-    translator = load_translator(options.translator, options.store)
+    translator = load_translator(options.translator, options.store).translator
     with reporter() as progress:
         counts = apply_to_bag(
             translator, options.strength, options.bag, options.output, progress,

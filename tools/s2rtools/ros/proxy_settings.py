@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-import s2rstore
 from s2rstore.errors import RequestError
-from s2rtools.translation.translator_file import StoredTranslator, open_stored, read_translator
+from s2rtools.translation.translator_file import StoredTranslator
 
 LoadTranslator = Callable[[str], StoredTranslator]
 
@@ -84,18 +82,6 @@ class ProxyRequest:
     load: LoadTranslator
     node_name: str = "translation_proxy"
     arguments: tuple[str, ...] = ()
-
-
-def load_translator(text: str, store: Path | None = None) -> StoredTranslator:
-    """The translator of a file, or of a store by its name. Raises RequestError."""
-    path = Path(text)
-    if store is None and not path.suffix and not path.exists():
-        raise RequestError(f"{text}: no such file; a translator's name needs --store")
-    if store is None or path.suffix == ".safetensors":
-        return read_translator(path)
-    with s2rstore.open(store) as opened:
-        sha256 = opened.translator(text).sha256
-    return open_stored(store, sha256)
 
 
 def parse_age(text: str) -> float:

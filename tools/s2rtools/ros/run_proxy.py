@@ -6,13 +6,11 @@ import sys
 
 import cv2
 
-from s2rtools.ros.image_topics import check_topics
 from s2rtools.ros.proxy_settings import ProxyRequest
 
 
 def run_proxy(request: ProxyRequest, version: int) -> None:
     """Run the node of ROS `version` until it is interrupted, with one thread per computation."""
-    check_topics(request.input_topic, request.output_topic)
     cv2.setNumThreads(1)
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

@@ -26,8 +26,7 @@ from s2rtools.translation.image_codec import (
     decode_raw,
 )
 from s2rtools.translation.image_set import Rgb
-from s2rtools.translation.method import blend
-from s2rtools.translation.translator_file import StoredTranslator
+from s2rtools.translation.method import Translator, blend
 
 IMAGE_TYPES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 _MEMORY, _LARGEST_FILE = 4 << 30, 1 << 40
@@ -51,7 +50,7 @@ class BagRequest:
 
 
 def apply_to_bag(
-    stored: StoredTranslator,
+    translator: Translator,
     strength: float,
     source: Path,
     target: Path,
@@ -73,7 +72,7 @@ def apply_to_bag(
             with bounded_memory(_MEMORY, _LARGEST_FILE), _reader(source) as reader:
                 topic = _topic(source, reader.connections, request.topic)
                 with _writer(part, source, reader) as write:
-                    return _copy(stored, strength, reader, topic, write, report, request)
+                    return _copy(translator, strength, reader, topic, write, report, request)
         except RequestError:
             raise
         except Exception as error:  # a damaged bag fails in every layer below the reader
@@ -83,7 +82,7 @@ def apply_to_bag(
 
 
 def _copy(
-    stored: StoredTranslator,
+    translator: Translator,
     strength: float,
     reader: Any,
     topic: str,
@@ -102,7 +101,7 @@ def _copy(
                 raise RequestError(f"{topic}: a message of {len(raw):,} bytes; remove it")
             message = reader.deserialize(raw, connection.msgtype)
             try:
-                rgb, changed = _translate(stored, strength, message, request)
+                rgb, changed = _translate(translator, strength, message, request)
                 translated += 1
                 if changed is not None:
                     message.data = np.frombuffer(changed, dtype=np.uint8)
@@ -119,7 +118,7 @@ def _copy(
 
 
 def _translate(
-    stored: StoredTranslator, strength: float, message: Any, request: BagRequest
+    translator: Translator, strength: float, message: Any, request: BagRequest
 ) -> tuple[Rgb, bytes | None]:
     """The translated image and its encoded content, None where it stays as it is."""
     content = message.data.tobytes()
@@ -130,7 +129,7 @@ def _translate(
         rgb, image_format = decode_compressed(content, request.jpeg_quality)
     if strength == 0:
         return rgb, None
-    images = stored.translator.translate(rgb[None])
+    images = translator.translate(rgb[None])
     rgb = np.asarray(blend(rgb[None], images, strength)[0])
     return rgb, image_format.encode(rgb)
 

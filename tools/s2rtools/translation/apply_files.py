@@ -20,8 +20,7 @@ from s2rtools.translation.image_set import (
     image_files,
     read_image,
 )
-from s2rtools.translation.method import blend
-from s2rtools.translation.translator_file import StoredTranslator
+from s2rtools.translation.method import Translator, blend
 
 VIDEO_CODECS = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG", ".mov": "mp4v"}
 """Codec by suffix; each is part of OpenCV."""
@@ -31,21 +30,21 @@ _KEPT_SUFFIXES = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png"}
 _JPEG_QUALITY = 95
 _DEFAULT_RATE = 30.0
 
-Apply = Callable[[StoredTranslator, float, Path, Path, ApplyReport], Translated]
+Apply = Callable[[Translator, float, Path, Path, ApplyReport], Translated]
 
 
-def apply(
-    stored: StoredTranslator, strength: float, source: Path, target: Path, report: ApplyReport
+def apply_to_files(
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
 ) -> Translated:
     """Translate an image, a folder of images, a video or a bag into a new file or folder.
 
     Raises RequestError if `source` is none of these or damaged, or if `target` exists.
     """
-    return _kind(source)(stored, strength, source, target, report)
+    return _kind(source)(translator, strength, source, target, report)
 
 
 def apply_to_image(
-    stored: StoredTranslator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
 ) -> Translated:
     """Translate one image file; the suffix of `target` is its format."""
     if target.suffix.lower() not in SUFFIXES:
@@ -53,7 +52,7 @@ def apply_to_image(
     report.begin("translate", 1)
     with publish_at(target) as part:
         try:
-            _translate_file(stored, strength, source, part)
+            _translate_file(translator, strength, source, part)
         except UndecodableImageError as error:
             raise RequestError(str(error)) from error
     report.advance(1)
@@ -61,7 +60,7 @@ def apply_to_image(
 
 
 def apply_to_folder(
-    stored: StoredTranslator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
 ) -> Translated:
     """Translate all images of a folder and its subfolders into the same names; undecodable ones
     are left out and counted. Raises RequestError if none can be decoded."""
@@ -75,7 +74,7 @@ def apply_to_folder(
             goal = part / file.relative_to(source)
             goal.parent.mkdir(parents=True, exist_ok=True)
             try:
-                _translate_file(stored, strength, file, goal)
+                _translate_file(translator, strength, file, goal)
             except UndecodableImageError:
                 undecodable.append(file)
             report.advance(1)
@@ -85,7 +84,7 @@ def apply_to_folder(
 
 
 def apply_to_video(
-    stored: StoredTranslator, strength: float, source: Path, target: Path, report: ApplyReport
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
 ) -> Translated:
     """Translate the frames of a video; size and frame rate stay, sound is left out.
 
@@ -103,7 +102,7 @@ def apply_to_video(
             raise RequestError(f"{source}: cannot be decoded as a video")
         report.begin("translate", announced)
         with publish_at(target) as part:
-            frames = _translate_video(stored, strength, video, part, size, report)
+            frames = _translate_video(translator, strength, video, part, size, report)
             if not frames:
                 raise RequestError(f"{source}: no frame of this video can be decoded")
         return Translated(frames, max(0, announced - frames))
@@ -112,7 +111,7 @@ def apply_to_video(
 
 
 def _translate_video(
-    stored: StoredTranslator,
+    translator: Translator,
     strength: float,
     video: cv2.VideoCapture,
     part: Path,
@@ -132,7 +131,7 @@ def _translate_video(
             if not found:
                 return frames
             rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
-            translated = _translated(stored, strength, rgb)
+            translated = _translated(translator, strength, rgb)
             writer.write(cv2.cvtColor(translated, cv2.COLOR_RGB2BGR))
             frames += 1
             report.advance(1)
@@ -140,7 +139,7 @@ def _translate_video(
         writer.release()
 
 
-def _translate_file(stored: StoredTranslator, strength: float, source: Path, target: Path) -> None:
+def _translate_file(translator: Translator, strength: float, source: Path, target: Path) -> None:
     """Translate one image; JPEG and PNG keep quality and transparency where the format stays.
 
     Raises UndecodableImageError, which names the file.
@@ -153,24 +152,24 @@ def _translate_file(stored: StoredTranslator, strength: float, source: Path, tar
         except UndecodableImageError as error:
             raise UndecodableImageError(f"{source}: {error}") from error
         if strength > 0:
-            content = image_format.encode(_translated(stored, strength, rgb))
+            content = image_format.encode(_translated(translator, strength, rgb))
         target.write_bytes(content)
         return
     try:
         rgb = read_image(source)
     except RequestError as error:
         raise UndecodableImageError(str(error)) from error
-    bgr = cv2.cvtColor(_translated(stored, strength, rgb), cv2.COLOR_RGB2BGR)
+    bgr = cv2.cvtColor(_translated(translator, strength, rgb), cv2.COLOR_RGB2BGR)
     settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
     if kinds[1] != "jpeg":
         settings = []
     target.write_bytes(cv2.imencode(target.suffix, bgr, settings)[1].tobytes())
 
 
-def _translated(stored: StoredTranslator, strength: float, rgb: Rgb) -> Rgb:
+def _translated(translator: Translator, strength: float, rgb: Rgb) -> Rgb:
     if strength == 0:
         return rgb
-    return np.asarray(blend(rgb[None], stored.translator.translate(rgb[None]), strength)[0])
+    return np.asarray(blend(rgb[None], translator.translate(rgb[None]), strength)[0])
 
 
 def _kind(source: Path) -> Apply:
