@@ -106,8 +106,11 @@ def _fit(options: argparse.Namespace) -> None:
         with reporter() as progress:
             report = percent_callback(progress, f"fit {name}")
             request = _request(options, method, name, report)
-            fitting.fit_into_store(options.store, request, command)
-        print(f"{options.store}: translator {name} registered")
+            verdict = fitting.fit_into_store(options.store, request, command)
+        checked = "not checked: too few images are held out" if verdict is None else "accepted"
+        if verdict is not None and not verdict.passed:
+            checked = f"refused as an adjustment: {'; '.join(verdict.reasons)}"
+        print(f"{options.store}: translator {name} registered, {checked}")
 
 
 def _check_budget(options: argparse.Namespace) -> None:

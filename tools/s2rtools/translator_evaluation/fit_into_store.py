@@ -27,16 +27,19 @@ from s2rtools.precompute.run_registration import find_domain
 from s2rtools.translation import METHODS, find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import fit_size, from_folder, from_store
-from s2rtools.translation.method import FitResult, FitSettings, ReportProgress
+from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, Translator
 from s2rtools.translation.translator_file import (
     StoredTranslator,
     encode,
     stored_path,
 )
+from s2rtools.translator_evaluation.content_summary import measure_content
+from s2rtools.translator_evaluation.gates import Verdict, judge
 
 _FITTED, _HELD_OUT = 0, 2
 """Codes of `records.SPLITS`: train and test."""
 _NOISE_FRAMES = 64
+_CHECKED_IMAGES, _MIN_CHECKED = 64, 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +55,12 @@ class FitRequest:
     settings: FitSettings = field(default_factory=FitSettings)
 
 
-def fit_into_store(root: Path, request: FitRequest, command: str) -> str:
-    """Fit, publish the translator and return its name.
+def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | None:
+    """Fit, check the content of held-out images, and publish the translator.
 
-    An interrupted fit continues from its checkpoint when the same request is repeated. Raises
-    RequestError for unknown names and names that exist already.
+    Returns the verdict, None where too few images are held out. An interrupted fit continues from
+    its checkpoint when the same request is repeated. Raises RequestError for unknown names and
+    names that exist already.
     """
     name = layout.checked_name(request.name, "translator")
     method = find_method(request.method)
@@ -75,11 +79,28 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> str:
         fitted = method.fit(
             from_store(store, source, iids, size), from_store(store, target, iids, size), settings
         )
+        verdict = _check_content(store, fitted.translator, source, target, codes, size)
         noise = _measure_depth_noise(store, source, target, iids) if request.depth_noise else None
     stored = StoredTranslator(fitted.translator, source, target, size, noise)
-    publish(root, name, stored, request, fitted, codes, command)
+    publish(root, name, stored, request, fitted, codes, verdict, command)
     checkpoint.unlink(missing_ok=True)
-    return name
+    return verdict
+
+
+def _check_content(
+    store: Store, translator: Translator, source: str, target: str, codes: NDArray[np.int8],
+    size: tuple[int, int],
+) -> Verdict | None:  # fmt: skip
+    """Judge the content of held-out images at the size of the fit, evenly spaced."""
+    images = []
+    for domain in (source, target):
+        iids = np.flatnonzero(store.imaged(domain) & (codes == _HELD_OUT))
+        if len(iids) < _MIN_CHECKED:
+            return None
+        chosen = np.unique(np.linspace(0, len(iids) - 1, _CHECKED_IMAGES).astype(int))
+        images.append(from_store(store, domain, iids[chosen], size))
+    before, look = images
+    return judge(measure_content(before.images, translator.translate(before.images), look.images))
 
 
 def split_codes(store: Store) -> NDArray[np.int8]:
@@ -101,6 +122,7 @@ def publish(
     request: FitRequest,
     fitted: FitResult,
     codes: NDArray[np.int8],
+    verdict: Verdict | None,
     command: str,
 ) -> None:
     """Write the translator's file and list it in the next generation."""
@@ -122,8 +144,8 @@ def publish(
                 "source_domain": stored.source,
                 "target_domain": stored.target,
                 "sha256": sha256,
-                "accepted": None,
-                "reasons": [],
+                "accepted": None if verdict is None else verdict.passed,
+                "reasons": [] if verdict is None else list(verdict.reasons),
                 "created_at": datetime.now(UTC).isoformat(timespec="microseconds"),
             },
         )
