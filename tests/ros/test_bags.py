@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from bench.support.ros_programs import missing_ros
+from s2rtools.lane_detection.conditions import CONDITIONS
+from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
 from s2rtui.cli import main
 from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
@@ -87,3 +91,18 @@ def test_missing_ros_names_the_packages_to_install(translator_file, capsys, monk
     assert "apt install python3-rospy" in capsys.readouterr().err
     assert main([*arguments, "--ros", "2"]) == 2
     assert "rclpy" in capsys.readouterr().err
+
+
+def test_replay_writes_the_line_segments_of_every_image(tmp_path, translator_file, capsys):
+    lit = next(iter(lit_frames([CONDITIONS["day"]], 1, seed=3))).rgb
+    source = write_image_bag(tmp_path / "a.bag", [lit, np.full_like(lit, 60)])
+    table = tmp_path / "segments.csv"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--strength", "0", "--segments", str(table), "--out", str(tmp_path / "b.bag")]
+    assert main(arguments) == 0
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert {int(row["stamp_ns"]) for row in rows} == {START}
+    assert {"white", "yellow"} <= {row["colour"] for row in rows}
+    assert all(0 <= float(row["x1"]) < 160 and 0 <= float(row["y2"]) < 80 for row in rows)
+    assert f"{len(rows)} segments in 2 images" in capsys.readouterr().out
