@@ -17,8 +17,8 @@ from s2rtools.translation.image_codec import (
 )
 from s2rtools.translation.jpeg_header import read_jpeg_header
 
-COLOURED = [name for name, channels in ENCODINGS.items() if channels.count > 1]
-GREY = [name for name, channels in ENCODINGS.items() if channels.count == 1]
+COLOURED = [name for name, channels in ENCODINGS.items() if channels.number > 1]
+GREY = [name for name, channels in ENCODINGS.items() if channels.number == 1]
 
 
 def smooth(height: int, width: int) -> np.ndarray:
@@ -36,7 +36,7 @@ def jpeg(image: np.ndarray, quality: int = 85) -> bytes:
 def test_raw_images_keep_every_byte_where_nothing_is_translated(
     encoding, height, width, padding, seed
 ):
-    step = width * ENCODINGS[encoding].count + padding
+    step = width * ENCODINGS[encoding].number + padding
     content = np.random.default_rng(seed).bytes(height * step)
     rgb, image_format = decode_raw(content, RawLayout(encoding, height, width, step))
     assert rgb.shape == (height, width, 3)
@@ -46,7 +46,7 @@ def test_raw_images_keep_every_byte_where_nothing_is_translated(
 @pytest.mark.parametrize("encoding", COLOURED)
 def test_raw_channels_are_read_in_the_order_of_the_encoding(encoding):
     first_is_red = encoding.startswith("rgb")
-    count = ENCODINGS[encoding].count
+    count = ENCODINGS[encoding].number
     pixel = bytes([10, 20, 30, 99][:count])
     rgb, image_format = decode_raw(pixel, RawLayout(encoding, 1, 1, count))
     assert rgb[0, 0].tolist() == ([10, 20, 30] if first_is_red else [30, 20, 10])
