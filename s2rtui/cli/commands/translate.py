@@ -170,18 +170,16 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
 
 def _apply(options: argparse.Namespace) -> None:
     from s2rtools.translation.apply_files import apply_to_files
-
-    from s2rtools.translator_evaluation.fit_into_store import load_translator
+    from s2rtools.translation.load_translator import load_translator
 
     if not 0 <= options.strength <= 1:
         raise RequestError("--strength: must be 0 to 1")
     stored = load_translator(options.translator, options.store)
     with reporter() as progress:
-        report = percent_callback(progress, f"translate {options.input.name}")
-        count = apply_to_files(
-            stored.translator, options.strength, options.input, options.output, report
+        result = apply_to_files(
+            stored.translator, options.strength, options.input, options.output, progress
         )
-    print(f"{options.output}: {count} images translated by {options.translator}")
+    print(f"{options.output}: {result.summary()} by {options.translator}")
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -31,8 +31,6 @@ from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, 
 from s2rtools.translation.translator_file import (
     StoredTranslator,
     encode,
-    open_stored,
-    read_translator,
     stored_path,
 )
 from s2rtools.translator_evaluation.content_summary import measure_content
@@ -163,18 +161,6 @@ def publish(
             **fitted.facts,
         }
         draft.set_provenance(f"translator:{name}", facts)
-
-
-def load_translator(text: str, store_path: Path | None = None) -> StoredTranslator:
-    """The translator of a file, or of a store by its name. Raises RequestError."""
-    if store_path is None or text.endswith(".safetensors"):
-        path = Path(text)
-        if not path.suffix and not path.exists():
-            raise RequestError(f"{text}: no such file; a translator's name needs --store")
-        return read_translator(path)
-    with s2rstore.open(store_path) as store:
-        sha256 = store.translator(text).sha256
-    return open_stored(store_path, sha256)
 
 
 def fit_folders(
