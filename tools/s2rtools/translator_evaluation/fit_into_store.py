@@ -24,7 +24,7 @@ from s2rstore.records import DIRECTIONS, Direction
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
-from s2rtools.translation import METHODS, find_method, fit_split
+from s2rtools.translation import find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import fit_size, from_folder, from_store
 from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, Translator
@@ -236,8 +236,3 @@ def default_settings(
             raise RequestError(f"--option {text}: {method} takes {allowed}")
         parsed[key] = value
     return FitSettings(seed, steps, minutes, paired, parsed, None, report)
-
-
-def all_methods() -> tuple[str, ...]:
-    """Names of all methods, in the order of the registry."""
-    return tuple(METHODS)
