@@ -102,9 +102,9 @@ def lane_piece(step: Step) -> Floats:
 
 
 @lru_cache(maxsize=4)
-def road_map(layout: int) -> RoadMap:
-    """The town of a layout, an index into `LAYOUTS`."""
-    lines = LAYOUTS[layout % len(LAYOUTS)]
+def road_map(layout: int | tuple[str, ...]) -> RoadMap:
+    """The town of a layout: an index into `LAYOUTS`, or the lines of another one."""
+    lines = layout if isinstance(layout, tuple) else LAYOUTS[layout % len(LAYOUTS)]
     rows, columns = len(lines), len(lines[0])
     tiles = {
         (column, rows - 1 - index): CONNECTIONS[character]
