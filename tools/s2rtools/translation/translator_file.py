@@ -67,10 +67,10 @@ def encode(stored: StoredTranslator) -> bytes:
         "source": stored.source, "target": stored.target, "size": stored.size,
         "settings": translator.settings(),
     }  # fmt: skip
-    tensors = {name: np.ascontiguousarray(array) for name, array in translator.tensors().items()}
+    tensors = {name: np.asarray(array, order="C") for name, array in translator.tensors().items()}
     if stored.depth_noise is not None:
         noise = stored.depth_noise.tensors()
-        tensors |= {_DEPTH + name: np.ascontiguousarray(array) for name, array in noise.items()}
+        tensors |= {_DEPTH + name: np.asarray(array, order="C") for name, array in noise.items()}
     if not tensors:
         tensors = {"empty": np.zeros(1, dtype=np.float32)}
     return save(tensors, {HEADER: json.dumps(header, sort_keys=True)})
