@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from s2rstore.errors import RequestError
@@ -18,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(metavar="ACTION", title="actions", required=True)
     proxy = actions.add_parser("proxy", help="run a node that translates the images of a topic")
     _add_translator(proxy)
+    _add_quality(proxy)
     add = proxy.add_argument_group("topics").add_argument
     add("--in", dest="input", required=True, metavar="TOPIC",
         help="topic of the images: sensor_msgs/CompressedImage or sensor_msgs/Image")  # fmt: skip
@@ -34,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     replay = actions.add_parser("replay", help="write a bag whose images are translated")
     replay.add_argument("bag", type=Path, help="ROS 1 bag, or ROS 2 folder or file")
     _add_translator(replay)
+    _add_quality(replay)
     add = replay.add_argument_group("bag").add_argument
     add("--in", dest="input", metavar="TOPIC",
         help="topic of the images (default: the only one with images)")  # fmt: skip
@@ -42,6 +45,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--segments", type=Path, metavar="FILE",
         help="write the line segments of the translated images to this CSV file")  # fmt: skip
     replay.set_defaults(action=_replay)
+    simulate = actions.add_parser(
+        "simulate", help="follow a lane in simulation, with and without a translator"
+    )
+    _add_translator(simulate)
+    add = simulate.add_argument_group("simulation").add_argument
+    add("--condition", action="append", default=[], metavar="NAME",
+        help="light, such as dark, warm or coloured (repeatable; default coloured)")  # fmt: skip
+    add("--tuned-on", default="day", metavar="NAME",
+        help="light in which the detector's thresholds are tuned (default day)")  # fmt: skip
+    add("--seeds", type=int, default=5, help="drives per light (default 5)")
+    add("--seed", type=int, default=1, help="first random seed (default 1)")
+    add("--distance", type=float, default=6.0, help="metres of each drive (default 6)")
+    add("--json", action="store_true", help="print the result as JSON")
+    simulate.set_defaults(action=_simulate)
     package = actions.add_parser(
         "package", help="print the folder of the ROS package with the launch file"
     )
@@ -55,8 +72,11 @@ def _add_translator(parser: argparse.ArgumentParser) -> None:
     add("--store", type=Path, help="store that holds the translator")
     add("--strength", type=float, default=1.0, metavar="S",
         help="share of the translation, 0 to 1 (default 1)")  # fmt: skip
-    add("--jpeg-quality", type=int, metavar="Q",
-        help="quality of JPEG images, 1 to 100 (default: that of the input)")  # fmt: skip
+
+
+def _add_quality(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--jpeg-quality", type=int, metavar="Q",
+                        help="quality of JPEG images (default: that of the input)")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -70,7 +90,7 @@ def _check(options: argparse.Namespace) -> None:
     from s2rtools.ros.proxy_settings import checked_strength
 
     checked_strength(options.strength, "--strength")
-    quality = options.jpeg_quality
+    quality = getattr(options, "jpeg_quality", None)
     if quality is not None and not 1 <= quality <= 100:
         raise RequestError(f"--jpeg-quality {quality}: must be 1 to 100")
 
@@ -117,6 +137,45 @@ def _replay(options: argparse.Namespace) -> None:
     if table is not None:
         table.write(options.segments)
         print(f"{options.segments}: {table.segments} segments in {table.images} images")
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    from s2rtools.lane_detection.conditions import find_condition
+    from s2rtools.ros import lane_following
+    from s2rtools.translation.load_translator import load_translator
+
+    if not 1 <= options.seeds <= 1000:
+        raise RequestError(f"--seeds {options.seeds}: must be 1 to 1000")
+    if not 0.1 <= options.distance <= 1000:
+        raise RequestError(f"--distance {options.distance}: must be 0.1 to 1000 metres")
+    if options.seed < 0:
+        raise RequestError(f"--seed {options.seed}: must be at least 0")
+    conditions = [find_condition(name) for name in options.condition or ["coloured"]]
+    tuned_on = find_condition(options.tuned_on)
+    translator = load_translator(options.translator, options.store).translator
+    settings = lane_following.DriveSettings(distance=options.distance)
+    seeds = range(options.seed, options.seed + options.seeds)
+    with reporter() as progress:
+        progress.begin("tune the thresholds", 1)
+        thresholds = lane_following.tuned_thresholds(tuned_on, options.seed)
+        progress.advance(1)
+        progress.begin("drive", 2 * len(conditions) * len(seeds))
+        arms = lane_following.compare(
+            conditions, seeds, translator, thresholds, options.strength, settings, progress.advance
+        )
+        rows = [arm.summary() for arm in arms]
+    if options.json:
+        print(json.dumps(rows, indent=1))
+        return
+    print(
+        f"{'light':<12}{'translator':<12}{'kept the lane':>14}{'route':>8}{'error':>9}{'poses':>8}"
+    )
+    for row in rows:
+        print(
+            f"{row['condition']:<12}{'yes' if row['translated'] else 'no':<12}"
+            f"{row['kept']:>9} / {row['drives']:<2}{row['progress']:>8.0%}"
+            f"{1e3 * row['mean_error_m']:>6.0f} mm{row['detected']:>8.0%}"
+        )
 
 
 def _package(options: argparse.Namespace) -> None:

@@ -8,7 +8,9 @@ at constant speed: x' = v cos(h), y' = v sin(h), h' = w.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +27,7 @@ from s2rtools.lane_detection.line_detector import (
 from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.lane_detection.road_images import reduce_mask
 from s2rtools.lane_detection.road_map import LANE_OFFSET
-from s2rtools.lane_detection.road_renderer import LanePose, RoadRenderer, build_town
+from s2rtools.lane_detection.road_renderer import LanePose, RoadRenderer, Town, build_town
 from s2rtools.lane_detection.threshold_tuning import tune
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Translator, blend
@@ -109,11 +111,11 @@ def follow_lane(
     thresholds: Thresholds,
     translator: Translator | None = None,
     strength: float = 1.0,
-    settings: DriveSettings = DriveSettings(),  # noqa: B008
+    settings: DriveSettings = DriveSettings(),
 ) -> Drive:
     """Drive along a loop in a light until the route ends or the lane is left."""
     rng = np.random.default_rng([seed, 53])
-    town, camera = build_town(seed, LOOP), CAMERA
+    town, camera = _town(seed), CAMERA
     renderer = RoadRenderer(town, camera)
     light = LightField(condition, (camera.rows, camera.width), seed)
     perception = Perception(camera, thresholds, translator, strength)
@@ -138,6 +140,11 @@ def follow_lane(
         y += settings.speed * settings.period * float(np.sin(heading + turn * settings.period / 2))
         heading += turn * settings.period
     return Drive(tuple(offsets), at >= last, min(1.0, at / last), found / len(offsets))
+
+
+@lru_cache(maxsize=4)
+def _town(seed: int) -> Town:
+    return build_town(seed, LOOP)
 
 
 class _Steering:
@@ -167,3 +174,43 @@ def _offset(path: Floats, at: int, x: float, y: float) -> tuple[float, int]:
     nearest = int(np.hypot(ahead[:, 0] - x, ahead[:, 1] - y).argmin())
     px, py, heading = ahead[nearest]
     return float((y - py) * np.cos(heading) - (x - px) * np.sin(heading)), at + nearest
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Drives of all seeds in one light, with or without the translator."""
+
+    condition: str
+    translated: bool
+    drives: tuple[Drive, ...]
+
+    def summary(self) -> dict[str, object]:
+        """Share of drives that kept the lane, and means over drives."""
+        return {
+            "condition": self.condition,
+            "translated": self.translated,
+            "drives": len(self.drives),
+            "kept": sum(drive.kept for drive in self.drives),
+            "progress": float(np.mean([drive.progress for drive in self.drives])),
+            "mean_error_m": float(np.mean([drive.mean_error for drive in self.drives])),
+            "detected": float(np.mean([drive.detected for drive in self.drives])),
+        }
+
+
+def compare(
+    conditions: Sequence[Condition],
+    seeds: Sequence[int],
+    translator: Translator,
+    thresholds: Thresholds,
+    strength: float = 1.0,
+    settings: DriveSettings = DriveSettings(),
+    advance: Callable[[int], None] = lambda steps: None,
+) -> Iterator[Arm]:
+    """Drive in each light without and with the translator; both arms use the same seeds."""
+    for condition in conditions:
+        for used in (None, translator):
+            drives = []
+            for seed in seeds:
+                drives.append(follow_lane(condition, seed, thresholds, used, strength, settings))
+                advance(1)
+            yield Arm(condition.name, used is not None, tuple(drives))

@@ -1,0 +1,79 @@
+"""The lane-following loop in simulation, and what a translator before the detector changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from s2rtools.lane_detection.conditions import CONDITIONS, Condition
+from s2rtools.lane_detection.line_detector import Thresholds
+from s2rtools.lane_detection.rendered_folder import lit_frames
+from s2rtools.ros.lane_following import (
+    CAMERA,
+    DriveSettings,
+    compare,
+    follow_lane,
+    tuned_thresholds,
+)
+from s2rtools.translation.colour_statistics import moments
+from s2rtools.translation.identity import IdentityTranslator
+from s2rtools.translation.mkl import MklTranslator
+
+DAY = CONDITIONS["day"]
+BLUE = replace(DAY, name="blue", lamp=(0.12, 0.3, 1.4), exposure=0.5)
+SHORT = DriveSettings(distance=0.8, period=0.15)
+
+
+class Blind(IdentityTranslator):
+    def translate(self, rgb):
+        return np.zeros_like(rgb)
+
+
+@pytest.fixture(scope="module")
+def thresholds() -> Thresholds:
+    return tuned_thresholds(DAY, 900, 8)
+
+
+def translator(source: Condition) -> MklTranslator:
+    of = [
+        moments(np.stack([frame.rgb for frame in lit_frames([light], 6, 901, camera=CAMERA)]))
+        for light in (DAY, source)
+    ]
+    return MklTranslator(of[0], of[1])
+
+
+def test_the_robot_stays_in_the_lane_by_day(thresholds):
+    drive = follow_lane(DAY, 0, thresholds, settings=SHORT)
+    assert drive.kept
+    assert drive.detected > 0.9
+    assert drive.mean_error < 0.05
+
+
+def test_equal_seeds_give_equal_drives(thresholds):
+    short = replace(SHORT, distance=0.15)
+    drives = [follow_lane(DAY, seed, thresholds, settings=short) for seed in (1, 1, 0)]
+    assert drives[0] == drives[1]
+    assert drives[0] != drives[2]
+
+
+def test_a_robot_that_sees_nothing_leaves_the_lane(thresholds):
+    drive = follow_lane(DAY, 0, thresholds, Blind(), settings=replace(SHORT, distance=2.0))
+    assert not drive.kept
+    assert drive.detected == 0
+    assert drive.progress < 1
+
+
+def test_a_translator_restores_the_drive_in_coloured_light(thresholds):
+    without, with_translator = compare([BLUE], [0], translator(BLUE), thresholds, settings=SHORT)
+    before, after = without.summary(), with_translator.summary()
+    assert (before["translated"], after["translated"]) == (False, True)
+    assert after["kept"] == 1
+    assert after["detected"] > before["detected"] + 0.2
+
+
+def test_strength_0_drives_as_without_a_translator(thresholds):
+    short = replace(SHORT, distance=0.15)
+    plain = follow_lane(BLUE, 0, thresholds, settings=short)
+    assert follow_lane(BLUE, 0, thresholds, Blind(), 0.0, settings=short) == plain
