@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from s2rtools.ros.image_topics import (
@@ -94,7 +94,10 @@ class Ros1Proxy:
     def _subscribe(self) -> None:
         rospy, messages = self._rospy, ros_module("sensor_msgs.msg")
         diagnostics, numbers = ros_module("diagnostic_msgs.msg"), ros_module("std_msgs.msg")
-        compressed = is_compressed(self._input, self._link.topic_type(self._input))
+        known = None
+        with suppress(MasterUnreachableError):
+            known = self._link.topic_type(self._input)
+        compressed = is_compressed(self._input, known)
         self._type = messages.CompressedImage if compressed else messages.Image
         self._images = rospy.Publisher(self._output, self._type, queue_size=1, tcp_nodelay=True)
         self._latency = rospy.Publisher("~latency", numbers.Float32, queue_size=10)
