@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import html
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -233,6 +233,7 @@ def registries_page() -> str:
     from s2rtools.synthetic_world.factors import FACTORS
     from s2rtools.sysid.simulators import SIMULATORS
     from s2rtools.training.recipes import RECIPES
+    from s2rtools.translation import METHODS
     from s2rtui.charts.registry import VIEWS
 
     views = (
@@ -259,10 +260,11 @@ def registries_page() -> str:
         "## Adjustments\n",
         table(("name", "range", "neutral", "unit", "what it does"), adjustments),
     ]
-    others: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
         ("Importers", "`s2r ingest NAME ...`", IMPORTERS),
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),
+        ("Translation methods", "`s2r translate fit NAME ...`", METHODS),
         ("Factors of the demo world", "`s2r ingest world --factors NAME`", FACTORS),
         ("Simulators", "`s2r sysid --simulator NAME`", SIMULATORS),
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from s2rstore.gap_history.reader import History
 from s2rstore.reader import Store
-from s2rstore.records import Side
+from s2rstore.records import Direction, Side
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
@@ -45,6 +45,35 @@ class OverviewRow:
     note: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class TranslatorRow:
+    """A translator with its verdict; None where it was not judged.
+
+    `gain` is the mean decrease of a run's error in metres with its 95 % interval.
+    """
+
+    translator: str
+    direction: Direction
+    accepted: bool | None
+    gain: float | None = None
+    interval: Interval | None = None
+    run: str = ""
+
+    @property
+    def verdict(self) -> str:
+        return {True: "accepted", False: "refused", None: "not judged"}[self.accepted]
+
+    @property
+    def gain_text(self) -> str:
+        """`1.20 m (0.84 to 1.57) on vanilla`; no number where the interval holds zero."""
+        if self.gain is None:
+            return ""
+        if self.interval is None or self.interval[0] <= 0 <= self.interval[1]:
+            return f"no clear gain on {self.run}"
+        low, high = self.interval
+        return f"gain {self.gain:+.2f} m ({low:.2f} to {high:.2f}) on {self.run}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RunAccuracies:
     """Accuracies (N,) of every run on one side."""
@@ -63,6 +92,7 @@ class Resources:
     """
 
     rows: tuple[OverviewRow, ...] = ()
+    translators: tuple[TranslatorRow, ...] = ()
     lines: RunAccuracies | None = None
     baseline: float = math.nan
     floor_plan: NDArray[np.uint8] | None = None

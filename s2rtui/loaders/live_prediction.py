@@ -60,7 +60,7 @@ class LivePredictor:
             model = self.model(store, state.run)
             if not context.is_current():
                 return {}
-            chains = adjusting.adjustment_chains(state.adjust)
+            chains = adjusting.adjustment_chains(store, state.adjust)
             heat = state.heat
             if heat is not None and (heat.kind in SLOW_KINDS or heat.kind not in model.kinds):
                 heat = None

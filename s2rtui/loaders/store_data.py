@@ -13,6 +13,7 @@ from s2rstore.gap_history import reader
 from s2rstore.reader import Store
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
+from s2rtui.charts.overview.translators import translator_rows
 from s2rtui.charts.scene import RunAccuracies
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.loaders.loader import Fields, Key, LoadContext
@@ -76,7 +77,8 @@ def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
         if run != state.run:
             store.drop_run_columns(run)
     baseline = results[0][1] if results else math.nan
-    return {"rows": tuple(row for rows, _ in results for row in rows), "baseline": baseline}
+    rows = tuple(row for rows, _ in results for row in rows)
+    return {"rows": rows, "baseline": baseline, "translators": translator_rows(store)}
 
 
 def read_lines(store: Store, state: State, context: LoadContext) -> Fields:

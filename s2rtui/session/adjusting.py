@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
@@ -11,28 +11,41 @@ from s2rstore.records import SIDES, Side
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import Adjust, Slider, State
 
+if TYPE_CHECKING:
+    from s2rtools.adjustments import Adjustment
+
 
 def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
     """The sliders that a store supports, and why the others are not available.
 
     Image adjustments apply to the real side, camera adjustments to the sim side if the data set has
-    a renderer. Raises ModuleNotFoundError if the tools are not installed.
+    a renderer. Each translator has a slider of its strength on the side whose images it
+    translates, except those that failed a check of their content. Raises ModuleNotFoundError if the
+    tools are not installed.
     """
-    from s2rtools.adjustments import ADJUSTMENTS
+    from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
     from s2rtools.rendering import no_renderer_reason
 
     reason = (no_renderer_reason(store) or "").removeprefix(f"{store.path}: ")
     sliders: list[Slider] = []
+    translators: list[Slider] = []
     for adjustment in ADJUSTMENTS.values():
         side: Side = "sim" if adjustment.needs_renderer else "real"
-        if side in adjustment.sides and not (adjustment.needs_renderer and reason):
-            sliders.append(
-                Slider(
-                    side, adjustment.name, adjustment.lowest, adjustment.highest,
-                    adjustment.neutral, adjustment.step, adjustment.unit,
-                )
-            )  # fmt: skip
-    return tuple(sliders), reason
+        if isinstance(adjustment, TranslatorAdjustment):
+            translators = [
+                _slider(adjustment, record.side, f"{adjustment.name}:{record.translator}")
+                for record in store.translators.values() if record.accepted is not False
+            ]  # fmt: skip
+        elif side in adjustment.sides and not (adjustment.needs_renderer and reason):
+            sliders.append(_slider(adjustment, side, adjustment.name))
+    return (*sliders, *translators), reason
+
+
+def _slider(adjustment: Adjustment, side: Side, name: str) -> Slider:
+    return Slider(
+        side, name, adjustment.lowest, adjustment.highest, adjustment.neutral, adjustment.step,
+        adjustment.unit,
+    )  # fmt: skip
 
 
 def open_sliders(
@@ -102,12 +115,13 @@ def reset_sliders(context: SessionContext, state: State) -> State:
     return state.updated(adjust=replace(adjust, values=tuple(values.items())))
 
 
-def adjustment_chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
+def adjustment_chains(store: Store, adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
     """The adjustment chain per side that the sliders describe, the steps of the run first.
 
-    Raises RequestError for a run that applies an adjustment twice, which sliders cannot show.
+    Raises RequestError for a run that applies an adjustment twice, which sliders cannot show, and
+    for a translator of another domain than the run's.
     """
-    from s2rtools.adjustments import ADJUSTMENTS, make_chain
+    from s2rtools.adjustments import chain_position, make_chain, translator_name
 
     chains: dict[Side, list[dict[str, Any]]] = {}
     for side in SIDES:
@@ -117,8 +131,15 @@ def adjustment_chains(adjust: Adjust) -> dict[Side, list[dict[str, Any]]]:
                 f"run {adjust.run}: applies an adjustment twice, which sliders cannot show"
             )
         values = {name: value for (owner, name), value in adjust.values if owner == side}
-        chain = make_chain(side, values)
-        if steps != [name for name in ADJUSTMENTS if name in steps]:
+        chain = make_chain(side, values, store.translators)
+        domain = store.run(adjust.run).domain(side)
+        for name in filter(None, (translator_name(str(step["name"])) for step in chain)):
+            source = store.translators[name].source_domain
+            if source != domain:
+                raise RequestError(
+                    f"translator {name}: translates images of {source}, not {domain}"
+                )
+        if steps != sorted(steps, key=chain_position):
             first = [step for name in steps for step in chain if step["name"] == name]
             chain = [*first, *(step for step in chain if step["name"] not in steps)]
         chains[side] = chain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from s2rstore.files.layout import FRAMES
 from s2rstore.geometry.camera_offset import NAMES
 from s2rstore.reader import Frame, Store
 from s2rstore.records import Domain, Run, Side
-from s2rstore.run_inputs import run_frame
+from s2rstore.run_inputs import chain_text, run_frame
 
 Chain = Sequence[Mapping[str, Any]]
 _SHORT = 18
@@ -26,13 +27,15 @@ class ModelInput:
 
     Without frames in the store, rgb has shape (0, 0, 3) and depth is None.
     `title` names a domain other than the side's usual one and short adjustments; `notes` hold
-    adjustments that are too long for it.
+    adjustments that are too long for it. `original` is the RGB image before the adjustments, None
+    where no translator is among them.
     """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32] | None
     title: str
     notes: tuple[tuple[str, str], ...] = ()
+    original: NDArray[np.uint8] | None = None
 
 
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
@@ -43,12 +46,14 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
     frame = run_frame(store, run, side, iid)
     images = [step for step in chain if step["name"] not in NAMES]
-    adjusted = _adjusted(frame, domain, images) if images else frame
+    adjusted = _adjusted(frame, domain, images, store.path) if images else frame
     shown = adjusted or frame
     metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
     usual = "" if domain.domain == side and not chain else domain.domain
     title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
-    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes)
+    is_translated = adjusted is not None and any("sha256" in step for step in images)
+    original = frame.rgb if is_translated else None
+    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes, original)
 
 
 def stored_image(store: Store, side: Side, iid: int) -> ModelInput:
@@ -80,17 +85,14 @@ def _title_and_notes(
     return f"{domain}, {before}adjust{'ments' if before else 'ed'}", tuple(notes)
 
 
-def chain_text(chain: Chain) -> str:
-    """`brightness=1.15, contrast=1.1`."""
-    return ", ".join(f"{step['name']}={step['value']:g}" for step in chain)
-
-
-def _adjusted(frame: Frame, domain: Domain, chain: Chain) -> Frame | None:
+def _adjusted(frame: Frame, domain: Domain, chain: Chain, store_path: Path) -> Frame | None:
     """The frame after its image adjustments; None if the tools are not installed."""
     try:
         from s2rtools.adjustments import apply_chain
 
-        rgb, depth = apply_chain(frame.rgb[None], frame.depth[None], frame.valid[None], chain)
+        rgb, depth = apply_chain(
+            frame.rgb[None], frame.depth[None], frame.valid[None], chain, store_path
+        )
     except (ImportError, RequestError):
         return None
     inside = (depth[0] >= domain.depth_raw_min) & (depth[0] <= domain.depth_raw_max)

@@ -8,6 +8,9 @@ from typing import Any, Literal
 Side = Literal["sim", "real"]
 SIDES: tuple[Side, Side] = ("sim", "real")
 
+Direction = Literal["sim2real", "real2sim"]
+DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
+
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
 
@@ -124,6 +127,29 @@ class Model:
     input_width: int
     convention: str
     trained_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class TranslatorRecord:
+    """A fitted translator: a map from images of `source_domain` to the look of `target_domain`.
+
+    `accepted` is None until its content was checked; `reasons` say why it is not accepted.
+    """
+
+    translator: str
+    method: str
+    direction: Direction
+    source_domain: str
+    target_domain: str
+    sha256: str
+    accepted: bool | None
+    reasons: tuple[str, ...]
+    created_at: str
+
+    @property
+    def side(self) -> Side:
+        """The side whose images it translates."""
+        return "sim" if self.direction == "sim2real" else "real"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ A side with moved cameras has rendered frames, which are stored as arrays of the
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,18 @@ from s2rstore.records import Domain, Run, Side
 
 FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}
 """Kinds of the arrays that hold rendered frames."""
+
+
+def chain_text(chain: Sequence[Mapping[str, Any]]) -> str:
+    """A chain as the command line takes it: `brightness=1.15, translate=T@0.5`."""
+    return ", ".join(_step_text(str(step["name"]), float(step["value"])) for step in chain)
+
+
+def _step_text(name: str, value: float) -> str:
+    kind, colon, translator = name.partition(":")
+    if not colon:
+        return f"{name}={value:g}"
+    return f"{kind}={translator}" if value == 1 else f"{kind}={translator}@{value:g}"
 
 
 def run_camera_move(store: Store, run: Run, side: Side) -> RigOffset:

@@ -14,12 +14,18 @@ from s2rstore.records import SIDES
 from s2rtools.adjustments import (
     ADJUSTMENTS,
     ImageAdjustment,
+    RenderedAdjustment,
+    TranslatorAdjustment,
     apply_chain,
     make_chain,
     parse_adjustment,
 )
 from s2rtools.models import build_network
 from s2rtools.models.preprocessing import preprocess
+
+WITH_NUMBERS = [
+    name for name, entry in ADJUSTMENTS.items() if not isinstance(entry, TranslatorAdjustment)
+]
 
 
 @pytest.fixture(params=[np.uint8, np.uint16])
@@ -42,7 +48,7 @@ def test_neutral_values_return_the_input_arrays(frames):
     assert apply_chain(*frames, [])[0] is frames[0]
 
 
-@pytest.mark.parametrize("name", list(ADJUSTMENTS))
+@pytest.mark.parametrize("name", WITH_NUMBERS)
 @pytest.mark.parametrize("limit", ["lowest", "highest"])
 def test_types_and_shapes_are_preserved_and_the_input_is_unchanged(frames, name, limit):
     before = [image.copy() for image in frames]
@@ -142,7 +148,7 @@ def test_adjustments_are_parsed_from_the_command_line():
         ("real:brightness=9", r"0 \.\. 3"),
         ("real:brightness=nan", r"0 \.\. 3"),
         ("real:brightness=much", "not a number"),
-        ("real:", "one of brightness"),
+        ("real:", "one of translate, brightness"),
         ("sim:camera_height", "needs a value, such as camera_height=0.02"),
         ("sim:camera_pitch=31", r"-30 \.\. 30 \(degrees\)"),
     ],
@@ -162,7 +168,9 @@ def test_the_registry_describes_every_slider():
         assert adjustment.unit
         assert adjustment.description
         assert set(adjustment.sides) <= set(SIDES)
-        assert isinstance(adjustment, ImageAdjustment) != adjustment.needs_renderer
+        kinds = (ImageAdjustment, RenderedAdjustment, TranslatorAdjustment)
+        assert sum(isinstance(adjustment, kind) for kind in kinds) == 1
+        assert adjustment.needs_renderer == isinstance(adjustment, RenderedAdjustment)
     rendered = [name for name, entry in ADJUSTMENTS.items() if entry.needs_renderer]
     assert tuple(rendered) == camera_offset.NAMES
 
@@ -174,7 +182,7 @@ def test_camera_adjustments_do_not_change_images(frames):
 
 
 @given(
-    st.dictionaries(st.sampled_from(list(ADJUSTMENTS)), st.floats(0, 1), max_size=5),
+    st.dictionaries(st.sampled_from(WITH_NUMBERS), st.floats(0, 1), max_size=5),
     st.sampled_from(SIDES),
 )
 def test_slider_values_give_the_chain_of_the_command_line(shares, side):
@@ -195,5 +203,5 @@ def test_slider_values_give_the_chain_of_the_command_line(shares, side):
 def test_values_out_of_range_are_rejected():
     with pytest.raises(RequestError, match=r"brightness=4: allowed are 0 \.\. 3"):
         make_chain("real", {"brightness": 4.0})
-    with pytest.raises(RequestError, match="one of brightness"):
+    with pytest.raises(RequestError, match="one of translate, brightness"):
         make_chain("real", {"glow": 1.0})

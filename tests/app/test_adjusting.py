@@ -13,7 +13,7 @@ from textual.pilot import Pilot
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtools.adjustments import ADJUSTMENTS, make_chain
+from s2rtools.adjustments import ADJUSTMENTS, ImageAdjustment, make_chain
 from s2rtools.interactive import LiveModel
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
@@ -57,7 +57,7 @@ async def test_moving_a_slider_shows_the_live_prediction(computed: Path) -> None
         assert adjust is not None
         assert shown is not None
         names = [slider.name for slider in adjust.sliders]
-        assert names == [a.name for a in ADJUSTMENTS.values() if not a.needs_renderer]
+        assert names == [a.name for a in ADJUSTMENTS.values() if isinstance(a, ImageAdjustment)]
         assert "cameras cannot be moved" in adjust.reason
         brightness = adjust.value(("real", "brightness"))
         assert brightness == pytest.approx(1 + 3 * ADJUSTMENTS["brightness"].step)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,3 +94,17 @@ def test_heat_is_drawn_as_digits_and_letters_without_colours(options: RenderOpti
 def test_a_side_without_depth_shows_a_note() -> None:
     text = "\n".join(draw_instance(instance_input(real=side(2, depth=False)), (60, 50)).lines())
     assert "no depth" in text
+
+
+def test_a_translated_side_shows_the_original_below() -> None:
+    real = side(2)
+    translated = replace(real, original=255 - real.rgb)
+    data = instance_input(real=translated)
+    kinds = [panel.what for panel in instance_layout(data, (60, 60)).panels]
+    assert kinds == ["rgb", "rgb", "original", "original", "depth", "depth"]
+    text = "\n".join(draw_instance(data, (60, 60)).lines())
+    assert text.count("original") == 1
+    assert "not translated" in text
+    model, shape = instance_model(data), real.rgb.shape[:2]
+    drawn = panel_pixels(translated, "original", model, data, (shape[0], shape[1]))
+    assert (drawn == 255 - real.rgb).all()

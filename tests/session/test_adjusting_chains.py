@@ -30,7 +30,9 @@ def names_after_move(session: Session, name: str, value: float) -> list[object]:
     index = [slider.name for slider in adjust.sliders].index(name)
     state = session.dispatch(adjusting.set_slider, index, value)
     assert state.adjust is not None
-    return [step["name"] for step in adjusting.adjustment_chains(state.adjust)["real"]]
+    return [
+        step["name"] for step in adjusting.adjustment_chains(session.store, state.adjust)["real"]
+    ]
 
 
 @pytest.mark.parametrize(
@@ -47,7 +49,7 @@ def test_the_order_of_a_run_s_adjustments_is_preserved(
     session = with_chain(tiny_store, *chain)
     adjust = session.state.adjust
     assert adjust is not None
-    assert adjusting.adjustment_chains(adjust)["real"] == list(chain)
+    assert adjusting.adjustment_chains(session.store, adjust)["real"] == list(chain)
     assert names_after_move(session, "black", 0.5) == expected
     session.close()
 
@@ -56,7 +58,7 @@ def test_a_repeated_adjustment_is_rejected(store_copy: Path) -> None:
     session = with_chain(store_copy, BRIGHT, FLAT, BRIGHT)
     assert session.state.adjust is not None
     with pytest.raises(RequestError, match="run vanilla: applies an adjustment twice"):
-        adjusting.adjustment_chains(session.state.adjust)
+        adjusting.adjustment_chains(session.store, session.state.adjust)
     session.close()
     chains = {"sim": [], "real": [BRIGHT, FLAT, BRIGHT]}
     with pytest.raises(RequestError, match="--adjust real: brightness twice"):

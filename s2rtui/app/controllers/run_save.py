@@ -68,7 +68,8 @@ class RunSaveController:
         if not name:
             raise RequestError("type a name for the run")
         if adjust is not None:
-            root, chains = self._app.session.store.path, adjusting.adjustment_chains(adjust)
+            store = self._app.session.store
+            root, chains = store.path, adjusting.adjustment_chains(store, adjust)
             self.save(name, partial(save_run, root, name, adjust.run, chains))
         self._app.session.show_message("")
 

@@ -38,6 +38,7 @@ def _side(result: LiveResult, side: Side, heat: HeatChoice | None) -> SideView:
         pose=None
         if math.isnan(shown.x)
         else PoseNumbers(shown.x, shown.y, shown.heading, shown.error, shown.heading_error),
+        original=shown.original,
     )
 
 

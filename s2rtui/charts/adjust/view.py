@@ -38,8 +38,9 @@ class AdjustView(View):
         adjust = scene.state.adjust or Adjust("")
         return tuple(
             SliderLine(
-                slider.name.replace("_", " "), slider.side, slider.lowest, slider.highest,
-                slider.neutral, adjust.value(slider.key), slider.unit, index == adjust.active,
+                slider.name.replace("_", " ").replace(":", " "), slider.side,
+                slider.lowest, slider.highest, slider.neutral, adjust.value(slider.key),
+                slider.unit, index == adjust.active,
             )
             for index, slider in enumerate(adjust.sliders)
         )  # fmt: skip

@@ -104,4 +104,5 @@ def _side(
         heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
         pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
         title=shown.title,
+        original=shown.original,
     )

@@ -39,7 +39,8 @@ def instance_figure(
     page = new_page(size, theme, title, heat)
     top, (wide, _) = page.top, page.inches
     has_depth = data.sim.depth is not None or data.real.depth is not None
-    kinds = ["rgb", "depth"] if has_depth else ["rgb"]
+    is_translated = any(side.original is not None for side in (data.sim, data.real))
+    kinds = ["rgb", *["original"] * is_translated, *["depth"] * has_depth]
     side = SIDE if wide > 6 else 0.0
     gap = 0.12
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
@@ -70,9 +71,14 @@ def _draw_image(
 ) -> None:
     axes = page.axes(*box)
     axes.set_axis_off()
-    if side.depth is None if what == "depth" else not side.rgb.size:
-        missing = "no depth" if what == "depth" else "no image"
-        axes.text(0.5, 0.5, missing, ha="center", va="center", color=page.inks.muted)
+    missing = {
+        "rgb": (side.rgb.size, "no image"),
+        "original": (side.original is not None, "not translated"),
+        "depth": (side.depth is not None, "no depth"),
+    }
+    present, text = missing[what]
+    if not present:
+        axes.text(0.5, 0.5, text, ha="center", va="center", color=page.inks.muted)
         return
     rows, columns = side.rgb.shape[:2]
     pixels = panel_pixels(side, what, model, data, (rows, columns))

@@ -9,7 +9,7 @@ from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
-from s2rtui.charts.overview import layout, terminal
+from s2rtui.charts.overview import layout, terminal, translators
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.scene import OverviewRow, Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
@@ -55,11 +55,28 @@ class OverviewView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         lines = identity_key(self.lines(scene))
-        return *self._arguments(scene), lines, scene.mark(self.name)
+        rows = scene.resources.translators
+        return *self._arguments(scene), rows, lines, scene.mark(self.name)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         lines, mark = self.lines(scene), scene.mark(self.name)
-        return terminal.draw_overview(*self._arguments(scene), size, options, lines, mark)
+        arguments, chart = self._arguments(scene), self._chart_size(scene, size)
+        drawn = terminal.draw_overview(*arguments, chart, options, lines, mark)
+        if chart == size:
+            return drawn
+        canvas = Canvas(*size, options)
+        canvas.paste(drawn, 0, 0)
+        block = size[0], size[1] - chart[1]
+        rows = scene.resources.translators
+        canvas.paste(translators.draw_translators(rows, block, options), 0, chart[1])
+        return canvas
+
+    def _chart_size(self, scene: Scene, size: Size) -> Size:
+        """Columns and rows of the runs, above the rows of the translators."""
+        runs = len(self._rows(scene))
+        return size[0], size[1] - translators.block_height(
+            scene.resources.translators, runs, size[1]
+        )
 
     def numbers(self, scene: Scene) -> Table:
         names = ("run", "sim accuracy", "sim low", "sim high", "real accuracy", "real low",
@@ -79,7 +96,12 @@ class OverviewView(View):
         ]
         mean = _percent(scene.resources.baseline, None)
         accuracies = "; ".join(runs) or "no run"
-        return f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
+        text = f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
+        fitted = [
+            f"{row.translator}: {', '.join(part for part in (row.verdict, row.gain_text) if part)}"
+            for row in scene.resources.translators
+        ]
+        return f"{text} Translators: {'; '.join(fitted)}." if fitted else text
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.overview import paper
@@ -91,10 +113,13 @@ class OverviewView(View):
         )
 
     def height(self, scene: Scene, width: int) -> int:
-        return ROWS_PER_RUN * len(scene.state.runs) + 1
+        rows = scene.resources.translators
+        below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
+        return ROWS_PER_RUN * len(scene.state.runs) + 1 + below
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
-        return layout.overview_panels(*self._arguments(scene), size, self.lines(scene))
+        chart = self._chart_size(scene, size)
+        return layout.overview_panels(*self._arguments(scene), chart, self.lines(scene))
 
     def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         lines, cursor = scene.resources.lines, scene.state.cursor

@@ -36,6 +36,7 @@ class SideView:
 
     rgb: (H, W, 3) uint8, (0, 0, 3) for none. depth: (H, W) metres, NaN where invalid. heat: (h, w)
     over the whole image, any resolution, NaN for none. pose: the prediction on this side.
+    original: (H, W, 3), the image before translation, None where rgb is not translated.
     """
 
     rgb: NDArray[np.uint8]
@@ -43,6 +44,7 @@ class SideView:
     heat: Floats | None = None
     pose: PoseNumbers | None = None
     title: str = ""
+    original: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,11 +193,15 @@ def panel_pixels(
     shape: tuple[int, int],
     shades: int | None = None,
 ) -> Pixels:
-    """An image (`what`: "rgb" or "depth") of shape (height, width), with heat if it has any.
+    """An image of shape (height, width), with heat if it has any.
+
+    `what` is "rgb", "depth" or "original": the image before translation, without heat.
 
     `shades` limits the greys of depth, see `depth_tint`.
     """
     height, width = shape
+    if what == "original" and side.original is not None:
+        return np.rint(resample(side.original, *shape)).astype(np.uint8)
     if what == "rgb" or side.depth is None or model.depth_range is None:
         unchanged = side.rgb.shape[:2] == shape
         pixels = side.rgb if unchanged else np.rint(resample(side.rgb, *shape)).astype(np.uint8)

@@ -31,7 +31,7 @@ HEAT_RAMP = ".123456789"
 
 @dataclass(frozen=True, slots=True)
 class ImagePanel:
-    """The place of an image in cells; `what`: "rgb", "depth" or "heat"."""
+    """The place of an image in cells; `what`: "rgb", "original", "depth" or "heat"."""
 
     what: str
     side: str
@@ -79,6 +79,8 @@ def instance_layout(
 
 def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) -> list[str]:
     kinds = ["rgb"] if data.sim.rgb.size or data.real.rgb.size else []
+    if any(side.original is not None for side in (data.sim, data.real)):
+        kinds.append("original")
     if model.heat_range is not None and not options.supports_images:
         kinds.append("heat")
     if data.sim.depth is not None or data.real.depth is not None:
@@ -150,12 +152,22 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
     side = data.sim if panel.side == "sim" else data.real
     if panel.what == "heat":
         _heat_glyphs(canvas, panel, side, data, model)
-    elif side.rgb.size if panel.what == "rgb" else side.depth is not None:
+    elif panel.what == "original" and side.original is None:
+        text = "not translated"
+        canvas.text(panel.x, panel.y + panel.height // 2, text[: panel.width], canvas.theme.muted)
+    elif side.rgb.size if panel.what in ("rgb", "original") else side.depth is not None:
         plain = data if canvas.options.supports_images else _without_heat(data)
         pixels = partial(panel_pixels, side, panel.what, model, plain)
         draw_image(canvas, panel.x, panel.y, pixels((2 * panel.height, panel.width)))
         if canvas.options.supports_shading:
-            sources = side.rgb, side.depth, side.heat, model.heat_range, model.depth_range
+            sources = (
+                side.rgb,
+                side.original,
+                side.depth,
+                side.heat,
+                model.heat_range,
+                model.depth_range,
+            )
             key = identity_key((panel.what, *sources, data.over, data.signed))
             true_pixels = partial(pixels, shades=DEPTH_SHADES)
             canvas.images.append(_inline_image(panel, side, true_pixels, key))
@@ -167,7 +179,7 @@ def _panel(canvas: Canvas, panel: ImagePanel, data: InstanceInput, model: Instan
 def _inline_image(
     panel: ImagePanel, side: SideView, pixels: Callable[[Size], Pixels], key: object
 ) -> InlineImage:
-    image = side.rgb if panel.what == "rgb" or side.depth is None else side.depth
+    image = side.depth if panel.what == "depth" and side.depth is not None else side.rgb
     shape = image.shape[0], image.shape[1]
     return InlineImage(panel.x, panel.y, panel.width, panel.height, shape, pixels, key)
 
@@ -194,9 +206,11 @@ def _heat_glyphs(
 
 def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None:
     for panel in layout.panels:
-        if panel.y != 1:
-            continue
         side = data.sim if panel.side == "sim" else data.real
+        if panel.y != 1:
+            if panel.what == "original" and side.original is not None:
+                canvas.text(panel.x, panel.y, " original "[: panel.width], canvas.theme.text)
+            continue
         glyph, colour = canvas.options.role(panel.side)
         title = side.title or panel.side if panel.what == "rgb" else panel.what
         text = canvas.options.printable(f"{glyph} {title}")

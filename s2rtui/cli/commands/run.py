@@ -18,7 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add.add_argument("--real", help="domain of the real side (default: the first of kind real)")
     add.add_argument("--adjust", action="append", default=[], metavar="SIDE:NAME=VALUE,...",
                      help="adjustments of the images of one side, such as "
-                     "real:brightness=1.15,contrast=1.1")  # fmt: skip
+                     "real:brightness=1.15,contrast=1.1 or real:translate=T@0.5")  # fmt: skip
+
+    add.add_argument(
+        "--force",
+        action="store_true",
+        help="use a translator although it failed a check of its content",
+    )
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -29,6 +35,7 @@ def execute(options: argparse.Namespace) -> int:
     for text in options.adjust:
         for side, steps in parse_adjustment(text).items():
             chains[side] += steps
-    run = add_run(options.store, options.name, options.model, options.sim, options.real, chains)
+    run = add_run(options.store, options.name, options.model, options.sim, options.real, chains,
+                  options.force)  # fmt: skip
     print(f"{options.store}: run {run} registered; next: `s2r precompute {options.store}`")
     return 0

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rstore.records import SIDES
+from s2rstore.run_inputs import chain_text
 from s2rtui.cli.formatting import rows as output
-from s2rtui.session.model_input import chain_text
 
 if TYPE_CHECKING:
     from s2rstore.metrics.run_metrics import SideMetrics

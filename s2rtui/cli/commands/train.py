@@ -16,8 +16,14 @@ EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", type=Path, required=True, help="store folder")
     add = parser.add_argument_group("model").add_argument
-    add("--recipe", required=True, help="vanilla, dataaug, finetune (with --from) or perlin")
+    add(
+        "--recipe",
+        required=True,
+        help="vanilla, dataaug, finetune (with --from), perlin or translated",
+    )
     add("--from", dest="start", metavar="RUN", help="continue with the model of this run")
+    add("--translator", metavar="T", help="translator of the sim images (recipe translated)")
+    add("--force", action="store_true", help="use a translator that failed a check of its content")
     add("--name", help="name of the model and its run (default: the recipe)")
     add("--arch", default="resposenet", help="architecture (default resposenet)")
     add = parser.add_argument_group("budget").add_argument
@@ -35,7 +41,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--seed: must be 0 to 2147483647")
     request = TrainingRequest(
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
-        options.seed,
+        options.seed, options.translator, options.force,
     )  # fmt: skip
     command = shlex.join(["s2r", *sys.argv[1:]])
     with reporter() as progress:

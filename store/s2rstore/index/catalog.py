@@ -27,12 +27,13 @@ from s2rstore.records import (
     Room,
     Run,
     Trajectory,
+    TranslatorRecord,
 )
 from s2rstore.security.printable_text import printable, printable_lines
 
 NO_POSES = "the data set has no poses"
 """Why views and commands refuse a data set of images without poses."""
-_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention")
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons")
 """Columns of JSON, whose strings become printable once they are parsed."""
 
 
@@ -68,8 +69,10 @@ class IndexCatalog:
     def _check_rows(self) -> None:
         """Raise RequestError where a row of a small table is invalid."""
         filled = self.execute("SELECT count(*) FROM dataset") != [(0,)]
-        tables = ["trajectories", "rooms", "domains", "models", "runs"]
+        tables = ["trajectories", "rooms", "domains", "models", "translators", "runs"]
         for name, most in row_check.MAX_ROWS.items():
+            if schema.BY_NAME[name].optional and not self.has_table(name):
+                continue
             (count,) = self.execute(f'SELECT count(*) FROM "{name}"')[0]
             if count > most:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
@@ -112,7 +115,10 @@ class IndexCatalog:
 
     def _stored_rows(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table; columns that an earlier release did not write are None."""
-        known, missing = schema.BY_NAME[table], self.missing_columns(table)
+        known = schema.BY_NAME[table]
+        if known.optional and not self.has_table(table):
+            return []
+        missing = self.missing_columns(table)
         names = ("NULL" if name in missing else f'"{name}"' for name in known.column_names)
         query = f'SELECT {", ".join(names)} FROM "{table}" ORDER BY {", ".join(known.order)}'
         try:
@@ -203,6 +209,19 @@ class IndexCatalog:
         return {row["model"]: Model(**row) for row in rows}
 
     @cached_property
+    def translators(self) -> dict[str, TranslatorRecord]:
+        """In order of creation; empty in stores that earlier releases wrote."""
+        rows = row_check.check_translators(self._index, self._rows("translator"))
+        return {row["translator"]: TranslatorRecord(**row) for row in rows}
+
+    def translator(self, name: str) -> TranslatorRecord:
+        """Raises RequestError with the known names."""
+        if name not in self.translators:
+            known = ", ".join(self.translators) or "none"
+            raise RequestError(f"translator {name!r}: not in {self.path} (translators: {known})")
+        return self.translators[name]
+
+    @cached_property
     def runs(self) -> dict[str, Run]:
         """In order of creation."""
         rows = row_check.check_runs(self._index, self._rows("run"))
@@ -228,6 +247,11 @@ class IndexCatalog:
             known = ", ".join(self.runs) or "none"
             raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
         return self.runs[name]
+
+    def has_table(self, table: str) -> bool:
+        """Whether the index has an optional table."""
+        query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
+        return self.execute(query, [table]) != [(0,)]
 
     def run_name(self, name: str | None = None) -> str:
         """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name."""

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.input_files import parse_json
-from s2rstore.records import SIDES
+from s2rstore.records import DIRECTIONS, SIDES
 from s2rstore.security.printable_text import printable_values
 
 Row = dict[str, Any]
@@ -26,8 +26,11 @@ MAX_IMAGE_SIZE = 16_384
 """Rows or columns of a stored frame, or of the input of a model."""
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
-MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000}
+MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
+            "translator": 10_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
+TRANSLATE = "translate"
+"""Adjustment by a translator T; its name in a chain is `translate:T`."""
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
 _KIND = re.compile(r"[a-z][a-z0-9_:]{0,79}\Z")
 _EDGES = ("x0", "y0", "x1", "y1")
@@ -189,8 +192,27 @@ def check_models(index: Path, rows: Sequence[Row]) -> None:
         check.text("trained_by", optional=True, longest=MAX_JSON)
 
 
+def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows with `reasons` as a tuple of texts."""
+    checked = []
+    for row, check in _checkers(index, "translator", rows, "translator", "translator"):
+        for column in ("translator", "method", "source_domain", "target_domain"):
+            check.name(column)
+        check.choice("direction", DIRECTIONS)
+        where = f"{index}: table translator: sha256 of {row['translator']!r}"
+        layout.checked_hash(row["sha256"], where)
+        if row["accepted"] not in (True, False, None):
+            check.refuse("accepted", "neither true nor false")
+        reasons = check.parsed("reasons", list) if row["reasons"] else []
+        if not all(isinstance(reason, str) for reason in reasons):
+            check.refuse("reasons", "not a list of texts")
+        check.text("created_at")
+        checked.append({**row, "reasons": tuple(reasons)})
+    return checked
+
+
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
-    """Rows whose adjustments are lists of `{"name", "value"}`."""
+    """Rows whose adjustments are lists of `{"name", "value"}`; translations name their file."""
     checked = []
     for row, check in _checkers(index, "run", rows, "run", "run"):
         for column in ("run", "model", "sim_domain", "real_domain"):
@@ -202,6 +224,9 @@ def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
             for step in adjustments[column]:
                 if not isinstance(step, dict) or not isinstance(step.get("name"), str):
                     check.refuse(column, 'not a list of {"name", "value"}')
+                if step["name"].partition(":")[0] == TRANSLATE:
+                    label = f"{index}: table run: {column} of {row['run']!r}"
+                    layout.checked_hash(step.get("sha256"), label)
         if row["key"] is not None:
             check.name("key")
         check.text("precision", optional=True)

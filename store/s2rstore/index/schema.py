@@ -44,12 +44,18 @@ class Table:
         return tuple(column.name for column in self.columns)
 
 
-def table_of(name: str, comment: str, order: str, *columns: ColumnData) -> Table:
+def table_of(
+    name: str, comment: str, order: str, *columns: ColumnData, optional: bool = False
+) -> Table:
     """A table of columns (name, type, comment); `order` names the columns that sort its rows."""
-    return Table(name, comment, tuple(Column(*column) for column in columns), tuple(order.split()))
+    declared = tuple(Column(*column) for column in columns)
+    return Table(name, comment, declared, tuple(order.split()), optional)
 
 
-_ADJUSTMENTS = 'JSON list of {"name", "value"}, applied in order; [] = untouched'
+_ADJUSTMENTS = (
+    'JSON list of {"name", "value"}, applied in order; [] = untouched; '
+    '"translate:NAME" also has the "sha256" of the translator'
+)
 
 TABLES: tuple[Table, ...] = (
     table_of(
@@ -224,10 +230,39 @@ TABLES: tuple[Table, ...] = (
         ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
     ),
     table_of(
+        "translator",
+        "fitted maps that make images of one domain look like those of another",
+        "created_at translator",
+        ("translator", "VARCHAR", "name"),
+        ("method", "VARCHAR", "method of the fit"),
+        ("direction", "VARCHAR", "sim2real or real2sim"),
+        ("source_domain", "VARCHAR", "domain whose images it translates"),
+        ("target_domain", "VARCHAR", "domain whose look it gives them"),
+        ("sha256", "VARCHAR", "of its file in translators/"),
+        ("accepted", "BOOLEAN", "whether it passed every check of its content; NULL = not checked"),
+        ("reasons", "VARCHAR", "JSON list: why it is not accepted"),
+        ("created_at", "VARCHAR", "UTC, ISO 8601"),
+        optional=True,
+    ),
+    table_of(
+        "translator_metric",
+        "how each translator was judged, on images that were not used for its fit",
+        "translator metric reference run",
+        ("translator", "VARCHAR", "translator"),
+        ("metric", "VARCHAR", "name of the metric"),
+        ("reference", "VARCHAR", "translator, or a control: identity, target, repeated_image"),
+        ("run", "VARCHAR", "run whose model was used; NULL = none"),
+        ("value", "DOUBLE", "estimate"),
+        ("low", "DOUBLE", "95 % interval; NULL = unknown"),
+        ("high", "DOUBLE", "95 % interval; NULL = unknown"),
+        ("unit", "VARCHAR", "unit of value, low and high"),
+        optional=True,
+    ),
+    table_of(
         "provenance",
         "provenance: versions, seeds, training curves, command lines",
         "what key",
-        ("what", "VARCHAR", "dataset, model:NAME, run:NAME, statistics, ..."),
+        ("what", "VARCHAR", "dataset, model:NAME, run:NAME, translator:NAME, statistics, ..."),
         ("key", "VARCHAR", "name of the figure"),
         ("value", "VARCHAR", "its value as text or JSON"),
     ),

@@ -17,6 +17,8 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.index import locked_connection, schema
 
+_BASE_TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = 'base'"
+
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
 
@@ -143,7 +145,10 @@ def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | Non
     locked_connection.attach_new(connection, beside, "draft", schema.statements())
     if base is not None:
         locked_connection.attach_read_only(connection, base, "base")
+        stored = {row[0] for row in connection.execute(_BASE_TABLES).fetchall()}
         for table in schema.TABLES:
+            if table.optional and table.name not in stored:
+                continue
             described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
             present = {column[0] for column in described}
             columns = [c.name for c in table.columns if c.name in present or not c.optional]

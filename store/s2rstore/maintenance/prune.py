@@ -11,6 +11,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+import duckdb
+
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.ingest_folder import building_folders, is_running
@@ -92,12 +94,14 @@ def _entries(root: Path, folder: str, kind: safe_files.Kind) -> list[FolderEntry
 def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     arrays: set[str] = set()
     weights: set[str] = set()
+    translators: set[str] = set()
     for index in indexes:
         with locked_connection.connect(safe_files.checked_path(root, index)) as connection:
             for query, values in (
-                ("SELECT path FROM zarr_array", arrays), ("SELECT sha256 FROM model", weights)
+                ("SELECT path FROM zarr_array", arrays), ("SELECT sha256 FROM model", weights),
             ):  # fmt: skip
                 values.update(row[0] for row in connection.execute(query).fetchall())
+            translators |= _used_translators(connection)
     used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
     unused = [
         key.path
@@ -106,7 +110,22 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
         if key.path not in used
     ]
     models = _entries(root, layout.MODELS, "file")
-    return unused + [entry.path for entry in models if entry.name.split(".")[0] not in weights]
+    unused += [entry.path for entry in models if entry.name.split(".")[0] not in weights]
+    fitted = _entries(root, layout.TRANSLATORS, "file")
+    return unused + [entry.path for entry in fitted if entry.name.split(".")[0] not in translators]
+
+
+def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:
+    """Hashes of the translators that are listed, or that a run applies."""
+    query = (
+        "SELECT unnest(regexp_extract_all(sim_adjustments || real_adjustments, "
+        '\'"sha256":"([0-9a-f]{64})"\', 1)) FROM run'
+    )
+    used = {row[0] for row in connection.execute(query).fetchall()}
+    tables = "SELECT 1 FROM duckdb_tables() WHERE table_name = 'translator'"
+    if connection.execute(tables).fetchall():
+        used |= {row[0] for row in connection.execute("SELECT sha256 FROM translator").fetchall()}
+    return used
 
 
 def _unfinished(root: Path) -> list[str]:

@@ -134,7 +134,7 @@ class _Verification:
         self._entries = self._ledger.by_path()
         for where, check_part in (
             (self.current.index, self._check_tables), (self.current.index, self._check_runs),
-            (layout.MODELS, self._check_weights),
+            (layout.MODELS, self._check_weights), (layout.TRANSLATORS, self._check_translators),
             (layout.FRAMES, self._check_frames), (layout.RUNS, self._check_arrays),
             (layout.ASSETS, self._check_floor_plan), (layout.DRIVES, self._check_drives),
             (schema.CHECKSUMS, self._check_listed_files), (layout.HISTORY, self._check_history),
@@ -174,6 +174,13 @@ class _Verification:
                 self.notes.append(f"model {model.model}: no weights in the store")
             for path in paths:
                 self._check_weights_file(path, model.sha256)
+
+    def _check_translators(self) -> None:
+        """The file of every translator is listed and exists; its content is a listed file's."""
+        for record in self.store.translators.values():
+            path = f"{layout.TRANSLATORS}/{record.sha256}.safetensors"
+            if self.store.checksums.get(path) != record.sha256:
+                self._add(path, f"translator {record.translator}: no checksum proves its file")
 
     def _check_weights_file(self, path: str, sha256: str) -> None:
         expected = self.store.checksums.get(path)
@@ -422,6 +429,8 @@ def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     if store.dataset.hash != current.dataset_hash:
         yield Damage(layout.CURRENT, "names another data set than the index")
     for table in schema.TABLES:
+        if table.optional and not store.has_table(table.name):
+            continue
         missing = store.missing_columns(table.name)
         names = ", ".join(name for name in table.column_names if name not in missing)
         store.execute(f'SELECT {names} FROM "{table.name}" LIMIT 0')

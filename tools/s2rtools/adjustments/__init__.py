@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
-from s2rstore.records import Side
-from s2rtools.adjustments import camera, image_adjustments
+from s2rstore.records import Side, TranslatorRecord
+from s2rtools.adjustments import camera, image_adjustments, translation
 from s2rtools.adjustments.adjustment import (
     Adjustment,
     Depth,
@@ -21,7 +22,10 @@ from s2rtools.adjustments.adjustment import (
     Mask,
     RenderedAdjustment,
     Rgb,
+    TranslatorAdjustment,
 )
+from s2rtools.adjustments.translation import apply_translator
+from s2rtools.translation.translator_file import open_stored
 
 __all__ = [
     "ADJUSTMENTS",
@@ -29,14 +33,19 @@ __all__ = [
     "Chain",
     "ImageAdjustment",
     "RenderedAdjustment",
+    "TranslatorAdjustment",
     "apply_chain",
+    "chain_position",
     "make_chain",
     "parse_adjustment",
+    "translator_name",
+    "with_hashes",
 ]
 
 ADJUSTMENTS: dict[str, Adjustment] = {
     adjustment.name: adjustment
     for adjustment in (
+        translation.TRANSLATE,
         image_adjustments.BRIGHTNESS,
         image_adjustments.CONTRAST,
         image_adjustments.TEMPERATURE,
@@ -52,40 +61,81 @@ ADJUSTMENTS: dict[str, Adjustment] = {
 Chain = Sequence[Mapping[str, Any]]
 
 
-def apply_chain(rgb: Rgb, depth_raw: Depth, valid: Mask, chain: Chain) -> Images:
+def apply_chain(
+    rgb: Rgb, depth_raw: Depth, valid: Mask, chain: Chain, store_path: Path | None = None
+) -> Images:
     """Apply the image adjustments of a chain in order to a batch.
 
     Takes rgb (B, H, W, 3) uint8, depth_raw (B, H, W) and its validity; returns both images in the
     same types. Neutral values return the same arrays. Adjustments that need a renderer are
-    skipped, because the rendered images already contain them.
+    skipped, because the rendered images already contain them. Translators are read from the store
+    at `store_path`; raises RequestError where one is missing or damaged.
     """
     for step in chain:
-        adjustment = _find_adjustment(str(step["name"]))
-        if not isinstance(adjustment, ImageAdjustment):
+        adjustment, value = _find_adjustment(str(step["name"])), float(step["value"])
+        if value == adjustment.neutral:
             continue
-        if float(step["value"]) != adjustment.neutral:
-            rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, float(step["value"]))
+        if isinstance(adjustment, TranslatorAdjustment):
+            if store_path is None:
+                raise RequestError(f"{step['name']}: translators need a store")
+            stored = open_stored(store_path, str(step["sha256"]))
+            rgb, depth_raw = apply_translator(stored, rgb, depth_raw, valid, value)
+        elif isinstance(adjustment, ImageAdjustment):
+            rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, value)
     return rgb, depth_raw
 
 
-def make_chain(side: Side, values: Mapping[str, float]) -> list[dict[str, Any]]:
+def make_chain(
+    side: Side,
+    values: Mapping[str, float],
+    translators: Mapping[str, TranslatorRecord] | None = None,
+) -> list[dict[str, Any]]:
     """Chain of one side from values by name, in the order of `ADJUSTMENTS`, without neutral values.
 
-    Raises RequestError for unknown names and values out of range.
+    The strength of a translator T of `translators` has the name `translate:T`. Raises RequestError
+    for unknown names and values out of range.
     """
     for name, value in values.items():
         _check_value(side, _find_adjustment(name), float(value), f"{name}={value:g}")
-    return [
-        {"name": name, "value": round(float(values[name]), 6)}
-        for name, adjustment in ADJUSTMENTS.items()
-        if name in values and float(values[name]) != adjustment.neutral
+    steps = [
+        {"name": name, "value": round(float(value), 6)}
+        for name, value in sorted(values.items(), key=lambda item: chain_position(item[0]))
+        if float(value) != _find_adjustment(name).neutral
     ]
+    return with_hashes(steps, translators or {})
+
+
+def chain_position(name: str) -> int:
+    """Position of an adjustment in chains that are made from sliders."""
+    return list(ADJUSTMENTS).index(_find_adjustment(name).name)
+
+
+def with_hashes(chain: Chain, translators: Mapping[str, TranslatorRecord]) -> list[dict[str, Any]]:
+    """The chain with the hash of each translator. Raises RequestError for unknown translators."""
+    steps = []
+    for step in chain:
+        name = translator_name(str(step["name"]))
+        if name is None:
+            steps.append(dict(step))
+            continue
+        if name not in translators:
+            known = ", ".join(translators) or "none"
+            raise RequestError(f"translator {name!r}: not in the store (translators: {known})")
+        steps.append({**step, "sha256": translators[name].sha256})
+    return steps
+
+
+def translator_name(name: str) -> str | None:
+    """T of the adjustment `translate:T`; None for other adjustments."""
+    kind, _, translator = name.partition(":")
+    return translator if kind == translation.TRANSLATE.name else None
 
 
 def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
     """Parse `real:brightness=1.15,contrast=1.1` to {"real": [{"name": ..., "value": ...}, ...]}.
 
-    One side per text; `black` alone means `black=1`. Raises RequestError naming the step and the
+    One side per text; `black` alone means `black=1`. `translate=T` and `translate=T@0.5` become the
+    name `translate:T` with the strength as value. Raises RequestError naming the step and the
     allowed values.
     """
     sides: dict[Side, list[dict[str, Any]]] = {"sim": [], "real": []}
@@ -96,7 +146,13 @@ def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
     for step in rest.split(","):
         name, equals, number = step.strip().partition("=")
         adjustment = _find_adjustment(name.strip())
-        if not equals and adjustment is not image_adjustments.BLACK:
+        label = adjustment.name
+        if adjustment is translation.TRANSLATE:
+            translator, at, number = number.partition("@")
+            if not translator:
+                raise RequestError(f"--adjust {text}: translate needs a translator: translate=NAME")
+            label, equals = f"{adjustment.name}:{translator}", at
+        if not equals and adjustment not in (image_adjustments.BLACK, translation.TRANSLATE):
             example = f"{name}={adjustment.neutral + adjustment.step:g}"
             raise RequestError(f"--adjust {text}: {name} needs a value, such as {example}")
         try:
@@ -104,7 +160,7 @@ def parse_adjustment(text: str) -> dict[str, list[dict[str, Any]]]:
         except ValueError:
             raise RequestError(f"--adjust {name}={number}: not a number") from None
         _check_value(side, adjustment, value, f"--adjust {name}={number}")
-        sides[side].append({"name": adjustment.name, "value": value})
+        sides[side].append({"name": label, "value": value})
     return {str(side): steps for side, steps in sides.items()}
 
 
@@ -117,6 +173,7 @@ def _check_value(side: Side, adjustment: Adjustment, value: float, request: str)
 
 
 def _find_adjustment(name: str) -> Adjustment:
-    if name not in ADJUSTMENTS:
+    known = name if translator_name(name) is None else translation.TRANSLATE.name
+    if known not in ADJUSTMENTS:
         raise RequestError(f"adjustment {name!r}: one of {', '.join(ADJUSTMENTS)}")
-    return ADJUSTMENTS[name]
+    return ADJUSTMENTS[known]

@@ -49,6 +49,14 @@ class ImageAdjustment(Adjustment):
 
 
 @dataclass(frozen=True, slots=True)
+class TranslatorAdjustment(Adjustment):
+    """A change by a fitted translator; the value is its strength, so neutral is 0.
+
+    In a chain the name of a step is `translate:NAME`, and the step has the translator's `sha256`.
+    """
+
+
+@dataclass(frozen=True, slots=True)
 class RenderedAdjustment(Adjustment):
     """A change of the camera, for which the data set's renderer renders the frames again.
 

@@ -44,7 +44,8 @@ Heat = Mapping[HeatKey, NDArray[np.float32]]
 class LiveSide:
     """Network input of one side, and the predicted pose.
 
-    rgb (H, W, 3) uint8; depth (H, W) metres, NaN where invalid; both adjusted. `surface` (H, W) is
+    rgb (H, W, 3) uint8; depth (H, W) metres, NaN where invalid; both adjusted. `original` is the
+    RGB image before the adjustments, None where no translator is among them. `surface` (H, W) is
     the raw depth before image adjustments, on which heat is projected. `domain` holds the cameras
     of the frame. x, y and error in metres, heading and heading_error in radians; NaN without a
     prediction.
@@ -59,6 +60,7 @@ class LiveSide:
     heading: float
     error: float
     heading_error: float
+    original: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +176,10 @@ class LiveModel:
         for side in SIDES:
             if cancelled():
                 return
-            chain = tuple((step["name"], float(step["value"])) for step in run.adjustments(side))
+            chain = tuple(
+                (step["name"], float(step["value"]), step.get("sha256"))
+                for step in run.adjustments(side)
+            )
             compute = partial(self._compute_side, run, side, iid)
             outputs.append(self._outputs.get((iid, run.domain(side), chain), compute))
         if cancelled():
@@ -220,17 +225,19 @@ class LiveModel:
             (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
         )
         size = self._backend.model.network.input_size
-        frames = side_frames(images, domain, run.adjustments(side), size)
+        frames = side_frames(images, domain, run.adjustments(side), size, self._store.path)
         truth = self._store.instances
         pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
         batch = side_batch(self._backend, frames, pose)
         metres = np.where(frames.valid[0], frames.depth[0] * np.float32(domain.depth_scale), np.nan)
+        is_translated = any("sha256" in step for step in run.adjustments(side))
         finite = np.isfinite(batch.prediction[0]).all()
         x, y, heading = (float(v) if finite else math.nan for v in batch.prediction[0])
         live = LiveSide(
             domain, frames.rgb[0], metres.astype(np.float32), images["depth"][0], x, y, heading,
             math.hypot(x - pose[0, 0], y - pose[0, 1]),
             float(pose_metrics.heading_error(np.array([heading]), pose[:, 2])[0]),
+            images["rgb"][0] if is_translated else None,
         )  # fmt: skip
         return live, batch
 

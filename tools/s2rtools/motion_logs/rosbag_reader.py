@@ -7,27 +7,20 @@ recording where all header times are zero.
 
 from __future__ import annotations
 
-import sqlite3
 from array import array
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import check_regular
 from s2rstore.security.memory_limit import bounded_memory
+from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, unreadable
 from s2rtools.motion_logs import row_checks
 from s2rtools.motion_logs.motion_log import Log
 from s2rtools.motion_logs.tum_reader import yaw
 
-_MEMORY = 384 << 20
-"""Memory limit for reading a bag, in bytes; recorders write chunks of about a megabyte."""
-_LARGEST_FILE = 2 << 30
-"""Largest bag, in bytes, that is unpacked into a temporary folder if compressed as a whole."""
-_MOST_METADATA = 1 << 20
 _MOST_POSES = 2_000_000
 """Five hours at 100 Hz."""
 _NUMBERS = 8
@@ -45,24 +38,14 @@ def read(path: Path, topic: str | None = None) -> Log:
     Raises RequestError where the bag is damaged, has no such topic, or has several and `topic` is
     None.
     """
-    if not path.exists():
-        raise RequestError(f"{path}: no such bag")
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise RequestError(f"{path}: no metadata.yaml in it; a ROS 2 bag is a folder with one")
-    _check_files(path)
+    check_bag(path)
     try:
-        with bounded_memory(_MEMORY, _LARGEST_FILE):
+        with bounded_memory(READING_MEMORY, LARGEST_UNPACKED):
             topic, rows = _messages(path, topic)
     except RequestError:
         raise
-    except MemoryError as error:
-        limit = f"{_MEMORY >> 20} MB"
-        raise RequestError(f"{path}: reading it takes more than {limit}; split it") from error
     except Exception as error:  # a damaged bag fails in every layer below the reader
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RequestError(
-            f"{path}: cannot be read as a ROS bag ({reason}); copy it again, or reindex it"
-        ) from error
+        raise unreadable(path, error) from error
     if not len(rows):
         raise RequestError(f"{path}: topic {topic} has no messages")
 
@@ -77,36 +60,6 @@ def read(path: Path, topic: str | None = None) -> Log:
     time = (table[:, 0] if stamped else table[:, 1]) * 1e-9
     poses = np.column_stack([time, table[:, 2:4], yaw(table[:, 4:8], place)])
     return row_checks.log(poses, path, place)
-
-
-def _check_files(path: Path) -> None:
-    """Raises RequestError for pipes, devices, links to other folders, and database views."""
-    files = [path]
-    if path.is_dir():
-        files = sorted(file for file in path.iterdir() if not file.is_dir())
-        root = path.resolve()
-        for file in files:
-            if not file.resolve().is_relative_to(root):
-                raise RequestError(f"{file}: a link to outside the bag; copy the file into it")
-        if check_regular(path / "metadata.yaml").st_size > _MOST_METADATA:
-            raise RequestError(f"{path / 'metadata.yaml'}: larger than {_MOST_METADATA:,} bytes")
-    for file in files:
-        check_regular(file)
-        if file.suffix.lower() == ".db3":
-            _check_tables(file)
-
-
-def _check_tables(path: Path) -> None:
-    """Refuse views and virtual tables: recorders write none, and queries could run forever."""
-    odd = "type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
-    query = f"SELECT name FROM sqlite_master WHERE {odd}"
-    try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
-            row = database.execute(query).fetchone()
-    except sqlite3.Error:
-        return  # the reader reports the reason
-    if row is not None:
-        raise RequestError(f"{path}: {row[0]!r} is not a table; no recorder writes such a bag")
 
 
 def _messages(path: Path, topic: str | None) -> tuple[str, array[float]]:

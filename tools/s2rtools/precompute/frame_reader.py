@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,7 @@ def read_pairs(
         return {
             side: side_frames(
                 source.read(side, low, min(low + _READ_ROWS, stop)), store.domain(run.domain(side)),
-                run.adjustments(side), input_size,
+                run.adjustments(side), input_size, store.path,
             )
             for side in SIDES
         }  # fmt: skip
@@ -115,12 +116,16 @@ def read_pairs(
 
 
 def side_frames(
-    images: FrameImages, domain: Domain, chain: Chain, input_size: tuple[int, int]
+    images: FrameImages,
+    domain: Domain,
+    chain: Chain,
+    input_size: tuple[int, int],
+    store_path: Path,
 ) -> SideFrames:
     """Network input of one side: its images after the chain's image adjustments."""
     rgb, depth = images["rgb"], images["depth"]
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    rgb, depth = apply_chain(rgb, depth, valid, chain)
+    rgb, depth = apply_chain(rgb, depth, valid, chain, store_path)
     if chain:
         valid = valid & (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     x = preprocess(rgb, depth, domain.depth_scale, input_size)

@@ -13,7 +13,8 @@ from s2rstore.files.layout import checked_name
 from s2rstore.geometry.camera_offset import UNMOVED, camera_move
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
-from s2rstore.records import Side
+from s2rstore.records import SIDES, Side
+from s2rtools.adjustments import translator_name, with_hashes
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.rendering import open_renderer
 
@@ -21,11 +22,13 @@ Chains = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
 def add_run(
-    root: Path, name: str, model: str, sim: str | None, real: str | None, chains: Chains
-) -> str:
+    root: Path, name: str, model: str, sim: str | None, real: str | None, chains: Chains,
+    force: bool = False,
+) -> str:  # fmt: skip
     """Publish a run that is not computed yet; return its name.
 
-    Raises RequestError, also if a chain moves cameras that cannot be rendered.
+    Raises RequestError, also if a chain moves cameras that cannot be rendered, or translates by a
+    translator that failed a check of its content; `force` allows the latter.
     """
     checked_name(name, "run")
     for side, chain in chains.items():
@@ -41,6 +44,10 @@ def add_run(
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
         domains = find_domain(store, "sim", sim), find_domain(store, "real", real)
+        chains = {
+            side: checked_translators(store, side, domain, chains[side], force)
+            for side, domain in zip(SIDES, domains, strict=True)
+        }
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
             if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
                 open_renderer(store, domain)
@@ -48,6 +55,33 @@ def add_run(
         check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
+
+
+def checked_translators(
+    store: Store, side: Side, domain: str, chain: Sequence[Mapping[str, Any]], force: bool
+) -> list[dict[str, Any]]:
+    """The chain with the hash of each translator.
+
+    Raises RequestError for a translator of another domain, and for one that failed a check of its
+    content unless `force`.
+    """
+    steps = with_hashes(chain, store.translators)
+    for step in steps:
+        name = translator_name(str(step["name"]))
+        if name is None:
+            continue
+        record = store.translators[name]
+        if record.source_domain != domain:
+            raise RequestError(
+                f"--adjust {side}:translate={name}: translates images of domain "
+                f"{record.source_domain}, the {side} domain is {domain}"
+            )
+        if record.accepted is False and not force:
+            raise RequestError(
+                f"--adjust {side}:translate={name}: refused ({'; '.join(record.reasons)}); "
+                "add --force to use it all the same"
+            )
+    return steps
 
 
 def drop_run(root: Path, name: str) -> bool:

@@ -222,7 +222,9 @@ class Counterfactuals:
         domain = self._truth.store.domain(run.real_domain)
         depth = self._truth.data.raw_depth(views)
         valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-        rgb, depth = apply_chain(views.rgb, depth, valid, run.real_adjustments)
+        rgb, depth = apply_chain(
+            views.rgb, depth, valid, run.real_adjustments, self._truth.store.path
+        )
         x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
         batches = np.split(x, range(backend.batch, len(x), backend.batch))
         predicted = [backend.forward_all(batch).pose for batch in batches]

@@ -31,6 +31,7 @@ class TrainingRecipe:
     learning_rate: float
     augmentation: Callable[[tuple[int, int], int], Augmentation]
     needs_start: bool = False
+    needs_translator: bool = False
 
 
 RECIPES: dict[str, TrainingRecipe] = {
@@ -49,6 +50,10 @@ RECIPES: dict[str, TrainingRecipe] = {
             "a trained model, trained further on sim images and on real images of another part, "
             "in random colours",
             ("sim", "real"), 5e-4, lambda shape, seed: vary_colours, needs_start=True,
+        ),
+        TrainingRecipe(
+            "translated", "sim images through a translator from sim to real", ("sim",), 2e-3,
+            lambda shape, seed: lambda x, generator: x, needs_translator=True,
         ),
         TrainingRecipe(
             "perlin", "sim images with Perlin noise and holes in depth", ("sim",), 2e-3, DepthNoise

@@ -7,6 +7,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +16,16 @@ from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
+from s2rstore.records import Domain
+from s2rtools.adjustments import apply_chain
+from s2rtools.adjustments.adjustment import Images
 from s2rtools.models import build_network
 from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import check_name_free, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
-from s2rtools.precompute.run_registration import find_domain, insert_run
-from s2rtools.training.recipes import find_recipe
+from s2rtools.precompute.run_registration import checked_translators, find_domain, insert_run
+from s2rtools.training.recipes import TrainingRecipe, find_recipe
 from s2rtools.training.training_frames import DomainFrames, TrainingFrames
 from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
 
@@ -30,7 +34,10 @@ _BLOCK = 64
 
 @dataclass(frozen=True, slots=True)
 class TrainingRequest:
-    """`start` names the run whose model is trained further; `name` defaults to the recipe's."""
+    """`start` names the run whose model is trained further; `name` defaults to the recipe's.
+
+    `translator` changes the sim images; `force` allows one that failed a check of its content.
+    """
 
     recipe: str
     name: str | None = None
@@ -39,6 +46,8 @@ class TrainingRequest:
     minutes: float = 2.0
     steps: int | None = None
     seed: int = 0
+    translator: str | None = None
+    force: bool = False
 
 
 def train_into_store(
@@ -64,8 +73,9 @@ def train_into_store(
             facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
             start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         size = (start.network if start else build_network(request.architecture)).input_size
-        frames = _frames(store, size)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
+        chain = _translation(store, recipe, request, domains[0])
+        frames = _frames(store, size, {domains[0]: chain})
         checkpoint = _checkpoint(store, request, start)
     result = train(
         frames,
@@ -78,25 +88,57 @@ def train_into_store(
         report=report,
         checkpoint=checkpoint,
     )
-    _publish(root, name, result, domains, command)
+    _publish(root, name, result, domains, chain, command)
     checkpoint.unlink(missing_ok=True)
     return name
 
 
-def _frames(store: Store, size: tuple[int, int]) -> TrainingFrames:
+def _translation(
+    store: Store, recipe: TrainingRecipe, request: TrainingRequest, domain: str
+) -> list[dict[str, Any]]:
+    """The chain that translates the sim images of a recipe; empty for the other recipes."""
+    if not recipe.needs_translator:
+        if request.translator is not None:
+            raise RequestError(f"--translator: not with --recipe {recipe.name}")
+        return []
+    if request.translator is None:
+        known = ", ".join(store.translators) or "none: `s2r translate fit` makes one"
+        raise RequestError(f"--recipe {recipe.name}: name a --translator (in the store: {known})")
+    step = {"name": f"translate:{request.translator}", "value": 1.0}
+    return checked_translators(store, "sim", domain, [step], request.force)
+
+
+def _frames(
+    store: Store, size: tuple[int, int], chains: dict[str, list[dict[str, Any]]]
+) -> TrainingFrames:
+    """The frames of every domain through its chain of adjustments, at one size.
+
+    Where a domain is translated, the other sim domains are left out.
+    """
     truth = store.instances
     domains = {}
+    translated = [name for name, chain in chains.items() if chain]
     for name, domain in store.domains.items():
+        if translated and domain.kind == "sim" and name not in translated:
+            continue
         blocks = (
-            store.frames(name, start, min(start + _BLOCK, len(truth)))
+            _adjusted_frames(store, domain, start, min(start + _BLOCK, len(truth)), chains)
             for start in range(0, len(truth), _BLOCK)
         )
         domains[name] = DomainFrames.from_blocks(
-            domain.kind, ((images["rgb"], images["depth"]) for images in blocks), len(truth), size,
-            domain.depth_scale,
-        )  # fmt: skip
+            domain.kind, blocks, len(truth), size, domain.depth_scale
+        )
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     return TrainingFrames(domains, poses, truth.trajectory)
+
+
+def _adjusted_frames(
+    store: Store, domain: Domain, start: int, stop: int, chains: dict[str, list[dict[str, Any]]]
+) -> Images:
+    images = store.frames(domain.domain, start, stop)
+    depth = images["depth"]
+    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+    return apply_chain(images["rgb"], depth, valid, chains.get(domain.domain, ()), store.path)
 
 
 def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:
@@ -110,7 +152,12 @@ def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | Non
 
 
 def _publish(
-    root: Path, name: str, result: TrainingResult, domains: tuple[str, str], command: str
+    root: Path,
+    name: str,
+    result: TrainingResult,
+    domains: tuple[str, str],
+    chain: list[dict[str, Any]],
+    command: str,
 ) -> None:
     weights = pack_weights(result.network)
     with edit(root) as draft:
@@ -118,6 +165,6 @@ def _publish(
             check_name_free(draft, table, name)
         trained_by = f"{result.provenance['recipe']}: {command}"
         register_model(root, draft, name, weights, result.convention, trained_by)
-        insert_run(draft, name, name, domains)
+        insert_run(draft, name, name, domains, {"sim": chain, "real": []})
         splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
         draft.set_provenance(f"model:{name}", {**result.provenance, **splits, "command": command})

@@ -61,6 +61,17 @@ def to_uint8(values: NDArray[Any]) -> Rgb:
     return np.clip(np.rint(values), 0, 255).astype(np.uint8)
 
 
+def linear_map(rgb: Rgb, matrix: Floats, offset: Floats | float) -> Rgb:
+    """matrix @ colour + offset of images (..., H, W, 3), rounded and clipped.
+
+    OpenCV computes it in fixed point, so that a value may differ by one grey level from exact
+    arithmetic.
+    """
+    affine = np.column_stack([matrix, np.broadcast_to(offset, 3)])
+    rows = rgb.reshape(-1, rgb.shape[-2], 3)
+    return np.asarray(cv2.transform(rows, affine)).reshape(rgb.shape)
+
+
 def statistics_option(options: Mapping[str, str]) -> str:
     """The option `statistics`. Raises RequestError for unknown values."""
     chosen = options.get("statistics", "domain")

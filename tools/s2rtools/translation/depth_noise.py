@@ -27,8 +27,10 @@ Mask = NDArray[np.bool_]
 
 
 class DepthNoise:
-    """`edges` (BINS + 1,) of depth in metres, `spread` (BINS,) in metres, `hole_share` and
-    `max_depth` (metres)."""
+    """`edges` (BINS + 1,) of depth, `spread` (BINS,) and `max_depth` in raw units of the source.
+
+    `hole_share` is the share of pixels that lose their return; they get the raw value `hole`.
+    """
 
     def __init__(
         self,
@@ -36,68 +38,70 @@ class DepthNoise:
         spread: NDArray[np.float64],
         hole_share: float,
         max_depth: float,
+        hole: float = 0.0,
     ) -> None:
         self.edges, self.spread = edges, spread
-        self.hole_share, self.max_depth = hole_share, max_depth
+        self.hole_share, self.max_depth, self.hole = hole_share, max_depth, hole
 
-    def apply(
-        self, depth: Depth, valid: Mask, depth_scale: float, raw_min: int, strength: float
-    ) -> Depth:
-        """Degrade raw depth (B, H, W); holes get the largest raw value below `raw_min`, 0.
+    def apply(self, depth: Depth, valid: Mask, strength: float) -> Depth:
+        """Degrade the valid pixels of raw depth (B, H, W).
 
         The noise of an image is seeded by its content, so the same image gives the same result.
         """
         degraded = depth.copy()
         for index, raw in enumerate(depth):
             rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(raw).tobytes()))
-            metres = raw.astype(np.float64) * depth_scale
-            level = np.clip(np.searchsorted(self.edges, metres) - 1, 0, BINS - 1)
-            noisy = metres + strength * self.spread[level] * rng.standard_normal(raw.shape)
+            exact = raw.astype(np.float64)
+            level = np.clip(np.searchsorted(self.edges, exact) - 1, 0, BINS - 1)
+            noisy = exact + strength * self.spread[level] * rng.standard_normal(raw.shape)
             limit = np.iinfo(raw.dtype).max if raw.dtype.kind == "u" else np.inf
-            values = np.clip(np.rint(noisy / depth_scale), raw_min, limit)
-            holes = self._holes(metres, valid[index], rng, strength)
-            values = np.where(holes, 0, values)
+            values = np.clip(np.rint(noisy), self.hole + 1, limit)
+            values = np.where(self._holes(exact, valid[index], rng, strength), self.hole, values)
             degraded[index] = np.where(valid[index], values, raw).astype(raw.dtype)
         return degraded
 
     def _holes(
-        self, metres: NDArray[np.float64], valid: Mask, rng: np.random.Generator, strength: float
+        self, depth: NDArray[np.float64], valid: Mask, rng: np.random.Generator, strength: float
     ) -> Mask:
         """Pixels beyond the range, and those with the steepest relative depth up to the share."""
-        beyond = valid & (metres > self.max_depth)
+        beyond = valid & (depth > self.max_depth)
         share = strength * self.hole_share
         if share <= 0 or not valid.any():
             return np.asarray(beyond & (strength > 0))
-        across = cv2.Sobel(metres, cv2.CV_64F, 1, 0)
-        down = cv2.Sobel(metres, cv2.CV_64F, 0, 1)
-        steepness = np.hypot(across, down) / np.maximum(metres, 0.1)
-        steepness += 0.05 * cv2.GaussianBlur(rng.standard_normal(metres.shape), (0, 0), 2.0)
+        across = cv2.Sobel(depth, cv2.CV_64F, 1, 0)
+        down = cv2.Sobel(depth, cv2.CV_64F, 0, 1)
+        steepness = np.hypot(across, down) / np.maximum(depth, 1.0)
+        steepness += 0.05 * cv2.GaussianBlur(rng.standard_normal(depth.shape), (0, 0), 2.0)
         threshold = np.quantile(steepness[valid], max(0.0, 1 - share))
         return np.asarray(beyond | (valid & (steepness > threshold)))
 
     def tensors(self) -> Tensors:
-        figures = np.array([self.hole_share, self.max_depth])
+        figures = np.array([self.hole_share, self.max_depth, self.hole])
         return {"edges": self.edges, "spread": self.spread, "figures": figures}
 
     @classmethod
     def restore(cls, tensors: Tensors) -> DepthNoise:
         """Raises KeyError or ValueError where the tensors do not define a model."""
-        hole_share, max_depth = (float(value) for value in tensors["figures"].reshape(2))
+        hole_share, max_depth, hole = (float(value) for value in tensors["figures"].reshape(3))
         edges = tensors["edges"].reshape(BINS + 1)
-        return cls(edges, tensors["spread"].reshape(BINS), hole_share, max_depth)
+        return cls(edges, tensors["spread"].reshape(BINS), hole_share, max_depth, hole)
 
 
 def measure(
-    source: tuple[NDArray[np.float32], Mask], target: tuple[NDArray[np.float32], Mask]
+    source: tuple[NDArray[np.float32], Mask],
+    target: tuple[NDArray[np.float32], Mask],
+    unit: float,
+    hole: float = 0.0,
 ) -> DepthNoise:
     """Measure the excess noise of the target over the source.
 
-    Each is depth in metres (N, H, W) with its validity. The spread is the root of the difference of
-    variances, 0 where the source is noisier.
+    Both are depth in metres (N, H, W) with its validity; `unit` is the metres of one raw unit of
+    the source, `hole` its raw value of pixels without a return. The spread is the root of the
+    difference of variances, 0 where the source is noisier.
     """
     depth, valid = target
     returned = depth[valid]
-    max_depth = float(np.quantile(returned, 0.999)) if returned.size else np.inf
+    max_depth = float(np.quantile(returned, 0.999)) if returned.size else 1e6
     edges = np.zeros(BINS + 1)
     if returned.size:
         edges[:] = np.quantile(returned, np.linspace(0, 1, BINS + 1))
@@ -105,7 +109,7 @@ def measure(
     noisy, clean = (_spread(*images, edges) for images in (target, source))
     spread = np.sqrt(np.maximum(noisy**2 - clean**2, 0))
     hole_share = float(max(0.0, source[1].mean() - valid.mean()))
-    return DepthNoise(edges, spread, hole_share, max_depth)
+    return DepthNoise(edges / unit, spread / unit, hole_share, max_depth / unit, hole)
 
 
 def _spread(

@@ -7,9 +7,10 @@ colour perception", 1980, with the target's mean in place of grey.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
-from s2rtools.translation.colour_statistics import Floats, moments, to_uint8
+from s2rtools.translation.colour_statistics import Floats, linear_map, moments
 from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import (
     FitResult,
@@ -32,9 +33,11 @@ class GrayworldTranslator(Translator):
         self.mean = mean
 
     def translate(self, rgb: Rgb) -> Rgb:
-        means = rgb.reshape(len(rgb), -1, 3).mean(axis=1, dtype=np.float64)
-        gains = np.clip(self.mean / np.maximum(means, 1e-3), 1 / MAX_GAIN, MAX_GAIN)
-        return to_uint8(rgb * gains[:, None, None, :].astype(np.float32))
+        return np.stack([linear_map(image, np.diag(self._gains(image)), 0) for image in rgb])
+
+    def _gains(self, image: Rgb) -> Floats:
+        means = np.array(cv2.mean(image)[:3])
+        return np.clip(self.mean / np.maximum(means, 1e-3), 1 / MAX_GAIN, MAX_GAIN)
 
     def tensors(self) -> Tensors:
         return {"mean": self.mean}

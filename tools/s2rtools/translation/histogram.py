@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from s2rtools.translation.colour_statistics import Floats, statistics_option, to_uint8
@@ -63,7 +64,8 @@ class HistogramTranslator(Translator):
 
 
 def _looked_up(rgb: Rgb, table: Rgb) -> Rgb:
-    return np.stack([table[channel][rgb[..., channel]] for channel in range(3)], axis=-1)
+    rows = rgb.reshape(-1, rgb.shape[-2], 3)
+    return np.asarray(cv2.LUT(rows, np.ascontiguousarray(table.T)[:, None])).reshape(rgb.shape)
 
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:

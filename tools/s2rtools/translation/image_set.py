@@ -123,11 +123,16 @@ def read_image(path: Path) -> Rgb:
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
 
 
-def from_folder(folder: Path, size: tuple[int, int] | None = None) -> ImageSet:
-    """Images of a folder; each subfolder counts as one recording."""
+def from_folder(
+    folder: Path, size: tuple[int, int] | None = None, long_edge: int = LONG_EDGE
+) -> ImageSet:
+    """Images of a folder; each subfolder counts as one recording.
+
+    `size` defaults to that of the first image, reduced to `long_edge`.
+    """
     files = image_files(folder)
     first = read_image(files[0])
-    size = size or fit_size(*first.shape[:2])
+    size = size or fit_size(first.shape[0], first.shape[1], long_edge)
     images = np.stack([resize(read_image(file)[None], size)[0] for file in files])
     folders = [str(file.parent.relative_to(folder)) for file in files]
     codes = np.unique(folders, return_inverse=True)[1].astype(np.int32)

@@ -13,9 +13,9 @@ from s2rtools.translation.colour_statistics import (
     VARIANCE_FLOOR,
     Floats,
     Moments,
+    linear_map,
     moments,
     statistics_option,
-    to_uint8,
 )
 from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import (
@@ -61,7 +61,7 @@ class MklTranslator(Translator):
     def _mapped(self, rgb: Rgb, source: Moments) -> Rgb:
         matrix = transport(source, self.target)
         offset = self.target.mean - matrix @ source.mean
-        return to_uint8(rgb @ matrix.T.astype(np.float32) + offset.astype(np.float32))
+        return linear_map(rgb, matrix, offset)
 
     def tensors(self) -> Tensors:
         named = {"target": self.target} | ({} if self.source is None else {"source": self.source})

@@ -16,8 +16,7 @@ from safetensors.numpy import load, save
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
-from s2rstore.files.input_files import decode_json
-from s2rtools.common.weights_file import read_weights_file
+from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.translation import METHODS
 from s2rtools.translation.depth_noise import DepthNoise
 from s2rtools.translation.method import Translator
@@ -79,7 +78,7 @@ def encode(stored: StoredTranslator) -> bytes:
 
 def read_translator(path: Path) -> StoredTranslator:
     """The translator of a file. Raises RequestError naming the file if it is not one."""
-    return decode(read_weights_file(path, MAX_BYTES), str(path))
+    return decode(read_bytes(path, MAX_BYTES), str(path))
 
 
 def decode(content: bytes, where: str) -> StoredTranslator:

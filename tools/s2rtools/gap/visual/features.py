@@ -76,7 +76,7 @@ def _network_source(store: Store, run: Run, description: Path) -> FeatureSource:
             frames = run_frames(store, run, side, start, stop)
             depth = frames["depth"]
             valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-            rgb, _ = apply_chain(frames["rgb"], depth, valid, run.adjustments(side))
+            rgb, _ = apply_chain(frames["rgb"], depth, valid, run.adjustments(side), store.path)
             rows.append(network.features(rgb[chosen]))
         return _finite(np.concatenate(rows), iids, run.run, side)
 

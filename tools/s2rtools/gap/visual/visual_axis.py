@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.metrics.bootstrap import Blocks, block_counts, split_into_blocks
 from s2rstore.records import Run
+from s2rstore.run_inputs import chain_text
 from s2rtools.gap import instance_selection
 from s2rtools.gap.axis_result import Anchor, Axis, AxisResult, Evidence, GapSettings
 from s2rtools.gap.visual.features import FeatureSource, feature_source
@@ -135,7 +136,7 @@ class VisualAxis(Axis):
             raw, state = run, f"the sim images of run {run.run}, unadapted"
         else:
             raw = _unadapted_run(evidence, run)
-            steps = ", ".join(f"{step['name']}={step['value']:g}" for step in run.sim_adjustments)
+            steps = chain_text(run.sim_adjustments)
             state = f"the sim images before {steps} (run {raw.run})"
         sample = _sample(replace(evidence, run=raw.run), iids=_iids(evidence))
         pair = block_mmd(sample.sim, sample.real, sample.blocks)

@@ -1,0 +1,166 @@
+"""The text of reports of translators: verdicts, content, distances, task."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
+from s2rtui.cli.formatting import rows as output
+
+if TYPE_CHECKING:
+    from s2rtools.translator_evaluation.report import (
+        FolderReport,
+        MetricRow,
+        TranslatorReport,
+    )
+
+_CONTENT = (
+    ("edges", "edge_agreement"), ("luminance", "luminance_correlation"),
+    ("inverted", "inverted_share"), ("regions", "region_correlation"),
+    ("sharpness", "sharpness"), ("diversity", "diversity"), ("own source", "matched"),
+    ("rank", "pairing_rank"), ("invented", "invented_share"), ("lost area", "lost_area"),
+    ("depth edges", "depth_edges_kept"), ("flicker", "flicker"),
+)  # fmt: skip
+_DISTANCES = (
+    ("KID features", "kid_network", 3), ("KID colour", "kid_colour", 3), ("W1 red", "w1_red", 1),
+    ("W1 green", "w1_green", 1), ("W1 blue", "w1_blue", 1),
+)  # fmt: skip
+_SHARES = (("precision", "precision"), ("recall", "recall"))
+_CONTROLS = (
+    ("identity", "no translation"), ("repeated_image", "one repeated target image"),
+    ("target", "target against target"),
+)  # fmt: skip
+
+
+def reports_text(reports: Sequence[TranslatorReport], run: str | None) -> str:
+    """Tables of translators that were judged on the same images."""
+    return "\n".join(_parts(reports, run))
+
+
+def _parts(reports: Sequence[TranslatorReport], run: str | None) -> Iterator[str]:
+    first = reports[0]
+    where = "that no translator was fitted on" if first.held_out else "of the fit"
+    yield f"{first.images} images {where}; intervals {LEVEL_TEXT}\n"
+    yield "Verdict on the content\n"
+    yield output.table(
+        ("translator", "method", "direction", "verdict", "ms per image"),
+        [
+            (r.name, r.method, r.direction, "accepted" if r.verdict.passed else "refused",
+             _value(r.row("cost")))
+            for r in reports
+        ],
+    )  # fmt: skip
+    yield from (
+        f"  {r.name}: refused: {'; '.join(r.verdict.reasons)}"
+        for r in reports
+        if not r.verdict.passed
+    )
+    yield from (f"  {r.name}: {note}" for r in reports for note in r.notes)
+    yield "\nContent kept (1 = as the source; inverted, invented, lost area, flicker: 0)\n"
+    yield output.table(
+        ("translator", *(title for title, _ in _CONTENT)),
+        [(r.name, *(_figure(getattr(r.content, key)) for _, key in _CONTENT)) for r in reports],
+    )
+    for target, group in groupby(sorted(reports, key=_target), key=_target):
+        yield f"\nDistance to images of {target} (0 = equal); precision and recall of features\n"
+        yield _distances(list(group))
+    if run is not None:
+        yield f"\nTask: the network of run {run}\n"
+        yield from _task(reports)
+
+
+def _target(report: TranslatorReport) -> str:
+    return report.target
+
+
+def _distances(reports: list[TranslatorReport]) -> str:
+    features = "network" if reports[0].row("kid_network") else "colour"
+    shown = [each for each in _DISTANCES if reports[0].row(each[1])]
+    names = (
+        "images", *(title for title, *_ in shown),
+        *(f"{title} ({features})" for title, _ in _SHARES),
+    )  # fmt: skip
+    entries = [(r.name, r, "translator") for r in reports]
+    entries += [(title, reports[0], reference) for reference, title in _CONTROLS]
+    return output.table(
+        names,
+        [
+            (
+                label,
+                *(_bounded(report.row(metric, reference), digits) for _, metric, digits in shown),
+                *(_value(report.row(f"{key}_{features}", reference)) for _, key in _SHARES),
+            )
+            for label, report, reference in entries
+        ],
+    )
+
+
+def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
+    from s2rtools.translator_evaluation.task_metrics import claim
+
+    rows, trained = [], []
+    for report in reports:
+        side, error = ("sim", "sim_error") if report.direction == "sim2real" else ("real", "error")
+        gain = report.row(f"{error}_gain")
+        if gain is not None:
+            rows.append((
+                report.name, side, _bounded(report.row(error, "identity"), 2),
+                _bounded(report.row(error), 2), _bounded(gain, 2),
+                claim(Interval(gain.low, gain.value, gain.high)),
+                _percent(report.row("features_gain")),
+            ))  # fmt: skip
+        found = [row for row in report.rows if row.metric.startswith("trained_error")]
+        for error, better in zip(found[::2], found[1::2], strict=True):
+            text = claim(Interval(better.low, better.value, better.high))
+            trained.append((report.name, error.run, _bounded(error, 2), _bounded(better, 2), text))
+    if rows:
+        yield "Mean position error, m, with the translator in front of the network\n"
+        yield output.table(
+            ("translator", "images", "without", "with", "gain", "answer", "features closer"), rows
+        )
+        yield "  each interval is that of one comparison, not corrected for their number"
+    if trained:
+        yield "\nMean real error, m, of networks trained on translated images\n"
+        yield output.table(("translator", "run", "error", "gain", "answer"), trained)
+
+
+def folder_text(report: FolderReport) -> str:
+    """Tables of a translator that was judged on two folders."""
+    found = {(row.metric, row.reference): row for row in report.rows}
+    verdict = report.verdict
+    outcome = "accepted" if verdict.passed else f"refused: {'; '.join(verdict.reasons)}"
+    content = [(title, _figure(getattr(report.content, key))) for title, key in _CONTENT]
+    distances = [
+        (title, *(_value(found.get((metric, r))) for r in ("translator", *dict(_CONTROLS))))
+        for title, metric, _ in _DISTANCES
+        if (metric, "translator") in found
+    ]
+    return "\n".join((
+        f"{report.images} images: {outcome}\n",
+        output.table(("content", "value"), content),
+        output.table(("distance", "translated", *(title for _, title in _CONTROLS)), distances),
+    ))  # fmt: skip
+
+
+def _figure(value: float) -> float:
+    return round(float(value), 3)
+
+
+def _value(row: MetricRow | None) -> float | None:
+    return None if row is None else float(f"{row.value:.3g}")
+
+
+def _bounded(row: MetricRow | None, digits: int) -> str:
+    """Value and interval; `-` where there is none."""
+    if row is None:
+        return "-"
+    value, low, high = (f"{x:.{digits}f}" for x in (row.value, row.low, row.high))
+    return value if low == "nan" else f"{value} ({low} .. {high})"
+
+
+def _percent(row: MetricRow | None) -> str:
+    if row is None:
+        return "-"
+    return f"{100 * row.value:.0f} % ({100 * row.low:.0f} .. {100 * row.high:.0f})"

@@ -1,0 +1,58 @@
+"""A ROS 1 master on loopback, and a translator file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.support.ros_programs import RosNetwork, missing_ros
+from s2rtools.translation.colour_statistics import Moments
+from s2rtools.translation.mkl import MklTranslator
+from s2rtools.translation.translator_file import StoredTranslator, encode
+
+WAIT = 120.0
+"""Seconds after which a condition counts as not reached; far more than any test needs."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    folder = Path(__file__).parent
+    for item in items:
+        if folder in item.path.parents:
+            item.add_marker(pytest.mark.xdist_group("ros"))
+
+
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    """Wait until a condition holds; fails after `WAIT` seconds."""
+    end = time.monotonic() + WAIT
+    while not condition():
+        assert time.monotonic() < end, f"{what}: not reached"
+        time.sleep(0.02)
+
+
+def shifted(offset: float) -> StoredTranslator:
+    """A translator that adds `offset` to red and removes it from blue."""
+    source = Moments(np.full(3, 120.0), np.eye(3) * 900)
+    target = Moments(source.mean + np.array([offset, 0, -offset]), source.covariance)
+    return StoredTranslator(MklTranslator(target, source), "real", "sim", (48, 64))
+
+
+@pytest.fixture
+def translator_file(tmp_path: Path) -> Path:
+    path = tmp_path / "redder.safetensors"
+    path.write_bytes(encode(shifted(40)))
+    return path
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> Iterator[RosNetwork]:
+    """A network without any program yet; all are ended after the test."""
+    missing = missing_ros()
+    if missing:
+        pytest.skip(f"ROS 1 is not installed: {missing} is missing (see .ci/programs)")
+    started = RosNetwork(tmp_path / "ros")
+    yield started
+    started.stop()

@@ -1,0 +1,41 @@
+"""The recipe that trains on translated sim images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rtools.training.train_into_store import TrainingRequest, train_into_store
+from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
+
+
+def train(root: Path, **settings: object) -> str:
+    request = TrainingRequest(**{"recipe": "translated", "steps": 2, **settings})
+    return train_into_store(root, request, lambda *_: None, "s2r train")
+
+
+def test_the_run_shows_the_images_that_the_model_was_trained_on(store_copy: Path):
+    fit_into_store(store_copy, FitRequest("mkl", "to_real"), "")
+    assert train(store_copy, translator="to_real", name="shifted") == "shifted"
+    assert train(store_copy, recipe="vanilla", name="plain") == "plain"
+    with s2rstore.open(store_copy) as store:
+        steps = store.runs["shifted"].sim_adjustments
+        assert [step["name"] for step in steps] == ["translate:to_real"]
+        weights = {name: store.models[name].sha256 for name in ("shifted", "plain")}
+    assert weights["shifted"] != weights["plain"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({}, "name a --translator"),
+        ({"translator": "nothing"}, "translators: none"),
+        ({"recipe": "vanilla", "translator": "to_real"}, "not with --recipe vanilla"),
+    ],
+)
+def test_wrong_requests_say_what_is_needed(store_copy: Path, settings, message):
+    with pytest.raises(RequestError, match=message):
+        train(store_copy, **{"name": "new", **settings})

@@ -1,0 +1,141 @@
+"""CUT: one generator that keeps what is where, by contrasting patches before and after.
+
+Source: Park, Efros, Zhang and Zhu, "Contrastive learning for unpaired image-to-image translation",
+2020: features of the generator's encoder at the same place in input and output agree more than at
+other places (InfoNCE with temperature 0.07), also for images of the target, which should stay as
+they are. Differences: the generator outputs a change of its input and is smaller; 64 patches and
+projections to 64 numbers in place of 256.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy, normalize
+
+from s2rtools.translation.adversarial_training import (
+    AdversarialLearner,
+    crop_size,
+    fooling_loss,
+    luminance_loss,
+)
+from s2rtools.translation.fit_loop import Batch, BatchSampler, FitPlan, provenance, run_fit
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import FitResult, FitSettings, TranslationMethod
+from s2rtools.translation.method_options import (
+    SIZE_OPTIONS,
+    check_request,
+    generator_size,
+    number,
+    whole_number,
+)
+from s2rtools.translation.network_translator import GeneratorTranslator
+from s2rtools.translation.networks import Generator, GeneratorSize, initialised
+
+STEPS = 1200
+BATCH = 2
+LEARNING_RATE = 5e-4
+OPTIONS = (*SIZE_OPTIONS, "batch", "contrast", "luminance")
+TEMPERATURE = 0.07
+PATCHES = 64
+PROJECTION = 64
+
+
+class CutTranslator(GeneratorTranslator):
+    """The generator from source to target."""
+
+    method = "cut"
+
+
+class PatchContrast(nn.Module):
+    """InfoNCE loss between features at the same places of two images.
+
+    Each layer's features are projected by a network of two layers.
+    """
+
+    def __init__(self, widths: tuple[int, ...]) -> None:
+        super().__init__()
+        self.projections = nn.ModuleList(
+            nn.Sequential(
+                nn.Linear(width, PROJECTION), nn.ReLU(), nn.Linear(PROJECTION, PROJECTION)
+            )
+            for width in widths
+        )
+
+    def forward(
+        self, queries: list[Tensor], keys: list[Tensor], generator: torch.Generator
+    ) -> Tensor:
+        """Mean over layers, images and patches; `queries` and `keys` are lists of (B, C, h, w)."""
+        losses = []
+        for projection, query, key in zip(self.projections, queries, keys, strict=True):
+            places = query.shape[2] * query.shape[3]
+            order = torch.randperm(places, generator=generator, device=query.device)[:PATCHES]
+            first, second = (
+                normalize(projection(x.flatten(2)[:, :, order].transpose(1, 2)), dim=2)
+                for x in (query, key.detach())
+            )
+            alike = first @ second.transpose(1, 2) / TEMPERATURE
+            truth = torch.arange(len(order), device=query.device).repeat(len(query))
+            losses.append(cross_entropy(alike.flatten(0, 1), truth))
+        return torch.stack(losses).mean()
+
+
+class CutLearner(AdversarialLearner):
+    """The generator `target` and the projections of its features."""
+
+    def __init__(
+        self, size: GeneratorSize, crop: tuple[int, int], contrast: float, luminance: float
+    ) -> None:
+        k = size.channels
+        modules = nn.ModuleDict(
+            {"target": Generator(size), "contrast": PatchContrast(_feature_widths(k, size.blocks))}
+        )
+        super().__init__(modules, ("target",), crop)
+        self.contrast, self.luminance = contrast, luminance
+
+    def generator_losses(self, batch: Batch) -> tuple[Mapping[str, Tensor], Mapping[str, Tensor]]:
+        generator, compare = self.generators["target"], self.generators["contrast"]
+        both = generator(torch.cat([batch.source, batch.target]))
+        before = generator.features(torch.cat([batch.source, batch.target]))
+        contrast = compare(generator.features(both), before, batch.generator)
+        fake = both[: len(batch.source)]
+        losses = {
+            "adversarial": fooling_loss(self.discriminators["target"], fake),
+            "contrast": self.contrast * contrast,
+        }
+        if self.luminance:
+            losses["luminance"] = self.luminance * luminance_loss(fake, batch.source)
+        return losses, {"target": fake}
+
+
+def _feature_widths(channels: int, blocks: int) -> tuple[int, ...]:
+    """Channels of `Generator.features`."""
+    deep = 4 * channels
+    return (channels, 2 * channels, deep) + (deep,) * len({0, blocks // 2})
+
+
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+    """Train the generator against the discriminator of the target."""
+    check_request("cut", OPTIONS, source, target, settings)
+    options = settings.options
+    size = generator_size(options)
+    weights = {
+        "contrast": number(options, "contrast", 1.0, 0, 100),
+        "luminance": number(options, "luminance", 0.0, 0, 100),
+    }
+    batch = whole_number(options, "batch", BATCH, 1, 64)
+    crop = crop_size(source)
+    learner = initialised(settings.seed, lambda: CutLearner(size, crop, **weights))
+    sampler = BatchSampler(source, target, crop, batch, settings.seed)
+    plan = FitPlan("cut", STEPS, LEARNING_RATE, {**size.document(), **weights})
+    progress = run_fit(learner, sampler, plan, settings)
+    translator = CutTranslator(learner.generators["target"], source.size, size.document())
+    return FitResult(translator, progress.history, provenance(progress, sampler, plan))
+
+
+METHOD = TranslationMethod(
+    "cut", "one generator, contrasting patches before and after", CutTranslator, fit,
+    learned=True, options=OPTIONS,
+)  # fmt: skip

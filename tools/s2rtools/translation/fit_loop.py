@@ -1,0 +1,203 @@
+"""The loop of all learned methods: batches, budget, progress, history and checkpoints."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from s2rtools.translation.fit_checkpoint import (
+    FitProgress,
+    FitState,
+    read_checkpoint,
+    write_checkpoint,
+)
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import FitSettings
+from s2rtools.translation.network_translator import device, to_tensor
+
+CHECKPOINT_SECONDS = 10.0
+HISTORY_ROWS = 20
+"""Rows of the history of a fit with a known number of steps."""
+MINUTES_ROW_STEPS = 50
+"""Steps per row of the history of a fit that ends after some minutes."""
+CONSTANT_RATE = 0.5
+"""Share of the fit with the full learning rate; then it falls linearly to zero."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Crops (B, 3, h, w) in -1 .. 1 of both domains, and the random generator of this step."""
+
+    source: Tensor
+    target: Tensor
+    generator: torch.Generator
+
+
+class BatchSampler:
+    """Random images, crops and horizontal flips, determined by seed and step.
+
+    With `paired`, both domains have the same rows, crops and flips. Images are flipped only from
+    left to right: a floor never becomes a ceiling.
+    """
+
+    def __init__(
+        self, source: ImageSet, target: ImageSet, crop: tuple[int, int], batch: int,
+        seed: int, paired: bool = False,
+    ) -> None:  # fmt: skip
+        self.sets = (source, target)
+        self.crop = min(crop[0], source.size[0]), min(crop[1], source.size[1])
+        self.batch, self.seed, self.paired = batch, seed, paired
+
+    def sample(self, step: int) -> Batch:
+        """The batch of a step."""
+        rng = np.random.default_rng([self.seed, step])
+        source = self._crops(0, rng)
+        if self.paired:
+            rng = np.random.default_rng([self.seed, step])
+        target = self._crops(1, rng)
+        generator = torch.Generator(device()).manual_seed(self.seed * 1_000_003 + step)
+        return Batch(source, target, generator)
+
+    def _crops(self, which: int, rng: np.random.Generator) -> Tensor:
+        images = self.sets[which].images
+        rows, columns = self.crop
+        crops = np.empty((self.batch, rows, columns, 3), dtype=np.uint8)
+        for number in range(self.batch):
+            image = images[rng.integers(len(images))]
+            top = rng.integers(image.shape[0] - rows + 1)
+            left = rng.integers(image.shape[1] - columns + 1)
+            crop = image[top : top + rows, left : left + columns]
+            crops[number] = crop[:, ::-1] if rng.random() < 0.5 else crop
+        return to_tensor(crops)
+
+
+class Learner(ABC):
+    """Networks, optimizers and losses of one method."""
+
+    state: FitState
+
+    @abstractmethod
+    def step(self, batch: Batch) -> Mapping[str, Tensor]:
+        """Update the networks; returns the losses by name, `loss` among them."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitPlan:
+    """A fit: the default number of steps, the learning rate and what identifies it."""
+
+    name: str
+    steps: int
+    learning_rate: float
+    facts: Mapping[str, Any]
+
+
+def run_fit(
+    learner: Learner, sampler: BatchSampler, plan: FitPlan, settings: FitSettings
+) -> FitProgress:
+    """Train until the budget is used up; returns the progress with its history.
+
+    With `settings.checkpoint`, the state is saved every few seconds and at the end, also after an
+    interrupt, and a fit with an existing checkpoint continues there. A continued fit of a number of
+    steps gives the same result as an uninterrupted one.
+    """
+    facts = _facts(sampler, plan, settings)
+    path = settings.checkpoint
+    progress = FitProgress()
+    if path is not None and path.exists():
+        progress = read_checkpoint(path, learner.state, facts)
+    steps = _steps(plan, settings)
+    learner.state.network.train().requires_grad_(True)
+    saved = time.monotonic()
+    try:
+        while (done := _fraction(progress, steps, settings)) < 1:
+            began = time.monotonic()
+            _set_learning_rate(learner, plan, done)
+            losses = learner.step(sampler.sample(progress.step))
+            values = {name: float(value) for name, value in losses.items()}
+            _record(progress, values, steps)
+            progress.seconds += time.monotonic() - began
+            done = _fraction(progress, steps, settings)
+            settings.report(done, values["loss"], progress.seconds / max(done, 1e-9) * (1 - done))
+            if path is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
+                write_checkpoint(path, learner.state, progress, facts)
+                saved = time.monotonic()
+    finally:
+        if path is not None:
+            write_checkpoint(path, learner.state, progress, facts)
+    learner.state.network.eval().requires_grad_(False)
+    return progress
+
+
+def _steps(plan: FitPlan, settings: FitSettings) -> int | None:
+    if settings.steps is not None:
+        return max(0, settings.steps)
+    return plan.steps if settings.minutes is None else None
+
+
+def _fraction(progress: FitProgress, steps: int | None, settings: FitSettings) -> float:
+    if steps is not None:
+        return min(1.0, progress.step / steps) if steps else 1.0
+    return min(1.0, progress.seconds / max(1e-9, (settings.minutes or 0) * 60))
+
+
+def _set_learning_rate(learner: Learner, plan: FitPlan, done: float) -> None:
+    share = min(1.0, (1 - done) / (1 - CONSTANT_RATE))
+    for optimizer in learner.state.optimizers.values():
+        for group in optimizer.param_groups:
+            group["lr"] = plan.learning_rate * share
+
+
+def _record(progress: FitProgress, losses: Mapping[str, float], steps: int | None) -> None:
+    """Count the step; add a row of mean losses to the history at the end of each interval."""
+    progress.step += 1
+    progress.summed_steps += 1
+    for name, value in losses.items():
+        progress.loss_sums[name] = progress.loss_sums.get(name, 0.0) + value
+    interval = MINUTES_ROW_STEPS if steps is None else max(1, steps // HISTORY_ROWS)
+    if progress.step % interval == 0 or progress.step == steps:
+        means = {key: value / progress.summed_steps for key, value in progress.loss_sums.items()}
+        row = {"step": float(progress.step), **means}
+        progress.history.append({key: round(value, 5) for key, value in row.items()})
+        progress.loss_sums, progress.summed_steps = {}, 0
+
+
+def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[str, Any]:
+    """What a checkpoint has to agree with."""
+    digest = hashlib.sha256()
+    for images in sampler.sets:
+        digest.update(np.ascontiguousarray(images.images))
+    return {
+        "fit": plan.name,
+        "seed": settings.seed,
+        "steps": _steps(plan, settings),
+        "minutes": settings.minutes,
+        "paired": settings.paired,
+        "crop": list(sampler.crop),
+        "batch": sampler.batch,
+        "images": digest.hexdigest(),
+        **plan.facts,
+    }
+
+
+def provenance(progress: FitProgress, sampler: BatchSampler, plan: FitPlan) -> dict[str, Any]:
+    """Facts of a finished fit."""
+    return {
+        **plan.facts,
+        "steps": progress.step,
+        "seconds": round(progress.seconds, 1),
+        "images_per_second": round(progress.step * sampler.batch / max(progress.seconds, 1e-9), 2),
+        "batch": sampler.batch,
+        "crop": list(sampler.crop),
+        "learning_rate": plan.learning_rate,
+        "device": device().type,
+        "threads": torch.get_num_threads(),
+        "torch": torch.__version__,
+    }

@@ -1,0 +1,168 @@
+"""Decode images of messages to RGB, and encode RGB in the format that the image had.
+
+Compressed images are JPEG or PNG with 8 bits. Raw images have rows of `step` bytes in one of
+`ENCODINGS`. Grey images are translated as RGB with equal channels and become grey again; alpha
+channels and the padding of rows are kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.translation.image_set import Rgb
+from s2rtools.translation.jpeg_header import read_jpeg_header
+
+MAX_PIXELS = 50_000_000
+"""Pixels of the largest image that is decoded."""
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_PNG_END = b"IEND"
+_SWAPPED = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGB}
+
+
+class UndecodableImageError(ValueError):
+    """The reason, in one line, why an image cannot be decoded."""
+
+
+class ImageFormat(Protocol):
+    """Format of one decoded image."""
+
+    def encode(self, rgb: Rgb) -> bytes:
+        """The content of an image (H, W, 3) of the same size in this format."""
+        ...
+
+
+class RawLayout(NamedTuple):
+    """Layout of a raw image: an encoding of ROS, pixels, and bytes per row."""
+
+    encoding: str
+    height: int
+    width: int
+    step: int
+
+
+class _Channels(NamedTuple):
+    number: int
+    reversed: bool = False
+
+
+ENCODINGS: dict[str, _Channels] = {
+    "rgb8": _Channels(3),
+    "bgr8": _Channels(3, reversed=True),
+    "rgba8": _Channels(4),
+    "bgra8": _Channels(4, reversed=True),
+    "mono8": _Channels(1),
+    "8UC1": _Channels(1),
+    "8UC3": _Channels(3, reversed=True),
+    "8UC4": _Channels(4, reversed=True),
+}
+"""Encodings of `sensor_msgs/Image` that are translated; OpenCV's own hold blue first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawFormat:
+    """Format of a raw image; `rows` (H, step) are its bytes."""
+
+    layout: RawLayout
+    rows: NDArray[np.uint8]
+
+    def encode(self, rgb: Rgb) -> bytes:
+        channels = ENCODINGS[self.layout.encoding]
+        rows = self.rows.copy()
+        pixels = _pixels(rows, self.layout, channels.number)
+        if channels.number == 1:
+            pixels[..., 0] = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+        else:
+            pixels[..., :3] = rgb[..., ::-1] if channels.reversed else rgb
+        return rows.tobytes()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompressedFormat:
+    """Format of a compressed image: `suffix` is .jpg or .png, `quality` that of JPEG, `alpha`
+    (H, W) or None."""
+
+    suffix: str
+    grey: bool
+    quality: int
+    alpha: NDArray[np.uint8] | None = None
+
+    def encode(self, rgb: Rgb) -> bytes:
+        pixels = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY if self.grey else cv2.COLOR_RGB2BGR)
+        if self.alpha is not None:
+            pixels = np.dstack([pixels, self.alpha])
+        settings = [cv2.IMWRITE_JPEG_QUALITY, self.quality] if self.suffix == ".jpg" else []
+        return cv2.imencode(self.suffix, pixels, settings)[1].tobytes()
+
+
+def decode_raw(content: bytes, layout: RawLayout) -> tuple[Rgb, ImageFormat]:
+    """RGB (H, W, 3) of a raw image, and its format. Raises UndecodableImageError."""
+    encoding, height, width, step = layout
+    channels = ENCODINGS.get(encoding)
+    if channels is None:
+        raise UndecodableImageError(
+            f"encoding {encoding[:40]!r} is not translated; convert to {', '.join(ENCODINGS)}"
+        )
+    _check_size(height, width)
+    if step < width * channels.number:
+        raise UndecodableImageError(f"step {step} is less than a row of {width} {encoding} pixels")
+    if len(content) != height * step:
+        raise UndecodableImageError(
+            f"{len(content)} bytes, but {height} rows of step {step} are {height * step}"
+        )
+    rows = np.frombuffer(content, dtype=np.uint8).reshape(height, step)
+    pixels = _pixels(rows, layout, channels.number)
+    if channels.number == 1:
+        rgb = np.repeat(pixels, 3, axis=2)
+    else:
+        rgb = np.ascontiguousarray(pixels[..., 2::-1] if channels.reversed else pixels[..., :3])
+    return rgb, RawFormat(layout, rows)
+
+
+def decode_compressed(content: bytes, quality: int | None = None) -> tuple[Rgb, ImageFormat]:
+    """RGB (H, W, 3) of a JPEG or PNG image, and its format.
+
+    `quality` is that of JPEG for encoding; None keeps that of the image. Raises
+    UndecodableImageError.
+    """
+    if content.startswith(_PNG):
+        suffix, found = ".png", 0
+        if len(content) < 24 or _PNG_END not in content[-16:]:
+            raise UndecodableImageError("a PNG image that is cut off")
+        height, width = (int.from_bytes(content[i : i + 4], "big") for i in (20, 16))
+    else:
+        suffix = ".jpg"
+        try:
+            height, width, found = read_jpeg_header(content)
+        except ValueError as error:
+            raise UndecodableImageError(f"{error}; JPEG and PNG are decoded") from error
+    _check_size(height, width)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise UndecodableImageError(f"a damaged {suffix[1:]} image") from error
+    if pixels is None:
+        raise UndecodableImageError(f"a damaged {suffix[1:]} image")
+    if pixels.dtype != np.uint8:
+        raise UndecodableImageError(f"{pixels.dtype} pixels; images of 8 bits are translated")
+    grey = pixels.ndim == 2
+    rgb = cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if grey else _SWAPPED[pixels.shape[2]])
+    alpha = pixels[..., 3] if not grey and pixels.shape[2] == 4 else None
+    return rgb, CompressedFormat(suffix, grey, found if quality is None else quality, alpha)
+
+
+def _pixels(rows: NDArray[np.uint8], layout: RawLayout, count: int) -> NDArray[np.uint8]:
+    """View (H, W, count) of the pixels in rows (H, step)."""
+    height, width = layout.height, layout.width
+    strides = (rows.strides[0], count, 1)
+    return np.lib.stride_tricks.as_strided(rows, (height, width, count), strides)
+
+
+def _check_size(height: int, width: int) -> None:
+    if min(height, width) < 1 or height * width > MAX_PIXELS:
+        raise UndecodableImageError(f"{width} x {height} pixels; 1 to {MAX_PIXELS:,} are decoded")

@@ -1,0 +1,146 @@
+"""UNIT: two variational autoencoders with a shared latent space and adversarial losses.
+
+Source: Liu, Breuel and Kautz, "Unsupervised image-to-image translation networks", 2017, from its
+formulas: weights 10 (adversarial), 0.1 (KL), 100 (reconstruction), 0.1 (KL of the cycle) and 100
+(cycle), here divided by 10; Gaussians of unit variance; the last encoder block and first decoder
+block are shared. Differences: least-squares adversarial losses, fewer channels and
+blocks, and a luminance loss of low weight, because nothing else in the losses keeps UNIT from
+exchanging bright and dark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import l1_loss
+
+from s2rtools.translation.adversarial_training import (
+    AdversarialLearner,
+    crop_size,
+    fooling_loss,
+    luminance_loss,
+)
+from s2rtools.translation.fit_loop import Batch, BatchSampler, FitPlan, provenance, run_fit
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import (
+    FitResult,
+    FitSettings,
+    Settings,
+    TranslationMethod,
+)
+from s2rtools.translation.method_options import (
+    SIZE_OPTIONS,
+    check_request,
+    generator_size,
+    number,
+    whole_number,
+)
+from s2rtools.translation.network_translator import NetworkTranslator
+from s2rtools.translation.networks import (
+    GeneratorSize,
+    LatentDecoder,
+    LatentEncoder,
+    ResidualBlock,
+    initialised,
+)
+
+STEPS = 800
+BATCH = 2
+LEARNING_RATE = 1e-3
+OPTIONS = (*SIZE_OPTIONS, "batch", "kl", "reconstruction", "cycle", "luminance")
+DEFAULT_SIZE = GeneratorSize(blocks=2)
+"""Blocks of each encoder and decoder, in addition to the shared ones."""
+
+
+def _encoder(size: GeneratorSize, shared: nn.Module | None = None) -> LatentEncoder:
+    return LatentEncoder(size, shared or ResidualBlock(4 * size.channels))
+
+
+def _decoder(size: GeneratorSize, shared: nn.Module | None = None) -> LatentDecoder:
+    return LatentDecoder(size, shared or ResidualBlock(4 * size.channels))
+
+
+class UnitTranslator(NetworkTranslator):
+    """The encoder of the source and the decoder of the target, with the mean latent code."""
+
+    method = "unit"
+
+    @classmethod
+    def build(cls, network_settings: Settings) -> nn.Module:
+        size = GeneratorSize(**network_settings)
+        return nn.Sequential(_encoder(size), _decoder(size))
+
+
+class UnitLearner(AdversarialLearner):
+    """Encoders and decoders of both domains."""
+
+    def __init__(
+        self, size: GeneratorSize, crop: tuple[int, int], weights: Mapping[str, float]
+    ) -> None:
+        code, image = ResidualBlock(4 * size.channels), ResidualBlock(4 * size.channels)
+        coders: dict[str, nn.Module] = {}
+        for domain in ("source", "target"):
+            coders[f"{domain}_encoder"] = _encoder(size, code)
+            coders[f"{domain}_decoder"] = _decoder(size, image)
+        super().__init__(nn.ModuleDict(coders), ("target", "source"), crop)
+        self.weights = weights
+
+    def generator_losses(self, batch: Batch) -> tuple[Mapping[str, Tensor], Mapping[str, Tensor]]:
+        originals = {"source": batch.source, "target": batch.target}
+        codes = {name: self.generators[f"{name}_encoder"](x) for name, x in originals.items()}
+        other = {"source": "target", "target": "source"}
+        zero = batch.source.new_zeros(())
+        kl, reconstruction, cycle, bright, fooled = zero, zero, zero, zero, zero
+        fakes = {}
+        for name, original in originals.items():
+            code = _sample(codes[name], batch.generator)
+            reconstruction = reconstruction + l1_loss(self._decoded(name, code), original)
+            fake = self._decoded(other[name], code)
+            again = self.generators[f"{other[name]}_encoder"](fake)
+            returned = self._decoded(name, _sample(again, batch.generator))
+            cycle = cycle + l1_loss(returned, original)
+            kl = kl + codes[name].square().mean() / 2 + again.square().mean() / 2
+            bright = bright + luminance_loss(fake, original)
+            fooled = fooled + fooling_loss(self.discriminators[other[name]], fake)
+            fakes[other[name]] = fake
+        parts = {"kl": kl, "reconstruction": reconstruction, "cycle": cycle, "luminance": bright}
+        weighted = {name: self.weights[name] * value for name, value in parts.items()}
+        return {"adversarial": fooled, **weighted}, fakes
+
+    def _decoded(self, domain: str, code: Tensor) -> Tensor:
+        image: Tensor = self.generators[f"{domain}_decoder"](code)
+        return image
+
+
+def _sample(mean: Tensor, generator: torch.Generator) -> Tensor:
+    """A latent code of a Gaussian with unit variance."""
+    noise = torch.randn(mean.shape, generator=generator, device=mean.device)
+    return mean + noise
+
+
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+    """Train both autoencoders; source encoder and target decoder become the translator."""
+    check_request("unit", OPTIONS, source, target, settings)
+    options = settings.options
+    size = generator_size(options, DEFAULT_SIZE)
+    defaults = {"kl": 0.01, "reconstruction": 10.0, "cycle": 10.0, "luminance": 0.5}
+    weights = {name: number(options, name, value, 0, 1000) for name, value in defaults.items()}
+    batch = whole_number(options, "batch", BATCH, 1, 64)
+    crop = crop_size(source)
+    learner = initialised(settings.seed, lambda: UnitLearner(size, crop, weights))
+    sampler = BatchSampler(source, target, crop, batch, settings.seed)
+    plan = FitPlan("unit", STEPS, LEARNING_RATE, {**size.document(), **weights})
+    progress = run_fit(learner, sampler, plan, settings)
+    network = nn.Sequential(
+        learner.generators["source_encoder"], learner.generators["target_decoder"]
+    )
+    translator = UnitTranslator(network, source.size, size.document())
+    return FitResult(translator, progress.history, provenance(progress, sampler, plan))
+
+
+METHOD = TranslationMethod(
+    "unit", "two autoencoders with a shared latent space", UnitTranslator, fit,
+    learned=True, options=OPTIONS,
+)  # fmt: skip

@@ -1,0 +1,103 @@
+"""Contact sheets: source, translated and target images side by side, drawn at random."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes
+from s2rstore.reader import Store
+from s2rtools.translation.image_set import Rgb, from_folder, resize
+from s2rtools.translation.method import Translator
+from s2rtools.translator_evaluation import image_structure as structure
+from s2rtools.translator_evaluation.judged_frames import Iids, load_frames
+from s2rtools.translator_evaluation.named_translator import NamedTranslator
+
+ROWS = 6
+MIN_WIDTH = 256
+"""Pixels of the width of an image on the sheet, at least."""
+_MARGIN, _LINE = 6, 26
+_INK, _PAPER = (20, 20, 20), 255
+
+
+def store_sheet(
+    store: Store, translator: NamedTranslator, iids: Iids, seed: int, rows: int = ROWS
+) -> Rgb:
+    """Sheet (H, W, 3) of some of the instances `iids`, with the target's image of the same pose."""
+    drawn = np.random.default_rng(seed).choice(iids, min(rows, len(iids)), replace=False)
+    frames = load_frames(store, translator, np.sort(drawn))
+    columns = (
+        (f"{translator.source} (source)", frames.source),
+        (f"{translator.name} ({translator.stored.method})", frames.translated),
+        (f"{translator.target}, same pose", frames.target),
+    )
+    return draw_sheet(columns, [f"instance {iid}" for iid in frames.iids], seed)
+
+
+def folder_sheet(
+    source: Path, target: Path, translator: Translator, seed: int, rows: int = ROWS
+) -> Rgb:
+    """Sheet of images of a folder, with the image of the target folder of the nearest layout."""
+    before, look = from_folder(source), from_folder(target)
+    count = min(rows, len(before))
+    drawn = np.sort(np.random.default_rng(seed).choice(len(before), count, replace=False))
+    images = before.images[drawn]
+    known = np.stack([structure.layout_descriptor(image) for image in look.images])
+    nearest = [int((known @ structure.layout_descriptor(image)).argmax()) for image in images]
+    columns = (
+        (f"{before.name} (source)", images),
+        (translator.method, translator.translate(images)),
+        (f"{look.name}, nearest layout", resize(look.images[nearest], before.size)),
+    )
+    return draw_sheet(columns, [before.names[row] for row in drawn], seed)
+
+
+def draw_sheet(columns: Sequence[tuple[str, Rgb]], labels: Sequence[str], seed: int) -> Rgb:
+    """Columns of images (N, h, w, 3) of one size, with a title each and a label for each row."""
+    height, width = columns[0][1].shape[1:3]
+    factor = max(1, -(-MIN_WIDTH // width))
+    height, width = height * factor, width * factor
+    count = len(labels)
+    full = (
+        _LINE + count * (height + _LINE + _MARGIN) + _LINE,
+        _MARGIN + len(columns) * (width + _MARGIN),
+    )
+    sheet = np.full((*full, 3), _PAPER, dtype=np.uint8)
+    for column, (title, images) in enumerate(columns):
+        left = _MARGIN + column * (width + _MARGIN)
+        _write(sheet, title, left, _LINE, width)
+        for row, image in enumerate(images):
+            top = _LINE + row * (height + _LINE + _MARGIN) + _MARGIN
+            enlarged = cv2.resize(image, (width, height), interpolation=cv2.INTER_NEAREST)
+            sheet[top : top + height, left : left + width] = enlarged
+            if column == 0:
+                _write(sheet, labels[row], left, top + height + _LINE, width)
+    _write(sheet, f"drawn at random with seed {seed}", _MARGIN, full[0], full[1])
+    return sheet
+
+
+def _write(sheet: Rgb, text: str, left: int, bottom: int, width: int) -> None:
+    """Write a line above row `bottom`; characters that the font lacks become question marks."""
+    text = text.encode("ascii", "replace").decode()
+    scale = 0.5
+    while text and cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)[0][0] > width:
+        text = text[:-1]
+    cv2.putText(
+        sheet, text, (left, bottom - 8), cv2.FONT_HERSHEY_SIMPLEX, scale, _INK, 1, cv2.LINE_AA
+    )
+
+
+def write_png(path: Path, image: Rgb) -> None:
+    """Write an image as PNG. Raises RequestError if it cannot be written."""
+    encoded, content = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    if not encoded:
+        raise RequestError(f"{path}: the image cannot be encoded as PNG")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic_writes.write_file(path.resolve(), content.tobytes())
+    except OSError as error:
+        raise RequestError(f"{path}: cannot be written ({error.strerror})") from error

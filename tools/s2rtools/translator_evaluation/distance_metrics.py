@@ -1,0 +1,217 @@
+"""Distance between translated images and images of the target domain, beside controls.
+
+References of every distance: the translator; `identity`, the source as it is; `repeated_image`, one
+image of the target in place of every translated image; `target`, two halves of the target. A
+distance that a repeated image wins says little about a translator. All compare images of different
+blocks, because images of one place are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.metrics.bootstrap import (
+    DEFAULT_SETTINGS,
+    Blocks,
+    BootstrapSettings,
+    Interval,
+    block_counts,
+    corrected,
+    percentile_interval,
+)
+from s2rtools.gap.instance_selection import random_halves
+from s2rtools.gap.visual.kid import block_mmd, kernel_distance
+from s2rtools.gap.visual.prdc import NEIGHBOURS, prdc
+from s2rtools.gap.visual.wasserstein import wasserstein_by_dimension
+from s2rtools.translation.image_set import Rgb
+from s2rtools.translator_evaluation.image_structure import Floats
+
+CHANNELS = ("red", "green", "blue")
+COLOUR_GRID = 4
+SPLITS = 8
+Features = Callable[[Rgb], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """One distance; `reference` is translator, identity, repeated_image or target."""
+
+    metric: str
+    reference: str
+    interval: Interval
+    unit: str
+
+
+def colour_features(images: Rgb) -> Floats:
+    """Mean colours of `COLOUR_GRID` x `COLOUR_GRID` cells and deviations of the channels, (N, d).
+
+    In units of 64 grey levels around middle grey.
+    """
+    rows = []
+    for image in images.astype(np.float32):
+        cells = cv2.resize(image, (COLOUR_GRID, COLOUR_GRID), interpolation=cv2.INTER_AREA)
+        deviations = image.reshape(-1, 3).std(axis=0)
+        rows.append(np.concatenate([(cells.ravel() - 127.5) / 64, deviations / 64]))
+    return np.array(rows, dtype=np.float64)
+
+
+def channel_histograms(images: Rgb) -> Floats:
+    """Shares of the grey levels of each channel of each image, (N, 3, 256)."""
+    shares = np.empty((len(images), 3, 256))
+    for row, image in enumerate(images):
+        for channel in range(3):
+            counts = np.bincount(image[..., channel].ravel(), minlength=256)
+            shares[row, channel] = counts / counts.sum()
+    return shares
+
+
+def histogram_distance(first: Floats, second: Floats) -> Floats:
+    """Wasserstein-1 distance (..., 3) of histograms (..., 3, 256), grey levels."""
+    return np.asarray(np.abs(np.cumsum(first - second, axis=-1)).sum(axis=-1))
+
+
+def paired_distances(
+    translators: Mapping[str, Rgb],
+    source: Rgb,
+    target: Rgb,
+    blocks: Blocks,
+    features: Mapping[str, Features],
+    seed: int = 1,
+) -> dict[str, list[Distance]]:
+    """Distances by translator, and those of the controls under the empty name.
+
+    All images (N, H, W, 3) show the poses of the same instances in recording order. `translators`
+    are translated images by name; `features` are functions by name, such as `colour_features`.
+    """
+    repeated = np.broadcast_to(target[len(target) // 2], target.shape)
+    sets = {"identity": source, "repeated_image": repeated}
+    entries = [("", name, images) for name, images in sets.items()]
+    entries += [(name, "translator", images) for name, images in translators.items()]
+    halves = random_halves(blocks, SPLITS, seed)
+    known = {name: compute(target) for name, compute in features.items()}
+    shares = channel_histograms(target)
+    found: dict[str, list[Distance]] = {"": _target_against_target(known, shares, halves)}
+    for translator, reference, images in entries:
+        rows = found.setdefault(translator, [])
+        for name, compute in features.items():
+            values = compute(images)
+            rows.append(Distance(f"kid_{name}", reference, _kid(values, known[name], blocks), ""))
+            rows += _prdc(name, reference, values, known[name], halves)
+        w1 = _channel_intervals(channel_histograms(images), shares, blocks)
+        rows += [
+            Distance(f"w1_{channel}", reference, interval, "grey levels")
+            for channel, interval in zip(CHANNELS, w1, strict=True)
+        ]
+    return found
+
+
+def _kid(
+    values: Floats, target: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> Interval:
+    """KID of images of different blocks with its block bootstrap interval."""
+    mmd = block_mmd(values, target, blocks)
+    if blocks.unit_count < 3:
+        return Interval.unknown(mmd.value())
+    counts = block_counts(blocks, settings, min_units=2)
+    return percentile_interval(mmd.value(), mmd.replicates(counts, settings.level), settings.level)
+
+
+def _prdc(
+    name: str,
+    reference: str,
+    values: Floats,
+    target: Floats,
+    halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
+) -> list[Distance]:
+    """Precision and recall, means over halves that show different poses."""
+    if halves[0][0].size <= NEIGHBOURS:
+        return []
+    found = [prdc(target[a], values[b]) for a, b in halves]
+    return [
+        Distance(f"{metric}_{name}", reference, Interval.unknown(float(np.mean(each))), "")
+        for metric, each in (
+            ("precision", [p.precision for p in found]),
+            ("recall", [p.recall for p in found]),
+        )
+    ]
+
+
+def _channel_intervals(
+    shares: Floats, target: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> list[Interval]:
+    """W1 per channel of the pixels of all images, with block bootstrap intervals."""
+    values = histogram_distance(shares.mean(axis=0), target.mean(axis=0))
+    if blocks.unit_count < 2:
+        return [Interval.unknown(float(value)) for value in values]
+    difference = np.cumsum(blocks.sums(shares - target), axis=-1)
+    counts = block_counts(blocks, settings)
+    total = (counts @ blocks.sizes)[:, None, None]
+    means = np.einsum("rb,bck->rck", counts, difference) / total
+    replicates = corrected(np.abs(means).sum(axis=-1), values, blocks.unit_count, settings.level)
+    return [
+        percentile_interval(float(value), column, settings.level).clipped(0.0, 255.0)
+        for value, column in zip(values, replicates.T, strict=True)
+    ]
+
+
+def _target_against_target(
+    known: Mapping[str, Floats],
+    shares: Floats,
+    halves: list[tuple[NDArray[np.int64], NDArray[np.int64]]],
+) -> list[Distance]:
+    """Halves of the target: the mean over the splits and their range."""
+    rows = []
+    for name, values in known.items():
+        kid = [kernel_distance(values[a], values[b]) for a, b in halves]
+        rows.append(Distance(f"kid_{name}", "target", _range(kid), ""))
+        rows += _prdc(name, "target", values, values, halves)
+    w1 = np.array([
+        histogram_distance(shares[a].mean(axis=0), shares[b].mean(axis=0)) for a, b in halves
+    ])  # fmt: skip
+    return rows + [
+        Distance(f"w1_{channel}", "target", _range(list(w1[:, k])), "grey levels")
+        for k, channel in enumerate(CHANNELS)
+    ]
+
+
+def _range(values: list[float]) -> Interval:
+    return Interval(float(min(values)), float(np.mean(values)), float(max(values)))
+
+
+def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -> list[Distance]:
+    """Distances of colours between sets without common poses, without intervals.
+
+    `source` and `translated` are (N, h, w, 3), `target` is (M, h, w, 3).
+    """
+    repeated = np.broadcast_to(target[len(target) // 2], source.shape)
+    known, shares = colour_features(target), channel_histograms(target).mean(axis=0)
+    rows = []
+    for reference, images in (
+        ("translator", translated), ("identity", source), ("repeated_image", repeated),
+    ):  # fmt: skip
+        kid = kernel_distance(colour_features(images), known)
+        rows.append(Distance("kid_colour", reference, Interval.unknown(kid), ""))
+        w1 = histogram_distance(channel_histograms(images).mean(axis=0), shares)
+        rows += [
+            Distance(f"w1_{channel}", reference, Interval.unknown(float(value)), "grey levels")
+            for channel, value in zip(CHANNELS, w1, strict=True)
+        ]
+    rng = np.random.default_rng(seed)
+    count = len(target) // 2
+    orders = [rng.permutation(len(target)) for _ in range(SPLITS)]
+    halves = [(order[:count], order[count : 2 * count]) for order in orders]
+    if count >= 2:
+        rows += _target_against_target({"colour": known}, channel_histograms(target), halves)
+    return rows
+
+
+def pixel_distance(first: Rgb, second: Rgb) -> Floats:
+    """Wasserstein-1 distance (3,) of the pixels of two sets, the definition of `w1_*`."""
+    return wasserstein_by_dimension(
+        first.reshape(-1, 3).astype(np.float64), second.reshape(-1, 3).astype(np.float64)
+    )

@@ -1,0 +1,238 @@
+"""Fit a translator on the frames of a store, check its content and register it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, layout
+from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import check_writable, edit
+from s2rstore.reader import Store
+from s2rstore.records import DIRECTIONS, Direction
+from s2rtools.models.model_registration import check_name_free
+from s2rtools.precompute.prediction_rows import decode_split, encode_split
+from s2rtools.precompute.run_registration import find_domain
+from s2rtools.translation import find_method, fit_split
+from s2rtools.translation.depth_noise import DepthNoise, measure
+from s2rtools.translation.image_set import fit_size, from_folder, from_store
+from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, Translator
+from s2rtools.translation.translator_file import (
+    StoredTranslator,
+    encode,
+    stored_path,
+)
+from s2rtools.translator_evaluation.content_summary import measure_content
+from s2rtools.translator_evaluation.gates import Verdict, judge
+
+_FITTED, _HELD_OUT = 0, 2
+"""Codes of `records.SPLITS`: train and test."""
+_NOISE_FRAMES = 64
+_CHECKED_IMAGES, _MIN_CHECKED = 64, 8
+
+
+@dataclass(frozen=True, slots=True)
+class FitRequest:
+    """A translator to fit; `domains` are the names of the sim and the real domain."""
+
+    method: str
+    name: str
+    direction: Direction = "sim2real"
+    domains: tuple[str, str] | None = None
+    depth_noise: bool = False
+    long_edge: int = 160
+    settings: FitSettings = field(default_factory=FitSettings)
+
+
+def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | None:
+    """Fit, check the content of held-out images, and publish the translator.
+
+    Returns the verdict, None where too few images are held out. An interrupted fit continues from
+    its checkpoint when the same request is repeated. Raises RequestError for unknown names and
+    names that exist already.
+    """
+    name = layout.checked_name(request.name, "translator")
+    method = find_method(request.method)
+    if request.direction not in DIRECTIONS:
+        raise RequestError(f"--direction {request.direction}: one of {', '.join(DIRECTIONS)}")
+    check_writable(root)
+    with s2rstore.open(root) as store:
+        if name in store.translators:
+            raise RequestError(f"--name {name}: already in {root}; choose another")
+        source, target = _domains(store, request)
+        checkpoint = _checkpoint(store, request)
+        size = fit_size(store.dataset.frame_height, store.dataset.frame_width, request.long_edge)
+        codes = split_codes(store)
+        iids = np.flatnonzero(codes == _FITTED)
+        settings = replace(request.settings, checkpoint=checkpoint)
+        fitted = method.fit(
+            from_store(store, source, iids, size), from_store(store, target, iids, size), settings
+        )
+        verdict = _check_content(store, fitted.translator, source, target, codes, size)
+        noise = _measure_depth_noise(store, source, target, iids) if request.depth_noise else None
+    stored = StoredTranslator(fitted.translator, source, target, size, noise)
+    publish(root, name, stored, request, fitted, codes, verdict, command)
+    checkpoint.unlink(missing_ok=True)
+    return verdict
+
+
+def _check_content(
+    store: Store, translator: Translator, source: str, target: str, codes: NDArray[np.int8],
+    size: tuple[int, int],
+) -> Verdict | None:  # fmt: skip
+    """Judge the content of held-out images at the size of the fit, evenly spaced."""
+    images = []
+    for domain in (source, target):
+        iids = np.flatnonzero(store.imaged(domain) & (codes == _HELD_OUT))
+        if len(iids) < _MIN_CHECKED:
+            return None
+        chosen = np.unique(np.linspace(0, len(iids) - 1, _CHECKED_IMAGES).astype(int))
+        images.append(from_store(store, domain, iids[chosen], size))
+    before, look = images
+    return judge(measure_content(before.images, translator.translate(before.images), look.images))
+
+
+def split_codes(store: Store) -> NDArray[np.int8]:
+    """Codes (N,) into `records.SPLITS`: train for the fit, test for judging."""
+    held_out = fit_split.held_out(store.instances.trajectory)
+    return np.where(held_out, _HELD_OUT, _FITTED).astype(np.int8)
+
+
+def fitted_instances(store: Store, name: str) -> NDArray[np.bool_]:
+    """Mask (N,) of the instances that a translator was fitted on."""
+    encoded = store.provenance(f"translator:{name}").get("split")
+    return np.asarray(decode_split(encoded, len(store.instances)) == _FITTED)
+
+
+def publish(
+    root: Path,
+    name: str,
+    stored: StoredTranslator,
+    request: FitRequest,
+    fitted: FitResult,
+    codes: NDArray[np.int8],
+    verdict: Verdict | None,
+    command: str,
+) -> None:
+    """Write the translator's file and list it in the next generation."""
+    content = encode(stored)
+    sha256 = hashlib.sha256(content).hexdigest()
+    file = stored_path(sha256)
+    with edit(root) as draft:
+        check_name_free(draft, "translator", name)
+        atomic_writes.make_folder(root, layout.TRANSLATORS)
+        atomic_writes.write(root, file, content)
+        Ledger(root).add(f"translator:{sha256}", [(file, 1)])
+        draft.record_checksums({file: sha256})
+        draft.insert_row(
+            "translator",
+            {
+                "translator": name,
+                "method": stored.method,
+                "direction": request.direction,
+                "source_domain": stored.source,
+                "target_domain": stored.target,
+                "sha256": sha256,
+                "accepted": None if verdict is None else verdict.passed,
+                "reasons": [] if verdict is None else list(verdict.reasons),
+                "created_at": datetime.now(UTC).isoformat(timespec="microseconds"),
+            },
+        )
+        facts: dict[str, Any] = {
+            "seed": request.settings.seed,
+            "paired": request.settings.paired,
+            "options": json.dumps(dict(request.settings.options), sort_keys=True),
+            "size": list(stored.size),
+            "split": encode_split(codes),
+            "split_rule": fit_split.RULE,
+            "history": json.dumps(fitted.history),
+            "command": command,
+            **fitted.facts,
+        }
+        draft.set_provenance(f"translator:{name}", facts)
+
+
+def fit_folders(
+    source: Path, target: Path, request: FitRequest, out: Path, groups: Sequence[str] = ()
+) -> None:
+    """Fit on two folders of images and write a translator file. Raises RequestError."""
+    if out.exists():
+        raise RequestError(f"{out}: exists already; choose another name")
+    method = find_method(request.method)
+    images = from_folder(source, long_edge=request.long_edge)
+    look = from_folder(target, images.size)
+    checkpoint = out.with_name(f".{out.name}.checkpoint") if method.learned else None
+    fitted = method.fit(images, look, replace(request.settings, checkpoint=checkpoint))
+    stored = StoredTranslator(fitted.translator, source.name, target.name, images.size)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    atomic_writes.write_file(out, encode(stored))
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+
+
+def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
+    """Source and target domain."""
+    if request.domains is None:
+        sim, real = find_domain(store, "sim", None), find_domain(store, "real", None)
+    else:
+        sim, real = (store.domain(name).domain for name in request.domains)
+    if sim == real:
+        raise RequestError(f"--domains {sim},{real}: name two different domains")
+    return (sim, real) if request.direction == "sim2real" else (real, sim)
+
+
+def _checkpoint(store: Store, request: FitRequest) -> Path:
+    """Path of this request's checkpoint in the user's cache folder."""
+    settings = request.settings
+    facts = [
+        store.dataset.hash, request.method, request.name, request.direction, request.domains,
+        request.long_edge, settings.seed, settings.steps, settings.minutes, settings.paired,
+        sorted(settings.options.items()),
+    ]  # fmt: skip
+    digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = cache / "s2rtui" / "translation"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{request.method}-{digest}.safetensors"
+
+
+def _measure_depth_noise(
+    store: Store, source: str, target: str, iids: NDArray[np.intp]
+) -> DepthNoise:
+    chosen = iids[np.unique(np.linspace(0, len(iids) - 1, _NOISE_FRAMES).astype(int))]
+    images = []
+    for name in (source, target):
+        domain = store.domain(name)
+        raw = np.stack([store.frames(name, iid, iid + 1, ("depth",))["depth"][0] for iid in chosen])
+        valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
+        images.append(((raw * domain.depth_scale).astype(np.float32), valid))
+    camera = store.domain(source)
+    hole = max(0, camera.depth_raw_min - 1)
+    return measure(images[0], images[1], camera.depth_scale, hole)
+
+
+def default_settings(
+    method: str, seed: int, steps: int | None, minutes: float | None, paired: bool,
+    options: Sequence[str], report: ReportProgress,
+) -> FitSettings:  # fmt: skip
+    """Settings from the options of the command line. Raises RequestError for unknown options."""
+    known = find_method(method).options
+    parsed = {}
+    for text in options:
+        key, equals, value = text.partition("=")
+        if not equals or key not in known:
+            allowed = ", ".join(f"{name}=VALUE" for name in known) or "no options"
+            raise RequestError(f"--option {text}: {method} takes {allowed}")
+        parsed[key] = value
+    return FitSettings(seed, steps, minutes, paired, parsed, None, report)

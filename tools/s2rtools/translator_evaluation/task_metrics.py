@@ -1,0 +1,208 @@
+"""What a translator does to the task: errors and features of a run's pose network.
+
+A gain is positive where the translator helps. Its interval is that of paired differences by block
+bootstrap, on images that were not used for the fit; where it holds zero, no claim is made.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.geometry.camera_offset import UNMOVED
+from s2rstore.metrics import pose_metrics, run_metrics
+from s2rstore.metrics.bootstrap import Interval, mean_interval
+from s2rstore.reader import Store
+from s2rstore.records import Domain, Run, Side
+from s2rstore.run_inputs import run_camera_move
+from s2rtools.adjustments import Chain, translator_name
+from s2rtools.inference import Backend
+from s2rtools.precompute.frame_reader import side_frames
+from s2rtools.translation.image_set import Rgb
+from s2rtools.translator_evaluation.image_structure import Floats
+from s2rtools.translator_evaluation.judged_frames import MIN_IMAGES, Iids, JudgedFrames
+from s2rtools.translator_evaluation.named_translator import NamedTranslator
+
+RECIPE = "translated"
+"""Name of the training recipe that trains on translated sim images."""
+_BATCH = 16
+
+
+@dataclass(frozen=True, slots=True)
+class TaskMetric:
+    """One figure of the task; `run` is the run whose network was used."""
+
+    metric: str
+    reference: str
+    run: str
+    interval: Interval
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NetworkOutputs:
+    """Poses (N, 3) and embeddings (N, D) of some images."""
+
+    pose: NDArray[np.float64]
+    embedding: Floats
+
+
+def claim(interval: Interval, unit: str = "m") -> str:
+    """A gain in words; no claim where its interval is unknown or holds zero."""
+    if math.isnan(interval.low) or math.isnan(interval.high):
+        return "no claim: too few independent images for an interval"
+    if interval.low <= 0 <= interval.high:
+        return "no claim: the interval holds zero"
+    verb = "less" if interval.value > 0 else "more"
+    return f"{abs(interval.value):.2f} {unit} {verb} error"
+
+
+def unusable_reason(store: Store, run: Run, translator: NamedTranslator) -> str | None:
+    """Why a run's network cannot judge a translator, else None."""
+    side = translator.side
+    if run.domain(side) != translator.source:
+        return f"run {run.run} has the {side} domain {run.domain(side)}, not {translator.source}"
+    if any(translator_name(str(step["name"])) for step in run.adjustments(side)):
+        return f"run {run.run} translates its {side} images already"
+    if run_camera_move(store, run, side) != UNMOVED:
+        return f"run {run.run} moves the {side} cameras"
+    return None
+
+
+def network_outputs(
+    store: Store, run: Run, translator: NamedTranslator, backend: Backend, rgb: Rgb,
+    depth: NDArray[Any],
+) -> NetworkOutputs:  # fmt: skip
+    """Outputs for images (N, H, W, 3) and raw depth (N, H, W) of the translated side.
+
+    The run's own adjustments follow the translation.
+    """
+    side = translator.side
+    domain, chain = store.domain(translator.source), run.adjustments(side)
+    return _outputs(store, backend, rgb, depth, domain, chain)
+
+
+def target_outputs(
+    store: Store, run: Run, translator: NamedTranslator, backend: Backend, iids: Iids
+) -> NetworkOutputs:
+    """Outputs for the target's images at the same poses, with its own adjustments."""
+    domain = store.domain(translator.target)
+    side: Side = "real" if translator.side == "sim" else "sim"
+    chain = run.adjustments(side) if run.domain(side) == translator.target else []
+    chain = [step for step in chain if translator_name(str(step["name"])) is None]
+    frames = [store.frames(translator.target, int(i), int(i) + 1) for i in iids]
+    rgb, depth = (np.concatenate([each[name] for each in frames]) for name in ("rgb", "depth"))
+    return _outputs(store, backend, rgb, depth, domain, chain)
+
+
+def _outputs(
+    store: Store, backend: Backend, rgb: Rgb, depth: NDArray[Any], domain: Domain, chain: Chain
+) -> NetworkOutputs:
+    size = backend.model.network.input_size
+    poses, embeddings = [], []
+    for start in range(0, len(rgb), _BATCH):
+        rows = slice(start, start + _BATCH)
+        images = {"rgb": rgb[rows], "depth": depth[rows]}
+        frames = side_frames(images, domain, chain, size, store.path)
+        forward = backend.forward_all(frames.x)
+        poses.append(forward.pose)
+        embeddings.append(forward.embedding.float().cpu().numpy().astype(np.float64))
+    return NetworkOutputs(np.concatenate(poses), np.concatenate(embeddings))
+
+
+def position_errors(store: Store, iids: Iids, outputs: NetworkOutputs) -> Floats:
+    """Position errors (N,) in metres."""
+    truth = store.instances
+    return pose_metrics.position_error(
+        outputs.pose[:, 0], outputs.pose[:, 1], truth.x[iids], truth.y[iids]
+    )
+
+
+def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp], str | None]:
+    """Rows of `iids` whose poses the run's network was not trained on, and a note.
+
+    All rows where the run was not computed yet, or where fewer than `MIN_IMAGES` remain.
+    """
+    everything = np.arange(len(iids))
+    if run.key is None:
+        return everything, None
+    rows = np.flatnonzero(run_metrics.held_out(store, run.run)[iids])
+    if rows.size < MIN_IMAGES:
+        return everything, f"the network of run {run.run} was trained on most of these poses"
+    return rows, None
+
+
+def run_time_metrics(
+    store: Store, run: Run, translator: NamedTranslator, backend: Backend, frames: JudgedFrames
+) -> list[TaskMetric]:
+    """Errors and features with and without the translator in front of the network.
+
+    - `error`: mean position error on the translated images, on the source's (identity) and on the
+      target's at the same poses (target).
+    - `error_gain`: error of the source's images minus that of the translated ones, paired.
+
+    For translators of sim images these are named `sim_error` and `sim_error_gain`, because they say
+    nothing about reality.
+
+    - `features_gain`: by how much the features come closer to those of the target at the same
+      pose, as a share of the distance without translation; paired.
+    """
+    plain = network_outputs(store, run, translator, backend, frames.source, frames.depth)
+    moved = network_outputs(
+        store, run, translator, backend, frames.translated, frames.translated_depth
+    )
+    ideal = target_outputs(store, run, translator, backend, frames.iids)
+    untrained, _ = untrained_rows(store, run, frames.iids)
+    recording = store.instances.trajectory[frames.iids[untrained]]
+    errors = {
+        reference: position_errors(store, frames.iids, outputs)[untrained]
+        for reference, outputs in (("translator", moved), ("identity", plain), ("target", ideal))
+    }
+    error = "error" if translator.side == "real" else "sim_error"
+    rows = [
+        TaskMetric(error, reference, run.run, mean_interval(values, recording), "m")
+        for reference, values in errors.items()
+    ]
+    gain = errors["identity"] - errors["translator"]
+    rows.append(
+        TaskMetric("error_gain", "translator", run.run, mean_interval(gain, recording), "m")
+    )
+    before, after = (
+        np.linalg.norm(each.embedding - ideal.embedding, axis=1)[untrained]
+        for each in (plain, moved)
+    )
+    if before.mean() > 0:
+        closer = mean_interval((before - after) / before.mean(), recording)
+        rows.append(TaskMetric("features_gain", "translator", run.run, closer, "share"))
+    return rows
+
+
+def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
+    """Errors in reality of runs whose network was trained on images translated by `name`.
+
+    `trained_error` is the mean real error of such a run, `trained_error_gain` the real error of
+    `run` minus it, paired on the instances that both networks were not trained on. Empty where no
+    such run was computed.
+    """
+    rows: list[TaskMetric] = []
+    if store.run(run).key is None:
+        return rows
+    for record in store.runs.values():
+        used = [translator_name(str(step["name"])) for step in record.sim_adjustments]
+        recipe = store.provenance(f"model:{record.model}").get("recipe")
+        if recipe != RECIPE or name not in used or record.key is None:
+            continue
+        keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
+        recording = store.instances.trajectory[keep]
+        plain, trained = (
+            store.run_columns(each).real.error[keep].astype(np.float64)
+            for each in (run, record.run)
+        )
+        for metric, values in (("trained_error", trained), ("trained_error_gain", plain - trained)):
+            interval = mean_interval(values, recording)
+            rows.append(TaskMetric(metric, "translator", record.run, interval, "m"))
+    return rows
