@@ -102,8 +102,16 @@ def evaluate(
 ) -> list[TranslatorReport]:
     """Judge translators of one store on the same images, none of which was used for a fit.
 
-    Raises RequestError for unknown runs and stores with too few instances.
+    Raises RequestError for unknown runs, stores with too few instances, and domains that image
+    different instances.
     """
+    for translator in translators:
+        domains = translator.source, translator.target
+        if not np.all([store.imaged(domain) for domain in domains]):
+            raise RequestError(
+                f"{store.path}: {' and '.join(domains)} image different instances; "
+                "the report compares both domains at the same ones"
+            )
     backend, run = None, None
     if settings.run is not None:
         run = store.run(settings.run)
