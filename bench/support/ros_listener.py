@@ -15,7 +15,7 @@ from typing import Any
 
 from s2rtools.ros.image_topics import camera_info_topic, frame_of
 from s2rtools.ros.ros_environment import ros_module
-from s2rtools.translation.image_codec import decode_compressed, decode_raw
+from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed, decode_raw
 
 _printing = threading.Lock()
 
@@ -37,8 +37,11 @@ def main() -> int:
                "delay": delay}  # fmt: skip
         if options.decode:
             frame = frame_of(message, 0)
-            rgb, _ = decode_raw(frame.content, frame.layout) if frame.layout \
-                else decode_compressed(frame.content)  # fmt: skip
+            try:
+                rgb, _ = decode_raw(frame.content, frame.layout) if frame.layout \
+                    else decode_compressed(frame.content)  # fmt: skip
+            except UndecodableImageError:
+                return
             row["mean"] = rgb.mean(axis=(0, 1)).tolist()
         _print(row)
 

@@ -122,5 +122,9 @@ class RosNetwork:
             master.setParam("/test", name, value)
 
     def stop(self) -> None:
-        for program in reversed(self._programs):
+        """End all programs, at the same time."""
+        for program in self._programs:
+            if program.process.poll() is None:
+                program.process.terminate()
+        for program in self._programs:
             program.stop()

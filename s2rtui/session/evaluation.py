@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import Node, evaluation, mask, to_text
+from s2rstore.index.catalog import NO_POSES
+from s2rstore.language import Node, evaluation, expand, mask, to_text
+from s2rstore.language.name_resolution import used_fields
+from s2rstore.language.syntax_tree import Bend, leaves
 from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import selection_indices
@@ -16,6 +20,8 @@ from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import PendingTarget, State
 
+_IMAGE_FIELDS = frozenset({"iid", "seq", "traj", "timestamp"})
+"""Fields that instances without poses have."""
 _RANKED_ERRORS = 4096
 """Largest errors that are searched for the cursor before the whole selection is."""
 
@@ -35,7 +41,7 @@ def evaluate(
     store, notes = context.store, context.notes
     masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)
     selected = mask(node, masks)
-    messages = ["" if selected.any() else "nothing is selected"]
+    messages = ["" if selected.any() else _nothing_selected(store, node, notes.nodes)]
     if notes.selections:
         messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
     base = context.base_populations.mask(store, state, masks)
@@ -55,6 +61,16 @@ def evaluate(
         is_error=False,
         keeps_message=False,
     )
+
+
+def _nothing_selected(store: Store, node: Node, saved: Mapping[str, Node]) -> str:
+    """The message for an empty selection, with the reason where the expression needs poses."""
+    expanded = expand(node, evaluation.vocabulary(store, saved))
+    used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
+    needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
+    if store.has_poses or not needs_poses:
+        return "nothing is selected"
+    return f"nothing is selected: {NO_POSES}"
 
 
 def _cursor(

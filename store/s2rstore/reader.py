@@ -163,18 +163,18 @@ class Store(IndexCatalog):
     @cached_property
     def imaged_trajectories(self) -> dict[str, frozenset[str]]:
         """The trajectories that each domain images: all of them, unless there are no poses."""
+        known = frozenset(trajectory.trajectory for trajectory in self.trajectories)
         if self.has_poses:
-            names = frozenset(trajectory.trajectory for trajectory in self.trajectories)
-            return dict.fromkeys(self.domains, names)
+            return dict.fromkeys(self.domains, known)
         query = "SELECT DISTINCT domain, trajectory FROM frame JOIN instance USING (iid)"
         rows = self.execute(query)
-        return {name: frozenset(t for d, t in rows if d == name) for name in self.domains}
+        return {name: known & {t for d, t in rows if d == name} for name in self.domains}
 
     def imaged(self, domain: str) -> NDArray[np.bool_]:
         """The instances that a domain images, shape (N,)."""
         self.domain(domain)
-        truth, names = self.instances, self.imaged_trajectories[domain]
-        codes = [truth.trajectory_names.index(name) for name in names]
+        truth, imaged = self.instances, self.imaged_trajectories[domain]
+        codes = [code for code, name in enumerate(truth.trajectory_names) if name in imaged]
         return np.isin(truth.trajectory, codes)
 
     def _check_images(self, domain: str, trajectory: str) -> None:

@@ -36,7 +36,7 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
 def shifted(offset: float) -> StoredTranslator:
     """A translator that adds `offset` to red and removes it from blue."""
     source = Moments(np.full(3, 120.0), np.eye(3) * 900)
-    target = Moments(source.mean + [offset, 0, -offset], source.covariance)
+    target = Moments(source.mean + np.array([offset, 0, -offset]), source.covariance)
     return StoredTranslator(MklTranslator(target, source), "real", "sim", (48, 64))
 
 

@@ -33,20 +33,24 @@ def mean(listener: Program) -> np.ndarray:
 
 
 @pytest.mark.parametrize("suffix", ["/compressed", ""])
-def test_images_are_translated_and_keep_stamp_frame_and_format(network, translator_file, suffix):
+def test_whole_images_are_translated_and_keep_stamp_frame_and_format(
+    network, translator_file, suffix
+):
     network.master()
     topics = f"/camera/image_raw{suffix}", f"/translated/image_raw{suffix}"
-    camera = network.camera(topics[0], *SMALL)
+    camera = network.camera(topics[0], *SMALL, "--damage-every", "3")
     plain = network.listener(topics[0], "--decode")
     listener = network.listener(topics[1], "--decode")
     network.proxy(translator_file, topics=topics)
     wait_for_images(listener, 30)
     wait_until(lambda: plain.rows("image"), "images of the camera")
     wait_until(lambda: listener.rows("info") and listener.rows("latency"), "CameraInfo, latency")
+    wait_until(lambda: int(diagnostics(listener).get("dropped, undecodable", 0)) > 3, "counts")
+    assert diagnostics(listener)["last error"].startswith("undecodable")
     camera.stop()
     sent = stamps(camera)
     assert {row["image"] for row in listener.rows("image")} <= sent
-    assert {row["info"] for row in listener.rows("info")} <= sent
+    assert sent & {row["info"] for row in listener.rows("info")}
     first, original = listener.rows("image")[0], plain.rows("image")[0]
     assert first["frame_id"] == "camera_optical"
     assert first["format"] == original["format"]
@@ -54,16 +58,6 @@ def test_images_are_translated_and_keep_stamp_frame_and_format(network, translat
     assert change[0] > 20
     assert change[2] < -20
     assert all(row["latency"] > 0 for row in listener.rows("latency"))
-
-
-def test_damaged_images_are_counted_and_the_others_pass(network, translator_file):
-    network.master()
-    network.camera("/camera/image_raw/compressed", *SMALL, "--damage-every", "3")
-    listener = network.listener()
-    network.proxy(translator_file)
-    wait_for_images(listener)
-    wait_until(lambda: int(diagnostics(listener).get("dropped, undecodable", 0)) > 3, "counts")
-    assert "cut off" in diagnostics(listener)["last error"]
 
 
 def test_parameters_change_the_running_node(network, translator_file, tmp_path):
@@ -101,7 +95,7 @@ def test_the_proxy_waits_for_the_master_and_ends_by_a_signal(network, translator
     assert not any("Traceback" in line for line in proxy.lines)
 
 
-@pytest.mark.parametrize("order", ["master", "master proxy camera", "camera master proxy"])
+@pytest.mark.parametrize("order", ["master camera proxy", "proxy camera master"])
 def test_images_flow_again_after_kills_in_any_order(
     network: RosNetwork, translator_file: Path, order: str
 ):

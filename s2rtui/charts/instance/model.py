@@ -54,8 +54,12 @@ def _image_input(store: Store, iid: int) -> InstanceInput:
     query = "SELECT domain, rgb_path FROM frame WHERE iid = ? ORDER BY domain"
     notes += [(f"{domain} file", printable(path)) for domain, path in store.execute(query, [iid])
               if path is not None]  # fmt: skip
-    views = (SideView(rgb=shown.rgb, title=shown.title) for shown in (sim, real))
-    return InstanceInput(iid, *views, notes=(*notes, *sim.notes, *real.notes))
+    return InstanceInput(
+        iid=iid,
+        sim=SideView(rgb=sim.rgb, title=sim.title),
+        real=SideView(rgb=real.rgb, title=real.title),
+        notes=(*notes, *sim.notes, *real.notes),
+    )
 
 
 def _named(names: tuple[str, ...], code: int) -> str:

@@ -39,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="topic of the images (default: the only one with images)")  # fmt: skip
     add("--out", dest="output", type=Path, required=True, metavar="BAG",
         help="bag to write: .bag for ROS 1, else a ROS 2 folder")  # fmt: skip
+    add("--segments", type=Path, metavar="FILE",
+        help="write the line segments of the translated images to this CSV file")  # fmt: skip
     replay.set_defaults(action=_replay)
     package = actions.add_parser(
         "package", help="print the folder of the ROS package with the launch file"
@@ -75,15 +77,18 @@ def _check(options: argparse.Namespace) -> None:
 
 def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
-    from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, load_translator, parse_age
+    from s2rtools.ros.image_topics import check_topics
+    from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
     from s2rtools.ros.run_proxy import run_proxy
+    from s2rtools.translation.load_translator import load_translator
 
     unknown = [text for text in options.arguments if ":=" not in text]
     if unknown:
         raise RequestError(f"{unknown[0]}: unknown argument; remappings are FROM:=TO")
     max_age = None if options.max_age is None else parse_age(options.max_age)
-    version = ros_environment.find_ros(options.ros)
+    check_topics(options.input, options.output)
     translator = load_translator(options.translator, options.store)
+    version = ros_environment.find_ros(options.ros)
     settings = ProxySettings(
         options.translator, translator, options.strength, max_age, options.jpeg_quality
     )
@@ -95,20 +100,26 @@ def _proxy(options: argparse.Namespace) -> None:
 
 
 def _replay(options: argparse.Namespace) -> None:
-    from s2rtools.translation.apply_bag import apply_to_bag
+    from s2rtools.common.result_files import check_writable
+    from s2rtools.ros.segment_table import SegmentTable
+    from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
+    from s2rtools.translation.load_translator import load_translator
 
-    from s2rtools.ros.proxy_settings import load_translator
-
-    translator = load_translator(options.translator, options.store)
+    check_writable({"--segments": options.segments}, {"BAG": options.bag})
+    translator = load_translator(options.translator, options.store).translator
+    table = None if options.segments is None else SegmentTable()
+    request = BagRequest(options.input, options.jpeg_quality, None if table is None else table.add)
     with reporter() as progress:
-        counts = apply_to_bag(
-            translator, options.strength, options.bag, options.output, progress,
-            options.input, options.jpeg_quality,
-        )  # fmt: skip
-    print(f"{options.output}: {counts.summary()}")
+        result = apply_to_bag(
+            translator, options.strength, options.bag, options.output, progress, request
+        )
+    print(f"{options.output}: {result.summary()}")
+    if table is not None:
+        table.write(options.segments)
+        print(f"{options.segments}: {table.segments} segments in {table.images} images")
 
 
 def _package(options: argparse.Namespace) -> None:
-    from s2rtools.ros.run_proxy import PACKAGE
+    from s2rtools.ros.ros_environment import ROS1_PACKAGE
 
-    print(PACKAGE)
+    print(ROS1_PACKAGE)

@@ -7,6 +7,7 @@ import json
 import shlex
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,8 @@ from s2rtui.cli.formatting.progress import percent_callback, reporter
 if TYPE_CHECKING:
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
 
+_IMAGES = 120
+"""Most images on which translators are judged."""
 EXAMPLE = "s2r translate fit mkl --direction real2sim --name to_sim --store lab.s2r"
 
 
@@ -57,7 +60,7 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
-    fit.add_argument("method", help="method of the fit, or `all` with --store; see the reference")
+    fit.add_argument("method", help="method of the fit, or `all`; the reference lists them")
     add = fit.add_argument_group("images").add_argument
     add("--store", type=Path, help="store folder; the translator is registered in it")
     add("--direction", choices=("sim2real", "real2sim"), default="sim2real",
@@ -73,25 +76,30 @@ def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
         help="also degrade depth by the measured noise of the target")  # fmt: skip
     add = fit.add_argument_group("result").add_argument
     add("--name", help="name of the translator in the store (default: method and direction)")
-    add("--out", type=Path, metavar="FILE", help="translator file to write, with --source")
+    add("--out", type=Path, metavar="FILE",
+        help="translator file to write, with --source; a folder with `all`")  # fmt: skip
     add = fit.add_argument_group("budget").add_argument
     add("--minutes", type=float, help="training time, in place of the default number of steps")
     add("--steps", type=int, help="number of training steps")
     add("--seed", type=int, default=0, help="random seed (default 0)")
     add("--option", action="append", default=[], metavar="NAME=VALUE",
         help="option of the method, such as statistics=image")  # fmt: skip
+    add = fit.add_argument_group("judgement").add_argument
+    add("--report", action="store_true", help="judge what was fitted, as `s2r translate report`")
+    add("--run", help="run whose network judges the task (default: none)")
+    fit.set_defaults(images=_IMAGES, trust=False, no_keep=False, json=False)
 
 
 def _add_report_arguments(report: argparse.ArgumentParser) -> None:
     report.add_argument("translators", nargs="*", metavar="T",
-                        help="translators of --store (default: all), or one translator file with "
+                        help="translators of --store (default: all), or translator files with "
                         "--source")  # fmt: skip
     add = report.add_argument_group("images").add_argument
     add("--store", type=Path, help="store that has the translators")
     add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
     add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
-    add("--images", type=int, default=120, metavar="N",
-        help="most images on which translators are judged (default 120)")  # fmt: skip
+    add("--images", type=int, default=_IMAGES, metavar="N",
+        help=f"most images on which translators are judged (default {_IMAGES})")  # fmt: skip
     add("--seed", type=int, default=1, help="random seed that draws images (default 1)")
     add = report.add_argument_group("task").add_argument
     add("--run", help="run whose network judges the task (default: none)")
@@ -109,34 +117,69 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _fit(options: argparse.Namespace) -> None:
-    from s2rtools.translator_evaluation import fit_into_store as fitting
+    from s2rtools.translation import METHODS
 
     _check_budget(options)
     if (options.store is None) == (options.source is None):
         raise RequestError("name --store S, or --source DIR and --target DIR with --out FILE")
-    if options.store is None:
-        if options.target is None or options.out is None:
-            raise RequestError("--source needs --target DIR and --out FILE")
-        with reporter() as progress:
-            report = percent_callback(progress, f"fit {options.method}")
-            request = _request(options, options.method, options.method, report)
-            fitting.fit_folders(options.source, options.target, request, options.out)
-        print(f"{options.out}: {options.method} from {options.source} to {options.target}")
-        return
-    command = shlex.join(["s2r", *sys.argv[1:]])
-    methods = fitting.all_methods() if options.method == "all" else (options.method,)
+    methods = tuple(METHODS) if options.method == "all" else (options.method,)
     if options.name and len(methods) > 1:
         raise RequestError("--name: not with `all`, which names each translator by its method")
+    if options.store is None:
+        files = _fit_folders(options, methods)
+        options.translators = [str(file) for file in files]
+    else:
+        options.translators = _fit_store(options, methods)
+    if options.report:
+        _report(options)
+
+
+def _fit_store(options: argparse.Namespace, methods: tuple[str, ...]) -> list[str]:
+    """Register a translator per method; with `all`, those of an earlier call are kept."""
+    import s2rstore
+    from s2rtools.translator_evaluation.fit_into_store import fit_into_store
+
+    command = shlex.join(["s2r", *sys.argv[1:]])
+    with s2rstore.open(options.store) as store:
+        known = set(store.translators)
+    names = []
     for method in methods:
         name = options.name or f"{method}-{options.direction}"
+        names.append(name)
+        if len(methods) > 1 and name in known:
+            print(f"{options.store}: translator {name} is registered already")
+            continue
         with reporter() as progress:
             report = percent_callback(progress, f"fit {name}")
-            request = _request(options, method, name, report)
-            verdict = fitting.fit_into_store(options.store, request, command)
+            verdict = fit_into_store(
+                options.store, _request(options, method, name, report), command
+            )
         checked = "not checked: too few images are held out" if verdict is None else "accepted"
         if verdict is not None and not verdict.passed:
             checked = f"refused as an adjustment: {'; '.join(verdict.reasons)}"
         print(f"{options.store}: translator {name} registered, {checked}")
+    return names
+
+
+def _fit_folders(options: argparse.Namespace, methods: tuple[str, ...]) -> list[Path]:
+    """Write a translator file per method; with `all`, those of an earlier call are kept."""
+    from s2rtools.translator_evaluation.fit_into_store import fit_folders
+
+    if options.target is None or options.out is None:
+        raise RequestError("--source needs --target DIR and --out FILE (a folder with `all`)")
+    files = []
+    for method in methods:
+        file = options.out / f"{method}.safetensors" if len(methods) > 1 else options.out
+        files.append(file)
+        if len(methods) > 1 and file.exists():
+            print(f"{file}: exists already")
+            continue
+        with reporter() as progress:
+            report = percent_callback(progress, f"fit {method}")
+            request = _request(options, method, method, report)
+            fit_folders(options.source, options.target, request, file)
+        print(f"{file}: {method} from {options.source} to {options.target}")
+    return files
 
 
 def _check_budget(options: argparse.Namespace) -> None:
@@ -170,18 +213,16 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
 
 def _apply(options: argparse.Namespace) -> None:
     from s2rtools.translation.apply_files import apply_to_files
-
-    from s2rtools.translator_evaluation.fit_into_store import load_translator
+    from s2rtools.translation.load_translator import load_translator
 
     if not 0 <= options.strength <= 1:
         raise RequestError("--strength: must be 0 to 1")
     stored = load_translator(options.translator, options.store)
     with reporter() as progress:
-        report = percent_callback(progress, f"translate {options.input.name}")
-        count = apply_to_files(
-            stored.translator, options.strength, options.input, options.output, report
+        result = apply_to_files(
+            stored.translator, options.strength, options.input, options.output, progress
         )
-    print(f"{options.output}: {count} images translated by {options.translator}")
+    print(f"{options.output}: {result.summary()} by {options.translator}")
 
 
 def _report(options: argparse.Namespace) -> None:
@@ -227,34 +268,49 @@ def _report_store(options: argparse.Namespace) -> None:
             contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
     if not options.no_keep:
         save_reports(options.store, found)
-    _print_report(options, report.as_json(found), lambda: reports_text(found, options.run))
+    text = partial(reports_text, found, options.run)
+    _print_report(options, options.out, report.as_json(found), text)
 
 
 def _report_folders(options: argparse.Namespace) -> None:
+    from s2rtools.translation.load_translator import load_translator
     from s2rtools.translator_evaluation import contact_sheet, report
-    from s2rtools.translator_evaluation.fit_into_store import load_translator
     from s2rtui.cli.formatting.translator_tables import folder_text
 
-    if options.target is None or len(options.translators) != 1:
-        raise RequestError("--source needs --target DIR and one translator file")
+    if options.target is None or not options.translators:
+        raise RequestError("--source needs --target DIR and translator files")
     if options.run is not None:
         raise RequestError("--run: needs --store, because folders have no poses")
-    translator = load_translator(options.translators[0]).translator
-    found = report.evaluate_folders(options.source, options.target, translator, options.images)
-    if options.out:
-        sheet = contact_sheet.folder_sheet(options.source, options.target, translator, options.seed)
-        name = Path(options.translators[0]).stem
-        contact_sheet.write_png(options.out / f"{name}.png", sheet)
-    _print_report(options, report.folder_json(found), lambda: folder_text(found))
+    out = _sheet_folder(options)
+    content, texts = {}, []
+    for file in options.translators:
+        translator = load_translator(file).translator
+        found = report.evaluate_folders(options.source, options.target, translator, options.images)
+        content[Path(file).stem] = report.folder_json(found)
+        texts.append(f"{file}\n{folder_text(found)}")
+        if out:
+            sheet = contact_sheet.folder_sheet(
+                options.source, options.target, translator, options.seed
+            )
+            contact_sheet.write_png(out / f"{Path(file).stem}.png", sheet)
+    _print_report(options, out, content, lambda: "\n\n".join(texts))
 
 
-def _print_report(options: argparse.Namespace, content: object, text: Callable[[], str]) -> None:
+def _sheet_folder(options: argparse.Namespace) -> Path | None:
+    """The folder of contact sheets; a fit of one file has none."""
+    out: Path | None = options.out
+    return None if out is not None and out.suffix == ".safetensors" else out
+
+
+def _print_report(
+    options: argparse.Namespace, out: Path | None, content: object, text: Callable[[], str]
+) -> None:
     """Print the text, or the JSON with --json; write the JSON to the folder of --out."""
     from s2rtui.cli.formatting.rows import write_file
 
     as_json = json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n"
-    if options.out:
-        write_file(options.out / "report.json", as_json.encode())
+    if out:
+        write_file(out / "report.json", as_json.encode())
     sys.stdout.write(as_json if options.json else text() + "\n")
-    if options.out:
-        print(f"wrote {options.out}", file=sys.stderr)
+    if out:
+        print(f"wrote {out}", file=sys.stderr)

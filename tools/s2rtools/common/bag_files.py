@@ -40,10 +40,10 @@ def check_bag(path: Path) -> None:
             _check_tables(file)
 
 
-def unreadable(path: Path, error: Exception) -> RequestError:
-    """The error for a bag in which the reader failed."""
+def unreadable(path: Path, error: Exception, memory: int = READING_MEMORY) -> RequestError:
+    """The error for a bag in which the reader failed with `memory` bytes as its limit."""
     if isinstance(error, MemoryError):
-        limit = f"{READING_MEMORY >> 20} MB"
+        limit = f"{memory >> 20} MB"
         return RequestError(f"{path}: reading it takes more than {limit}; split it")
     reason = " ".join(str(error).split()) or type(error).__name__
     return RequestError(

@@ -9,16 +9,16 @@ import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
 from safetensors import SafetensorError
-from safetensors.torch import load
-from torch import Tensor
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.security.memory_limit import bounded_memory
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 MAX_TORCHSCRIPT_BYTES = 1 << 31
 """Bytes of a TorchScript archive, which is read only if the user trusts it."""
@@ -76,6 +76,9 @@ def check_archive(path: Path, content: bytes) -> None:
 
 def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
     """Tensors of a weights file, read without running code from it. Raises RequestError."""
+    import torch
+    from safetensors.torch import load
+
     try:
         if path.suffix == ".safetensors":
             loaded: Any = load(content)
@@ -94,13 +97,17 @@ def read_state(path: Path, content: bytes) -> dict[str, Tensor]:
     for wrapper in _WRAPPER_KEYS:
         if isinstance(loaded, Mapping) and isinstance(loaded.get(wrapper), Mapping):
             loaded = loaded[wrapper]
-    if not isinstance(loaded, Mapping) or not all(isinstance(v, Tensor) for v in loaded.values()):
+    if not isinstance(loaded, Mapping) or not all(
+        isinstance(v, torch.Tensor) for v in loaded.values()
+    ):
         raise RequestError(f"{path}: no state dict in it (a mapping of names to tensors)")
     return {str(key).removeprefix("module."): value for key, value in loaded.items()}
 
 
 def check_tensors(state: Mapping[str, Tensor], expected: Mapping[str, Tensor], where: str) -> None:
     """Raise RequestError for sparse, quantized or complex tensors, and for a wrong data type."""
+    import torch
+
     for key, value in state.items():
         plain = value.layout == torch.strided and value.device.type == "cpu"
         if not plain or value.is_quantized or value.is_nested or value.is_complex():

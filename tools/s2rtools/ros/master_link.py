@@ -43,7 +43,7 @@ class MasterLink:
 
     def remember_services(self) -> None:
         """Note the services of the node, to register them again. Raises MasterUnreachableError."""
-        state = self._call("getSystemState") or ([], [], [])
+        state: Any = self._call("getSystemState") or ([], [], [])
         for service, providers in state[2]:
             if self._name in providers:
                 self._services[service] = self._call("lookupService", service)

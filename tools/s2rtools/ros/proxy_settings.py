@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
@@ -83,15 +82,6 @@ class ProxyRequest:
     load: LoadTranslator
     node_name: str = "translation_proxy"
     arguments: tuple[str, ...] = ()
-
-
-def load_translator(text: str, store: Path | None = None) -> StoredTranslator:
-    """The translator of a file, or of a store by its name. Raises RequestError."""
-    from s2rtools.translation.translator_file import read_translator
-
-    if Path(text).suffix == ".safetensors" or store is None:
-        return read_translator(Path(text))
-    raise RequestError(f"--translator {text}: give a file (.safetensors)")
 
 
 def parse_age(text: str) -> float:

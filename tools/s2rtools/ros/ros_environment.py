@@ -6,12 +6,15 @@ import importlib
 import importlib.util
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 from s2rstore.errors import RequestError
 
 SYSTEM_PACKAGES = "/usr/lib/python3/dist-packages"
 """Where Debian installs the Python packages of ROS 1."""
+ROS1_PACKAGE = Path(__file__).parent / "launch"
+"""Folder of the ROS 1 package with the launch file; it belongs into ROS_PACKAGE_PATH."""
 DEBIAN_PACKAGES = (
     "python3-rospy",
     "python3-sensor-msgs",

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import cv2
 
-from s2rtools.ros.image_topics import check_topics
 from s2rtools.ros.proxy_settings import ProxyRequest
-
-PACKAGE = Path(__file__).parent / "launch"
-"""Folder of the ROS 1 package with the launch file; it belongs into ROS_PACKAGE_PATH."""
 
 
 def run_proxy(request: ProxyRequest, version: int) -> None:
     """Run the node of ROS `version` until it is interrupted, with one thread per computation."""
-    check_topics(request.input_topic, request.output_topic)
     cv2.setNumThreads(1)
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

@@ -23,9 +23,12 @@ _MODULES = {
     "mkl": "mkl",
     "histogram": "histogram",
     "fda": "fda",
+    "style": "style",
+    "style-network": "style_network",
     "cut": "cut",
     "cyclegan": "cyclegan",
     "unit": "unit",
+    "mkl+residual": "residual",
 }
 
 

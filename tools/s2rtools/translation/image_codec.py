@@ -47,7 +47,7 @@ class RawLayout(NamedTuple):
 
 
 class _Channels(NamedTuple):
-    count: int
+    number: int
     reversed: bool = False
 
 
@@ -74,8 +74,8 @@ class RawFormat:
     def encode(self, rgb: Rgb) -> bytes:
         channels = ENCODINGS[self.layout.encoding]
         rows = self.rows.copy()
-        pixels = _pixels(rows, self.layout, channels.count)
-        if channels.count == 1:
+        pixels = _pixels(rows, self.layout, channels.number)
+        if channels.number == 1:
             pixels[..., 0] = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
         else:
             pixels[..., :3] = rgb[..., ::-1] if channels.reversed else rgb
@@ -109,15 +109,15 @@ def decode_raw(content: bytes, layout: RawLayout) -> tuple[Rgb, ImageFormat]:
             f"encoding {encoding[:40]!r} is not translated; convert to {', '.join(ENCODINGS)}"
         )
     _check_size(height, width)
-    if step < width * channels.count:
+    if step < width * channels.number:
         raise UndecodableImageError(f"step {step} is less than a row of {width} {encoding} pixels")
     if len(content) != height * step:
         raise UndecodableImageError(
             f"{len(content)} bytes, but {height} rows of step {step} are {height * step}"
         )
     rows = np.frombuffer(content, dtype=np.uint8).reshape(height, step)
-    pixels = _pixels(rows, layout, channels.count)
-    if channels.count == 1:
+    pixels = _pixels(rows, layout, channels.number)
+    if channels.number == 1:
         rgb = np.repeat(pixels, 3, axis=2)
     else:
         rgb = np.ascontiguousarray(pixels[..., 2::-1] if channels.reversed else pixels[..., :3])

@@ -28,12 +28,28 @@ ROWS = 0.7
 """Share of the rows, from the bottom, that the percentiles are taken over."""
 MIN_RANGE = 4.0
 """Smallest distance of the source's levels that is stretched, in grey levels."""
+MIN_IMAGES = 12
+_ALWAYS = 10.0
+"""Percentile over the images that must be bright, too, where a pixel is bright in almost all."""
+_MIN_MOVING = 0.5
 
 
 def levels(rgb: Rgb, low: float, high: float, rows: float) -> Floats:
-    """(2, 3) grey levels of two percentiles over the lower rows of images (B, H, W, 3)."""
+    """(2, 3) grey levels of two percentiles over the lower rows of images (B, H, W, 3).
+
+    Pixels that are bright in almost all of at least `MIN_IMAGES` images are left out: parts of the
+    robot and reflections of its lamps.
+    """
     start = rgb.shape[1] - max(1, round(rgb.shape[1] * rows))
-    return np.percentile(rgb[:, start:].reshape(-1, 3), [low, high], axis=0)
+    lower = rgb[:, start:]
+    found = np.percentile(lower.reshape(-1, 3), [low, high], axis=0)
+    if len(rgb) < MIN_IMAGES:
+        return found
+    always = np.percentile(lower, _ALWAYS, axis=0)
+    moving = (always <= found.mean(axis=0)).all(axis=2)
+    if moving.mean() < _MIN_MOVING:
+        return found
+    return np.percentile(lower[:, moving].reshape(-1, 3), [low, high], axis=0)
 
 
 class LevelsTranslator(Translator):

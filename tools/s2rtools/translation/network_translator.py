@@ -122,7 +122,7 @@ class NetworkTranslator(Translator):
     def _output(self, rgb: Rgb) -> NDArray[np.float32]:
         """Grey levels of the network's output; both edges fit the network."""
         low = self.precision == torch.bfloat16
-        with torch.inference_mode(), torch.autocast(device().type, torch.bfloat16, enabled=low):
+        with torch.no_grad(), torch.autocast(device().type, torch.bfloat16, enabled=low):
             return to_grey_levels(self.network(to_tensor(rgb)))
 
     def choose_precision(self, rgb: Rgb) -> dict[str, float]:

@@ -48,7 +48,7 @@ from s2rtools.translation.networks import (
 
 STEPS = 800
 BATCH = 2
-LEARNING_RATE = 5e-4
+LEARNING_RATE = 1e-3
 OPTIONS = (*SIZE_OPTIONS, "batch", "kl", "reconstruction", "cycle", "luminance")
 DEFAULT_SIZE = GeneratorSize(blocks=2)
 """Blocks of each encoder and decoder, in addition to the shared ones."""

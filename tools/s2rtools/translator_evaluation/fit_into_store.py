@@ -24,15 +24,13 @@ from s2rstore.records import DIRECTIONS, Direction
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
-from s2rtools.translation import METHODS, find_method, fit_split
+from s2rtools.translation import find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
 from s2rtools.translation.image_set import fit_size, from_folder, from_store
 from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, Translator
 from s2rtools.translation.translator_file import (
     StoredTranslator,
     encode,
-    open_stored,
-    read_translator,
     stored_path,
 )
 from s2rtools.translator_evaluation.content_summary import measure_content
@@ -165,18 +163,6 @@ def publish(
         draft.set_provenance(f"translator:{name}", facts)
 
 
-def load_translator(text: str, store_path: Path | None = None) -> StoredTranslator:
-    """The translator of a file, or of a store by its name. Raises RequestError."""
-    if store_path is None or text.endswith(".safetensors"):
-        path = Path(text)
-        if not path.suffix and not path.exists():
-            raise RequestError(f"{text}: no such file; a translator's name needs --store")
-        return read_translator(path)
-    with s2rstore.open(store_path) as store:
-        sha256 = store.translator(text).sha256
-    return open_stored(store_path, sha256)
-
-
 def fit_folders(
     source: Path, target: Path, request: FitRequest, out: Path, groups: Sequence[str] = ()
 ) -> None:
@@ -250,8 +236,3 @@ def default_settings(
             raise RequestError(f"--option {text}: {method} takes {allowed}")
         parsed[key] = value
     return FitSettings(seed, steps, minutes, paired, parsed, None, report)
-
-
-def all_methods() -> tuple[str, ...]:
-    """Names of all methods, in the order of the registry."""
-    return tuple(METHODS)

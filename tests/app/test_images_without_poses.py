@@ -1,0 +1,92 @@
+"""The application on a data set of images without poses."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from s2rstore.index.catalog import NO_POSES
+from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import ACTIONS
+from s2rtui.app.pilot import settle, snapshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.registry import VIEWS
+from s2rtui.session import Session
+from s2rtui.user_data.notebook import ReadNotebook
+from tests.support import image_folders
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return image_folders.image_store(tmp_path_factory.mktemp("images"))
+
+
+def lines(images: Path, size: tuple[int, int], *keys: str) -> list[str]:
+    return snapshot(images, size, keys, RenderOptions()).text.splitlines()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (40, 12)])
+def test_the_first_screen_shows_an_image(images: Path, size: tuple[int, int]) -> None:
+    screen = lines(images, size)
+    assert "14 of 14" in screen[0]
+    assert any("3 instance  0" in line for line in screen)
+    assert sum("▀" in line for line in screen) >= 4
+
+
+def test_the_wide_screen_shows_the_list_beside_the_image(images: Path) -> None:
+    screen = lines(images, (120, 40), "down", "8", "down")
+    assert "no runs" in screen[0]
+    assert screen[1].startswith("8 list  14 of 14, by iid")
+    assert "real_day" in screen[4]
+    assert "▶" in screen[4]
+    assert any("3 instance  1" in line for line in screen)
+    assert any("where real_day 1" in line for line in screen)
+
+
+@pytest.mark.parametrize("view", [view for view in VIEWS if view.needs_poses and view.from_store])
+def test_a_view_that_needs_poses_says_so_in_one_line(images: Path, view) -> None:
+    screen = lines(images, (80, 24), view.key)
+    assert screen[1].startswith(f"{view.key} {view.name}")
+    assert [line.strip() for line in screen[2:-2] if line.strip()] == [NO_POSES]
+
+
+def test_a_selection_that_needs_errors_says_why_it_is_empty(images: Path) -> None:
+    assert f"nothing is selected: {NO_POSES}" in lines(images, (80, 24), "w")[-2]
+
+
+def test_the_selection_moves_between_images_of_a_trajectory(images: Path) -> None:
+    screen = lines(images, (80, 24), "t", "t", "right", "right")
+    assert "traj real_night" in screen[0]
+    assert "3 of 3" in screen[0]
+    assert any("where real_night 2" in line for line in screen)
+
+
+def test_no_key_ends_the_application(images: Path) -> None:
+    messages = asyncio.run(press_all(images))
+    assert {messages[a.name] for a in ACTIONS if a.needs_poses and a.name in messages} == {NO_POSES}
+    assert "no runs" in messages["next_run"]
+
+
+async def press_all(images: Path) -> dict[str, str]:
+    """The message after the first key of every action that leads to no other screen."""
+    app = S2RApp(Session(images, None, ReadNotebook), RenderOptions())
+    app.load_scheduler.debounce_seconds = 0.001
+    left_out = {"quit", "snapshot", "report", "doctor", "tour", "help", "copy"}
+    messages = {}
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        for action in ACTIONS:
+            if action.name in left_out or action.when in ("brushing", "adjust", "list"):
+                continue
+            await pilot.press("c", "3")
+            await pilot.press(action.keys[0])
+            await settle(app, pilot)
+            messages[action.name] = app.session.state.message
+            await pilot.press("escape", "escape")
+        await settle(app, pilot)
+        assert app.fault is None
+        assert not app.renderer.scene.resources.failed
+        assert app.is_running
+    return messages

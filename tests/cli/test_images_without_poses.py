@@ -1,0 +1,83 @@
+"""Commands on a data set of images without poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rtui.cli import main
+from tests.support import image_folders
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(image_folders.image_store(tmp_path_factory.mktemp("images")))
+
+
+def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
+    assert main([*arguments]) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_query_lists_images(images: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = output(capsys, "query", images, "traj:real_night & seq < 2", "--format", "csv")
+    assert rows == ["iid,trajectory,seq,timestamp", "4,real_night,0,", "5,real_night,1,"]
+    assert output(capsys, "query", images, "traj:sim_loop", "--count") == ["5"]
+    columns = output(
+        capsys, "query", images, "ids(0)", "--columns", "traj,x,real.rank", "--format", "csv"
+    )
+    assert columns == ["traj,x,real.rank", "real_day,,"]
+
+
+def test_sql_and_runs_and_verify_work(images: str, capsys: pytest.CaptureFixture[str]) -> None:
+    query = "SELECT domain, count(*) AS n FROM frame GROUP BY domain ORDER BY domain"
+    assert output(capsys, "sql", images, query, "--format", "csv") == [
+        "domain,n", "real,7", "sim,7",
+    ]  # fmt: skip
+    assert len(output(capsys, "runs", images, "--format", "csv")) == 1
+    assert output(capsys, "verify", images) == [f"{images}: no damage found"]
+
+
+def test_the_list_and_one_image_are_shown_and_drawn(
+    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = output(
+        capsys, "show", images, "list", "--select", "seq=1", "--ascending", "--format", "csv"
+    )
+    assert rows[0] == "iid,trajectory,seq"
+    assert [row.split(",")[:2] for row in rows[1:]] == [
+        ["1", "real_day"], ["5", "real_night"], ["8", "sim_city"], ["10", "sim_loop"],
+    ]  # fmt: skip
+    words = output(capsys, "show", images, "instance", "--iid", "9", "--words")
+    assert words == ["Instance 9 (sim_loop 0): image in sim."]
+    for view in ("instance", "list", "workbench"):
+        assert main(["export", images, "--view", view, "--out", str(tmp_path / f"{view}.png")]) == 0
+        assert (tmp_path / f"{view}.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["show", "STORE", "map"],
+        ["show", "STORE", "rooms", "--words"],
+        ["export", "STORE", "--view", "errors", "--out", "OUT.png"],
+        ["report", "STORE", "--select", "all", "--out", "OUT.html"],
+        ["train", "--recipe", "vanilla", "--store", "STORE"],
+        ["run", "add", "mine", "--model", "mine", "--store", "STORE"],
+        ["precompute", "STORE"],
+        ["gap", "STORE"],
+        ["query", "STORE", "all", "--run", "vanilla"],
+        ["snapshot", "STORE", "--run", "vanilla", "--out", "OUT.txt"],
+    ],
+    ids=lambda arguments: " ".join(arguments[:3]),
+)
+def test_what_needs_poses_is_refused_in_one_line(
+    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]
+) -> None:
+    words = [word.replace("OUT", str(tmp_path / "a")) for word in arguments]
+    assert main([images if word == "STORE" else word for word in words]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"s2r: {images}: the data set has no poses")
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,200 @@
+"""Folders of images that are damaged, malformed or crafted end in one line, and no store."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from s2rtui.cli import main
+from tests.support import image_folders
+from tests.support.image_folders import REAL_SIZE, picture, write
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    image_folders.folders(tmp_path / "data")
+    return tmp_path / "data"
+
+
+def run(data: Path, *more: str) -> int:
+    arguments = ["--sim", str(data / "sim"), "--real", str(data / "real"), "--size", "64"]
+    return main(["ingest", "images", *arguments, "--store", str(data.parent / "s.s2r"), *more])
+
+
+def index(data: Path, text: str | bytes) -> None:
+    content = text.encode() if isinstance(text, str) else text
+    (data / "real" / "index.csv").write_bytes(content)
+
+
+def outside(data: Path) -> Path:
+    return write(data.parent / "elsewhere" / "secret.png", picture(3, REAL_SIZE))
+
+
+def absolute(data: Path) -> None:
+    index(data, f"file,condition\n{outside(data)},day\n")
+
+
+def relative_to_parent(data: Path) -> None:
+    outside(data)
+    index(data, "file,condition\n../../../elsewhere/secret.png,day\n")
+
+
+def linked_file(data: Path) -> None:
+    (data / "sim" / "loop" / "zz.png").symlink_to(outside(data))
+
+
+def linked_index(data: Path) -> None:
+    text = (data / "real" / "index.csv").read_text()
+    (data / "real" / "index.csv").unlink()
+    (data.parent / "secret.csv").write_text(text)
+    (data / "real" / "index.csv").symlink_to(data.parent / "secret.csv")
+
+
+OUTSIDE = [absolute, relative_to_parent, linked_file, linked_index]
+
+
+@pytest.mark.parametrize("redirect", OUTSIDE)
+def test_files_outside_the_folder_are_refused(
+    data: Path, capsys: pytest.CaptureFixture[str], redirect: Callable[[Path], None]
+) -> None:
+    redirect(data)
+    assert run(data) == 2
+    error = capsys.readouterr().err
+    assert "--allow-outside" in error
+    assert error.count("\n") == 1
+    assert not list(data.parent.glob("*.s2r*"))
+
+
+@pytest.mark.parametrize("redirect", OUTSIDE)
+def test_allowed_outside_files_are_reported(
+    data: Path, capsys: pytest.CaptureFixture[str], redirect: Callable[[Path], None]
+) -> None:
+    redirect(data)
+    assert run(data, "--allow-outside") == 0
+    assert "read from outside the data folder: " in capsys.readouterr().err
+
+
+def test_a_linked_folder_is_not_followed(data: Path) -> None:
+    outside(data)
+    (data / "sim" / "linked").symlink_to(data.parent / "elsewhere")
+    assert run(data, "--trajectory", "sim_linked") == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "no rows; the first line names file, condition"),
+        ("file,condition\n", "no rows; the first line names file, condition"),
+        ("file,light\nday_0.png,day\n", "no column condition (needs: file, condition)"),
+        ("file,condition\nday_0.png,two words\n", "use letters, digits"),
+        ("file,condition\nday_0.png,../day\n", "use letters, digits"),
+        ("file,condition\nday_9.png,day\n", "no usable image"),
+        (b"file,condition\n\xff\xfe,day\n", "not UTF-8"),
+        (b"file,condition\nday_0.png\0,day\n", "contains NUL bytes"),
+        (f"file,condition\n{'x' * 300}.png,day\n", "no usable image"),
+        (f"file,condition\nday_0.png,{'x' * 90}\n", "use letters, digits"),
+    ],
+)
+def test_a_malformed_index_ends_in_one_line(
+    data: Path, capsys: pytest.CaptureFixture[str], text: str | bytes, reason: str
+) -> None:
+    index(data, text)
+    assert run(data) == 2
+    error = capsys.readouterr().err
+    assert reason in error
+    assert error.count("\n") == 1
+    assert not list(data.parent.glob("*.s2r*"))
+
+
+def test_doubtful_rows_are_left_out_and_reported(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    index(data, "file,condition\nday_0.png,day\nday_0.png,day\nday_1.png,\nday_7.png,day\n")
+    assert run(data) == 0
+    captured = capsys.readouterr()
+    assert "real_day (1)" in captured.out
+    for kind in ("duplicate row: 1", "incomplete row: 1", "missing image: 1", "unlisted image: 6"):
+        assert kind in captured.err
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0x40
+    path.write_bytes(content)
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def text(path: Path) -> None:
+    path.write_text("not an image")
+
+
+def bomb(path: Path) -> None:
+    """A PNG file whose header declares 30000 x 30000 pixels."""
+    data = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 8, 2, 0, 0, 0)
+    chunk = struct.pack(">I", 13) + data + struct.pack(">I", zlib.crc32(data))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
+
+
+DAMAGES = [truncated, flipped, empty, text, bomb]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_image_is_left_out_and_reported(
+    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
+) -> None:
+    damage(data / "sim" / "loop" / "2.png")
+    assert run(data) == 0
+    captured = capsys.readouterr()
+    assert "sim_loop (4)" in captured.out
+    assert "sim/loop/2.png" in captured.err
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_with_strict_nothing_is_written(
+    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
+) -> None:
+    damage(data / "sim" / "loop" / "2.png")
+    assert run(data, "--strict") == 2
+    assert "nothing was ingested" in capsys.readouterr().err
+    assert not list(data.parent.glob("*.s2r*"))
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_folders_without_a_usable_image_are_refused(
+    data: Path, capsys: pytest.CaptureFixture[str], damage: Callable[[Path], None]
+) -> None:
+    for file in data.rglob("*.png"):
+        damage(file)
+    assert run(data) == 2
+    assert capsys.readouterr().err.rstrip().splitlines()[-1].startswith("s2r: ")
+    assert not list(data.parent.glob("*.s2r*"))
+
+
+def test_two_folders_of_one_trajectory_are_refused(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a_b", "a/b"):
+        write(data / "sim" / name / "0.png", picture(1, REAL_SIZE))
+    assert run(data) == 2
+    assert "make one trajectory, a_b; rename one" in capsys.readouterr().err
+
+
+def test_a_missing_folder_and_an_existing_store_are_refused(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(data, "--real", str(data / "none")) == 2
+    assert "none: no such folder" in capsys.readouterr().err
+    assert run(data) == 0
+    assert run(data) == 2
+    assert "exists; choose another --store" in capsys.readouterr().err

@@ -1,0 +1,108 @@
+"""`s2r ros replay`, and its bags in ROS's own tools."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from bench.support.ros_programs import missing_ros
+from s2rtools.lane_detection.conditions import CONDITIONS
+from s2rtools.lane_detection.rendered_folder import lit_frames
+from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
+from s2rtui.cli import main
+from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
+
+_READ = """
+import sys
+sys.path.append(sys.argv[2])
+import rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    for topic, message, time in bag.read_messages():
+        content = getattr(message, "data", "")
+        stamp = message.header.stamp.to_nsec() if hasattr(message, "header") else 0
+        print(topic, time.to_nsec(), stamp, message._type, len(content))
+"""
+
+
+@pytest.fixture(scope="module")
+def ros() -> None:
+    missing = missing_ros()
+    if missing:
+        pytest.skip(f"ROS 1 is not installed: {missing} is missing (see .ci/programs)")
+
+
+@pytest.mark.usefixtures("ros")
+@pytest.mark.parametrize("kind", [COMPRESSED, RAW])
+def test_ros_reads_a_replayed_bag(tmp_path, translator_file, kind):
+    source = write_image_bag(tmp_path / "a.bag", grey_images(3), kind)
+    target = tmp_path / "b.bag"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    assert main([*arguments, "--out", str(target)]) == 0
+    command = [sys.executable, "-c", _READ, str(target), SYSTEM_PACKAGES]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    rows = [line.split() for line in lines]
+    images = [row for row in rows if row[0] == IMAGES]
+    assert [int(row[2]) for row in images] == [START + i * 33_000_000 for i in range(3)]
+    assert [int(row[1]) for row in images] == [int(row[2]) for row in images]
+    assert images[0][3] == kind.replace("/msg/", "/")
+    assert len(rows) == 6
+    told = subprocess.run(["rosbag", "info", str(target)], check=True, capture_output=True)
+    assert f"{IMAGES} " in told.stdout.decode()
+
+
+def test_replay_names_the_topic_and_refuses_others(tmp_path, translator_file, capsys):
+    source = write_image_bag(tmp_path / "a-mcap", grey_images(2))
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    assert main([*arguments, "--in", IMAGES, "--out", str(tmp_path / "b")]) == 0
+    assert "2 images translated" in capsys.readouterr().out
+    assert main([*arguments, "--in", "/none", "--out", str(tmp_path / "c")]) == 2
+    assert "no topic /none" in capsys.readouterr().err
+    assert main([*arguments, "--out", str(tmp_path / "b")]) == 2
+    assert "exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (["--strength", "2"], "--strength"),
+        (["--jpeg-quality", "0"], "--jpeg-quality"),
+        (["--out", "/image/compressed"], "is the input"),
+        (["--out", "/other"], "must end in"),
+        (["--max-age", "soon"], "--max-age"),
+        (["--translator", "missing.safetensors"], "missing.safetensors"),
+        (["rubbish"], "rubbish"),
+    ],
+)
+def test_wrong_options_of_the_proxy_end_in_one_line(translator_file, capsys, options, problem):
+    arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/image/compressed",
+                 "--out", "/translated/compressed", *options]  # fmt: skip
+    assert main(arguments) == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_missing_ros_names_the_packages_to_install(translator_file, capsys, monkeypatch):
+    monkeypatch.setattr("s2rtools.ros.ros_environment._is_installed", lambda name: False)
+    arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
+    assert main(arguments) == 2
+    assert "apt install python3-rospy" in capsys.readouterr().err
+    assert main([*arguments, "--ros", "2"]) == 2
+    assert "rclpy" in capsys.readouterr().err
+
+
+def test_replay_writes_the_line_segments_of_every_image(tmp_path, translator_file, capsys):
+    lit = next(iter(lit_frames([CONDITIONS["day"]], 1, seed=3))).rgb
+    source = write_image_bag(tmp_path / "a.bag", [lit, np.full_like(lit, 60)])
+    table = tmp_path / "segments.csv"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--strength", "0", "--segments", str(table), "--out", str(tmp_path / "b.bag")]
+    assert main(arguments) == 0
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert {int(row["stamp_ns"]) for row in rows} == {START}
+    assert {"white", "yellow"} <= {row["colour"] for row in rows}
+    assert all(0 <= float(row["x1"]) < 160 and 0 <= float(row["y2"]) < 80 for row in rows)
+    assert f"{len(rows)} segments in 2 images" in capsys.readouterr().out

@@ -1,0 +1,107 @@
+"""The node of ROS 2, on a stand-in for rclpy."""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings
+from s2rtools.ros.ros2_node import Ros2Proxy
+from tests.ros.conftest import shifted, wait_until
+from tests.support import fake_rclpy as ros2
+
+NOW = 1000
+Start = Callable[..., ros2.Node]
+
+
+def load(name: str):
+    raise RequestError(f"{name}: no such file")
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    """A function that starts a proxy and returns its node."""
+    ros2.install(monkeypatch)
+    started: list[Ros2Proxy] = []
+
+    def begin(topic: str, output: str, known: dict[str, str] | None = None, **settings: object):
+        node = ros2.Node(known or {}, NOW)
+        request = ProxyRequest(topic, output, ProxySettings("T", shifted(40), **settings), load)
+        started.append(Ros2Proxy(request, node))
+        return node
+
+    yield begin
+    for proxy in started:
+        proxy.stop()
+
+
+def image(seconds: int = NOW) -> ros2.Image:
+    header = ros2.Header(ros2.Stamp(seconds, 5), "camera")
+    return ros2.Image(header, 2, 2, "rgb8", 0, 6, array.array("B", [100] * 12))
+
+
+def status(node: ros2.Node) -> dict[str, str]:
+    node.timers[0]()
+    latest = node.publishers["/diagnostics"].messages[-1].status[0]
+    return {each.key: each.value for each in latest.values} | {"message": latest.message}
+
+
+def test_images_are_translated_and_keep_header_and_layout(start):
+    node = start("/camera/image_raw", "/translated/image_raw")
+    node.callbacks["/camera/image_raw"](image())
+    results = node.publishers["/translated/image_raw"].messages
+    wait_until(lambda: results, "an image")
+    assert isinstance(results[0].data, array.array)
+    assert results[0].data.tolist() == [140, 100, 60] * 4
+    assert results[0].header == image().header
+    assert (results[0].encoding, results[0].step) == ("rgb8", 6)
+    wait_until(lambda: node.publishers["~/latency"].messages, "a latency")
+    info = ros2.CameraInfo(image().header)
+    node.callbacks["/camera/camera_info"](info)
+    assert node.publishers["/translated/camera_info"].messages == [info]
+
+
+def test_old_and_undecodable_images_are_counted(start):
+    node = start("/camera/image_raw", "/translated/image_raw", max_age=0.1)
+    damaged = image()
+    damaged.encoding = "16UC1"
+    for message, name in (
+        (image(NOW - 5), "dropped, older than max_age"), (damaged, "dropped, undecodable"),
+    ):  # fmt: skip
+        node.callbacks["/camera/image_raw"](message)
+        wait_until(lambda name=name: status(node)[name] == "1", name)
+    assert node.publishers["/translated/image_raw"].messages == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "known", "kind"),
+    [
+        ("/camera/image/compressed", {}, ros2.CompressedImage),
+        ("/camera/image", {}, ros2.Image),
+        ("/frames", {"/frames": "sensor_msgs/msg/CompressedImage"}, ros2.CompressedImage),
+    ],
+)
+def test_the_type_follows_the_topic(start, topic, known, kind):
+    output = "/out/compressed" if topic.endswith("compressed") else "/out"
+    node = start(topic, output, known)
+    assert node.types[topic] is node.types[output] is kind
+
+
+def test_parameters_are_declared_changed_and_refused(start):
+    node = start("/camera/image_raw", "/translated/image_raw")
+    assert node.parameters["strength"] == 1.0
+    accepted = node.set_parameters([SimpleNamespace(name="strength", value=0.5)])
+    assert accepted.successful
+    refused = node.set_parameters([SimpleNamespace(name="strength", value=5.0)])
+    assert not refused.successful
+    assert "strength" in refused.reason
+    assert status(node)["setting strength"] == "0.5"
+    node.callbacks["/camera/image_raw"](image())
+    results = node.publishers["/translated/image_raw"].messages
+    wait_until(lambda: results, "an image")
+    assert np.array(results[0].data).reshape(4, 3)[0].tolist() == [120, 100, 80]

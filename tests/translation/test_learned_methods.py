@@ -1,0 +1,257 @@
+"""Learned translation methods: what they learn, seeds, checkpoints, stored files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from s2rstore.errors import RequestError
+from s2rtools.translation import METHODS, find_method
+from s2rtools.translation.method import FitResult, FitSettings
+from s2rtools.translation.translator_file import StoredTranslator, decode, encode
+from tests.translation.palette_world import (
+    SIZE,
+    counterparts,
+    difference,
+    image_set,
+    painted,
+    shapes,
+    unpaired,
+)
+
+LEARNED = [name for name, method in METHODS.items() if method.learned]
+GENERATIVE = ["cyclegan", "cut", "unit", "style-network", "mkl+residual"]
+TINY = {"channels": "2", "blocks": "1"}
+"""Size of networks of which only the handling is tested."""
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def tiny_settings(name: str, steps: int = 4, **more: str) -> FitSettings:
+    options = {"iterations": "2"} if name == "style" else dict(TINY)
+    return FitSettings(seed=3, steps=steps, options=options | more)
+
+
+@pytest.fixture(autouse=True)
+def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("s2rtools.translation.feature_network.TRAINING_STEPS", 20)
+
+
+@cache
+def tiny_fit(name: str) -> FitResult:
+    return find_method(name).fit(*unpaired(), tiny_settings(name))
+
+
+# Steps and the share of the identity's distance to the true counterparts that is to be reached.
+@pytest.mark.parametrize(
+    ("name", "steps", "share"), [("cyclegan", 120, 0.85), ("cut", 200, 0.92), ("unit", 120, 0.95)]
+)
+def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, share):
+    settings = FitSettings(seed=0, steps=steps, options={"channels": "8", "blocks": "2"})
+    translator = find_method(name).fit(*unpaired(), settings).translator
+    first, second = counterparts()
+    assert difference(translator.translate(first), second) < share * difference(first, second)
+
+
+def test_identical_images_stay_the_same_with_the_untrained_generator():
+    images = counterparts(4)[0]
+    settings = replace(tiny_settings("cyclegan"), steps=0)
+    translator = find_method("cyclegan").fit(*unpaired(), settings).translator
+    assert difference(translator.translate(images), images) < 4
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_the_same_seed_gives_the_same_translator(name):
+    again = find_method(name).fit(*unpaired(), tiny_settings(name)).translator
+    first = tiny_fit(name).translator.tensors()
+    assert first.keys() == again.tensors().keys()
+    for key, value in again.tensors().items():
+        np.testing.assert_array_equal(value, first[key])
+
+
+@pytest.mark.parametrize("name", ["cyclegan", "cut", "unit", "style-network", "mkl+residual"])
+def test_a_continued_fit_equals_an_uninterrupted_one(name, tmp_path):
+    checkpoint = tmp_path / "fit.safetensors"
+    steps = 0
+
+    def interrupt(fraction: float, loss: float, seconds: float) -> None:
+        nonlocal steps
+        steps += 1
+        if steps == 2:
+            raise KeyboardInterrupt
+
+    settings = replace(tiny_settings(name), checkpoint=checkpoint)
+    with pytest.raises(KeyboardInterrupt):
+        find_method(name).fit(*unpaired(), replace(settings, report=interrupt))
+    continued = find_method(name).fit(*unpaired(), settings)
+    uninterrupted = tiny_fit(name)
+    assert continued.history == uninterrupted.history
+    for key, value in uninterrupted.translator.tensors().items():
+        np.testing.assert_array_equal(continued.translator.tensors()[key], value)
+
+
+def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
+    settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
+    find_method("cut").fit(*unpaired(), settings)
+    with pytest.raises(RequestError, match="another fit"):
+        find_method("cut").fit(*unpaired(), replace(settings, seed=8))
+
+
+def test_a_damaged_checkpoint_is_refused(tmp_path):
+    checkpoint = tmp_path / "fit.safetensors"
+    checkpoint.write_bytes(b"not a checkpoint")
+    with pytest.raises(RequestError, match="not a checkpoint"):
+        find_method("cut").fit(*unpaired(), replace(tiny_settings("cut"), checkpoint=checkpoint))
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_stored_translators_give_the_same_images(name):
+    translator = tiny_fit(name).translator
+    content = encode(StoredTranslator(translator, "first", "second", (SIZE, SIZE)))
+    restored = decode(content, "file").translator
+    images = counterparts(3)[0]
+    np.testing.assert_array_equal(restored.translate(images), translator.translate(images))
+    assert encode(StoredTranslator(restored, "first", "second", (SIZE, SIZE))) == content
+
+
+@pytest.mark.parametrize("name", LEARNED)
+@pytest.mark.parametrize("size", [(48, 80), (30, 17), (5, 64), (1, 1)])
+def test_images_of_other_sizes_keep_their_size(name, size):
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (2, *size, 3), dtype=np.uint8)
+    translated = tiny_fit(name).translator.translate(images)
+    assert translated.shape == images.shape
+    assert translated.dtype == np.uint8
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_translation_does_not_depend_on_the_other_images(name):
+    translator, images = tiny_fit(name).translator, counterparts(3)[0]
+    np.testing.assert_array_equal(
+        translator.translate(images)[1:2], translator.translate(images[1:2])
+    )
+
+
+def test_edges_of_larger_images_stay_sharp():
+    large = counterparts(2)[0].repeat(4, axis=1).repeat(4, axis=2)
+    translated = tiny_fit("cyclegan").translator.translate(large)
+    sharpness = [
+        np.abs(np.diff(x.mean(axis=3), axis=2)).max() for x in (large.astype(float), translated)
+    ]
+    assert sharpness[1] > 0.8 * sharpness[0]
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_constant_and_single_images_can_be_fitted(name):
+    constant = image_set(np.full((1, 16, 24, 3), 90, dtype=np.uint8))
+    other = image_set(counterparts(1)[1][:, :16, :24])
+    translated = find_method(name).fit(constant, other, tiny_settings(name, 2)).translator
+    assert translated.translate(constant.images).shape == constant.images.shape
+
+
+@pytest.mark.parametrize("name", LEARNED)
+@pytest.mark.parametrize("size", [[0, 8], "8x8", [8], [99999, 8]])
+def test_files_with_a_wrong_size_are_refused(name, size):
+    translator = tiny_fit(name).translator
+    content = altered(translator, {"size": size, "network": translator.settings()["network"]})
+    with pytest.raises(RequestError, match="damaged"):
+        decode(content, "file")
+
+
+@pytest.mark.parametrize(
+    ("name", "network"),
+    [
+        ("cyclegan", {"channels": 10**6, "blocks": 1, "bound": 2.0}),
+        ("cyclegan", {"channels": 2, "blocks": 10**6, "bound": 2.0}),
+        ("cut", {"channels": 2, "blocks": 1, "bound": 1e9}),
+        ("cut", {"channels": 3, "blocks": 1, "bound": 2.0}),
+        ("unit", {"channels": "2", "blocks": 1, "bound": 2.0}),
+        ("unit", {"channels": 2, "blocks": 1, "bound": 2.0, "more": 1}),
+        ("mkl+residual", {"channels": True, "blocks": 1, "bound": 0.5}),
+        ("style", {"layout": "vgg99", "iterations": 2, "weight": 1.0}),
+        ("style", {"layout": "small", "iterations": 10**9, "weight": 1.0}),
+        ("style-network", 7),
+    ],
+)
+def test_files_with_wrong_network_settings_are_refused(name, network):
+    with pytest.raises(RequestError, match="damaged"):
+        decode(altered(tiny_fit(name).translator, {"size": [32, 32], "network": network}), "file")
+
+
+def altered(translator, settings) -> bytes:
+    """File of a translator with other settings."""
+
+    class Altered(type(translator)):
+        def settings(self):
+            return settings
+
+    changed = Altered.__new__(Altered)
+    changed.__dict__ = translator.__dict__
+    return encode(StoredTranslator(changed, "first", "second", (SIZE, SIZE)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"channels": "0"}, {"blocks": "many"}, {"cycle": "-1"}, {"cycle": "nan"}, {"speed": "9"}],
+)
+def test_wrong_options_are_refused_by_name(options):
+    with pytest.raises(RequestError, match=next(iter(options))):
+        find_method("cyclegan").fit(*unpaired(), FitSettings(steps=1, options=options))
+
+
+@pytest.mark.parametrize("name", GENERATIVE)
+def test_the_history_and_the_facts_describe_the_fit(name):
+    result = tiny_fit(name)
+    assert [row["step"] for row in result.history] == [1, 2, 3, 4]
+    assert all(np.isfinite(value) for row in result.history for value in row.values())
+    assert result.facts["steps"] == 4
+    assert result.facts["channels"] == 2
+
+
+def test_a_fit_of_minutes_ends_by_itself(tmp_path: Path):
+    fractions = []
+    settings = replace(
+        tiny_settings("cut"),
+        steps=None,
+        minutes=0.01,
+        report=lambda f, loss, s: fractions.append(f),
+    )
+    find_method("cut").fit(*unpaired(), settings)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+
+
+def test_sizes_and_pairs_that_do_not_match_are_refused():
+    first, second = unpaired()
+    small = image_set(second.images[:, :16])
+    with pytest.raises(RequestError, match="same size"):
+        find_method("cut").fit(first, small, tiny_settings("cut"))
+    fewer = image_set(second.images[:5])
+    with pytest.raises(RequestError, match="not pairs"):
+        find_method("mkl+residual").fit(
+            first, fewer, replace(tiny_settings("mkl+residual"), paired=True)
+        )
+
+
+def test_bfloat16_is_used_only_within_one_grey_level():
+    content = encode(StoredTranslator(tiny_fit("cyclegan").translator, "a", "b", (SIZE, SIZE)))
+    translator = decode(content, "file").translator
+    figures = translator.choose_precision(counterparts(2)[0])
+    if translator.precision == torch.bfloat16:
+        assert figures["mean_difference"] < 1
+        assert figures["bfloat16_seconds"] < figures["float32_seconds"]
+
+
+def test_shapes_of_the_palettes_differ_in_colour_only():
+    assert difference(painted(shapes(5, 2), "first", 0), painted(shapes(5, 2), "second", 0)) > 20

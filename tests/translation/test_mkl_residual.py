@@ -1,0 +1,93 @@
+"""`mkl+residual`: gain over the linear map, its bound and its fallback."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from s2rtools.translation import find_method
+from s2rtools.translation.method import FitSettings
+from s2rtools.translation.patch_distance import patch_distance
+from s2rtools.translation.residual import held_out_rows
+from tests.translation.palette_world import counterparts, difference, image_set, painted, shapes
+
+SIZE = {"channels": "8", "blocks": "1"}
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    torch.set_num_threads(1)
+
+
+def curved(images):
+    """A map that is not linear: a power curve per channel."""
+    return np.rint((images / 255.0) ** np.array([0.5, 2.0, 1.5]) * 255).astype(np.uint8)
+
+
+def test_paired_it_beats_the_linear_map_on_a_map_that_is_not_linear():
+    images = painted(shapes(1, 60), "first", 1)
+    source, target = image_set(images), image_set(curved(images))
+    settings = FitSettings(steps=120, paired=True, options=SIZE)
+    result = find_method("mkl+residual").fit(source, target, settings)
+    unseen = counterparts()[0]
+    linear = find_method("mkl").fit(source, target, FitSettings()).translator
+    wanted = curved(unseen)
+    reached = difference(result.translator.translate(unseen), wanted)
+    assert reached < 0.7 * difference(linear.translate(unseen), wanted)
+    assert result.facts["share"] > 0
+
+
+def test_it_falls_back_to_the_linear_map_where_the_network_does_not_help():
+    images = painted(shapes(1, 40), "first", 1)
+    source, target = image_set(images), image_set(255 - images // 2)
+    settings = FitSettings(steps=0, options=SIZE)
+    result = find_method("mkl+residual").fit(source, target, settings)
+    train = image_set(images[:34]), image_set(target.images[:34])
+    linear = find_method("mkl").fit(*train, FitSettings()).translator
+    assert result.facts["fallback"]
+    assert difference(result.translator.translate(images), linear.translate(images)) < 0.01
+
+
+def test_the_change_is_bounded():
+    source, target = image_set(painted(shapes(1, 40), "first", 1)), image_set(counterparts(40)[1])
+    settings = FitSettings(steps=20, options=SIZE | {"bound": "0.1"})
+    translator = find_method("mkl+residual").fit(source, target, settings).translator
+    share = translator.network.get_buffer("share")
+    images = counterparts(4)[0]
+    share.fill_(1.0)
+    changed = translator.translate(images).astype(int)
+    share.fill_(0.0)
+    assert np.abs(changed - translator.translate(images)).max() <= 0.1 * 255 + 1
+
+
+def test_the_facts_name_the_criterion_and_both_distances():
+    source, target = image_set(painted(shapes(1, 40), "first", 1)), image_set(counterparts(40)[1])
+    facts = (
+        find_method("mkl+residual").fit(source, target, FitSettings(steps=5, options=SIZE)).facts
+    )
+    assert facts["criterion"] == "patch distance"
+    assert facts["held_out"]
+    assert facts["fallback"] == (facts["share"] == 0)
+    assert facts["distance_mkl"] > 0
+
+
+def test_whole_recordings_are_held_out():
+    groups = np.repeat(np.arange(10, dtype=np.int32), 10)
+    chosen = held_out_rows(groups)
+    assert set(groups[chosen]).isdisjoint(groups[~chosen])
+    assert 10 <= chosen.sum() <= 20
+    assert held_out_rows(np.zeros(40, dtype=np.int32)).sum() == 6
+    assert not held_out_rows(np.zeros(3, dtype=np.int32)).any()
+
+
+def test_the_patch_distance_orders_sets_by_likeness():
+    images, others = painted(shapes(1, 40), "first", 1), painted(shapes(2, 40), "first", 2)
+    swapped = painted(shapes(1, 40), "second", 1)
+    blurred = images.copy()
+    blurred[:, 1:-1] = (images[:, :-2].astype(int) + images[:, 1:-1] + images[:, 2:]) // 3
+    assert patch_distance(images, images) == 0
+    near = patch_distance(images, others)
+    assert near < patch_distance(blurred, others)
+    assert near < 0.5 * patch_distance(swapped, others)
+    assert patch_distance(images[:1, :8, :8], others) > 0

@@ -1,0 +1,232 @@
+"""Arms of the threshold experiment: thresholds, translators in front of them, and their fits."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rtools.common.result_files import write_all
+from s2rtools.lane_detection.line_detector import (
+    DEFAULT_THRESHOLDS,
+    Thresholds,
+    anti_instagram,
+)
+from s2rtools.lane_detection.road_images import RoadImages
+from s2rtools.translation import METHODS, find_method
+from s2rtools.translation.image_set import ImageSet, Rgb
+from s2rtools.translation.method import FitSettings, Translator
+from s2rtools.translation.translator_file import (
+    StoredTranslator,
+    encode,
+    read_translator,
+)
+
+Direction = Literal["none", "real2sim", "sim2real"]
+Scope = Literal["image", "light", "all", "others", "file"]
+
+THRESHOLD_KINDS = ("default", "default+ai", "sim")
+"""Duckietown's ranges, the same after the anti-instagram map, and ranges tuned on simulation."""
+SUFFIX = ".safetensors"
+_MAX_FRAMES = 400
+"""Images of a domain that a translator is fitted on, at most."""
+_BATCH = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A translator of the experiment: a method with options, or a file."""
+
+    text: str
+    method: str
+    options: tuple[tuple[str, str], ...] = ()
+    file: Path | None = None
+
+    @property
+    def learned(self) -> bool:
+        return self.file is None and METHODS[self.method].learned
+
+    @property
+    def of_image(self) -> bool:
+        """Whether the source's statistics are those of each image: the fit uses no real image."""
+        return self.method == "grayworld" or dict(self.options).get("statistics") == "image"
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """Thresholds with a translator. `seed` distinguishes the fits of a learned method."""
+
+    thresholds: str
+    source: Source | None = None
+    direction: Direction = "none"
+    scope: Scope = "image"
+
+    @property
+    def name(self) -> str:
+        if self.source is None:
+            return self.thresholds
+        if self.direction == "sim2real":
+            return f"sim2real {self.source.text} ({self.scope})"
+        return f"{self.source.text} ({self.scope}) > {self.thresholds}"
+
+
+def parse_sources(texts: str | None) -> list[Source]:
+    """Translators of a comma-separated list: METHOD, METHOD:OPTION=VALUE[:...] or FILE.
+
+    None is every method, and its per-image form where it has one. Raises RequestError for unknown
+    methods and options and for damaged files.
+    """
+    if texts is None:
+        sources = []
+        for method in METHODS.values():
+            if method.name != "identity":
+                sources.append(Source(method.name, method.name))
+            if "statistics" in method.options:
+                option = ("statistics", "image")
+                sources.append(Source(f"{method.name}:image", method.name, (option,)))
+        return sources
+    return [_parse_source(text.strip()) for text in texts.split(",") if text.strip()]
+
+
+def _parse_source(text: str) -> Source:
+    if text.endswith(SUFFIX):
+        stored = read_translator(Path(text))
+        return Source(Path(text).stem, stored.method, file=Path(text))
+    name, *settings = text.split(":")
+    method = find_method(name)
+    options = []
+    for setting in settings:
+        key, _, value = ("statistics=image" if setting == "image" else setting).partition("=")
+        if key not in method.options or not value:
+            known = ", ".join(method.options) or "it has none"
+            raise RequestError(f"translator {text!r}: option {key!r} of {name}: {known}")
+        options.append((key, value))
+    return Source(text, name, tuple(options))
+
+
+def arms_of(sources: list[Source], lights: int) -> list[Arm]:
+    """Arms without labels of real images: every threshold alone, then each translator."""
+    arms = [Arm(kind) for kind in THRESHOLD_KINDS]
+    arms.append(Arm("sim+ai"))
+    for source in sources:
+        if source.file is not None:
+            scopes: tuple[Scope, ...] = ("file",)
+        elif source.of_image:
+            scopes = ("image",)
+        else:
+            scopes = ("light", "all", "others") if lights > 1 else ("light",)
+        for scope in scopes:
+            arms += [Arm(kind, source, "real2sim", scope) for kind in THRESHOLD_KINDS]
+        if not source.of_image and source.file is None:
+            arms += [Arm("sim", source, "sim2real", scope) for scope in scopes]
+    return arms
+
+
+@dataclass(frozen=True, slots=True)
+class FitRequest:
+    """What determines a fitted translator of the experiment."""
+
+    source: Source
+    direction: Direction
+    seed: int
+    minutes: float | None
+
+
+class TranslatorCache:
+    """Fits translators, and keeps them as files in a folder so that a later call finds them."""
+
+    def __init__(
+        self, folder: Path | None, say: Callable[[str], None] = lambda line: None
+    ) -> None:
+        self.folder, self.say = folder, say
+        self._fitted: dict[str, Translator] = {}
+
+    def get(self, request: FitRequest, source: ImageSet, target: ImageSet) -> Translator:
+        """The translator of a request, fitted where no file of it exists.
+
+        Raises RequestError where a method cannot be fitted on the images.
+        """
+        if request.source.file is not None:
+            return read_translator(request.source.file).translator
+        key = _key(request, source, target)
+        if key not in self._fitted:
+            self._fitted[key] = self._restored(key) or self._fit(key, request, source, target)
+        return self._fitted[key]
+
+    def _restored(self, key: str) -> Translator | None:
+        if self.folder is None or not (path := self.folder / f"{key}{SUFFIX}").exists():
+            return None
+        return read_translator(path).translator
+
+    def _fit(
+        self, key: str, request: FitRequest, source: ImageSet, target: ImageSet
+    ) -> Translator:
+        method = METHODS[request.source.method]
+        checkpoint = None
+        if self.folder is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            checkpoint = self.folder / f"{key}.checkpoint" if method.learned else None
+        if method.learned:
+            self.say(
+                f"fitting {method.name}, {request.direction}, seed {request.seed}: "
+                f"{len(source)} and {len(target)} images"
+            )
+        settings = FitSettings(
+            seed=request.seed, minutes=request.minutes if method.learned else None,
+            options=dict(request.source.options), checkpoint=checkpoint,
+        )  # fmt: skip
+        translator = method.fit(_limited(source), _limited(target), settings).translator
+        if self.folder is not None:
+            stored = StoredTranslator(translator, source.name, target.name, source.size)
+            write_all({self.folder / f"{key}{SUFFIX}": encode(stored)})
+            if checkpoint is not None:
+                checkpoint.unlink(missing_ok=True)
+        return translator
+
+
+def _limited(images: ImageSet) -> ImageSet:
+    if len(images) <= _MAX_FRAMES:
+        return images
+    return images.rows(np.linspace(0, len(images) - 1, _MAX_FRAMES).round().astype(np.intp))
+
+
+def _key(request: FitRequest, source: ImageSet, target: ImageSet) -> str:
+    method = METHODS[request.source.method]
+    seed, minutes = (request.seed, request.minutes) if method.learned else (0, None)
+    facts = [method.name, method.version, request.source.options, request.direction, seed, minutes]
+    digest = hashlib.sha256(json.dumps(facts).encode())
+    for images in (source, target):
+        digest.update(np.ascontiguousarray(images.images).tobytes())
+    return f"{method.name}-{digest.hexdigest()[:16]}"
+
+
+def translated(translator: Translator | None, images: Rgb) -> Rgb:
+    """Images (N, H, W, 3) through a translator, in batches."""
+    if translator is None or not len(images):
+        return images
+    parts = range(0, len(images), _BATCH)
+    return np.concatenate([translator.translate(images[start : start + _BATCH]) for start in parts])
+
+
+def prepared(kind: str, images: Rgb) -> Rgb:
+    """Images as thresholds of a kind expect them."""
+    return anti_instagram(images) if kind.endswith("+ai") else images
+
+
+def thresholds_of(kind: str, tuned: Mapping[str, Thresholds]) -> Thresholds:
+    """Ranges of a kind: Duckietown's, or those in `tuned`."""
+    return DEFAULT_THRESHOLDS if kind.startswith("default") else tuned[kind]
+
+
+def fit_sets(
+    arm: Arm, real: RoadImages, sim: RoadImages
+) -> tuple[ImageSet, ImageSet]:  # fmt: skip
+    """Source and target images of an arm's fit."""
+    sets = real.image_set(), sim.image_set()
+    return sets if arm.direction == "real2sim" else (sets[1], sets[0])

@@ -1,0 +1,288 @@
+"""Does translation spare the calibration of colour thresholds?
+
+Label-free arms (default and simulation-tuned thresholds, each alone and with every translator) are
+compared on labelled real images with thresholds that are tuned on labels. One label-free arm is
+chosen without any label of the real images: the one with the best mean F1 on simulated images in
+simulated lights (`choose_arm`). Intervals are block bootstraps over recordings; differences are
+paired: both arms are computed from the same resampled blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.metrics.bootstrap import (
+    DEFAULT_SETTINGS,
+    Blocks,
+    Interval,
+    block_counts,
+    corrected,
+    percentile_interval,
+    split_into_blocks,
+)
+from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
+from s2rtools.lane_detection.experiment_arms import (
+    Arm,
+    Source,
+    TranslatorCache,
+    arms_of,
+)
+from s2rtools.lane_detection.experiment_data import Rows, simulated_lights, split_images
+from s2rtools.lane_detection.line_detector import COLOURS, Thresholds, anti_instagram
+from s2rtools.lane_detection.line_scores import f1, mean_f1
+from s2rtools.lane_detection.road_images import RoadImages
+from s2rtools.lane_detection.threshold_tuning import tune
+
+Floats = NDArray[np.float64]
+
+BASELINE = "default+ai"
+SIM_TUNED = "sim"
+ORACLE = "oracle per light"
+LABEL_COUNTS = (1, 2, 3, 4, 8)
+HARD_BELOW = 0.8
+"""A light is hard where the default thresholds with anti-instagram stay below this F1."""
+_MIN_GAP = 0.02
+"""Distance of oracle and simulation-tuned thresholds below which no share of it is stated."""
+
+
+class Progress(Protocol):
+    """Receiver of progress, as `s2rtui.cli.formatting.progress.Reporter`."""
+
+    def begin(self, stage: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentSettings:
+    """Seeds of learned fits and of draws, minutes per learned fit, and a folder for translators."""
+
+    seeds: int = 3
+    minutes: float | None = None
+    cache: Path | None = None
+    sources: tuple[Source, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """The label-free arm that was chosen, with the mean F1 of all candidates on simulated lights,
+    best first."""
+
+    arm: Arm
+    candidates: dict[str, float]
+
+
+@dataclass(slots=True, eq=False)
+class Experiment:
+    """Scores of all arms on the judged images; `groups` are rows of the scores by name."""
+
+    lights: NDArray[np.str_]
+    sequences: NDArray[np.str_]
+    scores: dict[str, Scores]
+    choice: Choice
+    groups: dict[str, Rows]
+    facts: dict[str, Any]
+    skipped: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def chosen(self) -> str:
+        return self.choice.arm.name
+
+    def blocks(self, group: str) -> Blocks:
+        """Blocks of recordings of a group."""
+        codes = np.unique(self.sequences[self.groups[group]], return_inverse=True)[1]
+        order = np.argsort(codes, kind="stable")
+        length = int(np.ceil(np.sqrt(len(codes) / len(set(codes.tolist())))))
+        return split_into_blocks(codes[order], length)
+
+    def _replicates(self, name: str, group: str, blocks: Blocks) -> Floats:
+        """Pixel counts (R, colours, 3) of resampled blocks."""
+        rows = self.groups[group]
+        order = np.argsort(np.unique(self.sequences[rows], return_inverse=True)[1], kind="stable")
+        sums = blocks.sums(self.scores[name].pixels[rows[order]])
+        drawn = block_counts(blocks, DEFAULT_SETTINGS)
+        return np.tensordot(drawn, sums, axes=1)
+
+    def f1(self, name: str, group: str, colour: str | None = None) -> Interval:
+        """F1 of an arm on a group: of a colour, or the mean over the colours."""
+        return self._interval({name: 1.0}, group, colour, (0.0, 1.0))
+
+    def difference(self, name: str, other: str, group: str, colour: str | None = None) -> Interval:
+        """Paired difference of F1 between two arms."""
+        if name == other:
+            return Interval(0.0, 0.0, 0.0)
+        return self._interval({name: 1.0, other: -1.0}, group, colour, (-1.0, 1.0))
+
+    def _interval(
+        self, weights: Mapping[str, float], group: str, colour: str | None,
+        ends: tuple[float, float],
+    ) -> Interval:  # fmt: skip
+        blocks = self.blocks(group)
+        value, replicates = 0.0, np.zeros(DEFAULT_SETTINGS.replicates)
+        for name, weight in weights.items():
+            counts = self.scores[name].pixels[self.groups[group]].sum(axis=0)
+            value += weight * _score(counts, colour).item()
+            if blocks.unit_count >= 2:
+                resampled = self._replicates(name, group, blocks)
+                replicates = replicates + weight * _score(resampled, colour)
+        replicates = replicates[np.isfinite(replicates)]
+        if blocks.unit_count < 2 or not np.isfinite(value) or not replicates.size:
+            return Interval.unknown(value)
+        spread = corrected(replicates, value, blocks.unit_count)
+        return percentile_interval(value, spread).clipped(*ends)
+
+    def gap_closed(self, name: str, group: str, oracle: str = ORACLE) -> float:
+        """(F - F_sim) / (F_oracle - F_sim) with the thresholds tuned on simulation as F_sim; NaN
+        where the oracle is hardly better."""
+        of, sim, best = (
+            _score(self.scores[each].pixels[self.groups[group]].sum(axis=0), None).item()
+            for each in (name, SIM_TUNED, oracle)
+        )
+        return (of - sim) / (best - sim) if best - sim > _MIN_GAP else float("nan")
+
+
+def _score(counts: Floats, colour: str | None) -> Floats:
+    if colour is None:
+        return np.asarray(mean_f1(counts))
+    return np.asarray(f1(counts[..., COLOURS.index(colour), :]))
+
+
+def run_experiment(
+    sim: RoadImages, real: RoadImages, settings: ExperimentSettings, progress: Progress
+) -> Experiment:
+    """Evaluate all arms. Raises RequestError where labels are missing or a method is not usable."""
+    if not sim.labelled.any():
+        raise RequestError(f"{sim.name}: --sim has no labelled images")
+    split = split_images(real)
+    cache = TranslatorCache(settings.cache, progress.say)
+    choice = choose_arm(sim, settings, progress)
+    evaluation = Evaluation(
+        split, sim, cache, sim_thresholds(sim), settings.minutes, settings.seeds
+    )
+    arms = arms_of(list(settings.sources), len(split.lights))
+    if choice.arm not in arms:
+        arms.append(choice.arm)
+    progress.begin("arms", len(arms) + 2 + 2 * len(LABEL_COUNTS))
+    scores: dict[str, Scores] = {}
+    skipped: dict[str, str] = {}
+    for arm in arms:
+        try:
+            scores[arm.name] = evaluation.arm(arm)
+        except RequestError as error:
+            if arm == choice.arm:
+                raise
+            skipped[arm.name] = str(error)
+        progress.advance(1)
+    for per_light in (False, True):
+        oracle = evaluation.oracle(per_light)
+        scores[oracle.name] = oracle
+        progress.advance(1)
+        for count in LABEL_COUNTS:
+            labelled = evaluation.labelled(count, per_light)
+            if labelled is not None:
+                scores[labelled.name] = labelled
+            progress.advance(1)
+    lights = real.conditions[split.judged]
+    facts = {
+        "judged": len(split.judged), "lights": split.lights,
+        "unlabelled": int(sum(len(rows) for rows in split.fitted.values())),
+        "sim": len(sim), "seeds": settings.seeds, "minutes": settings.minutes,
+    }  # fmt: skip
+    groups = _groups(lights, scores[BASELINE])
+    sequences = real.sequences[split.judged]
+    return Experiment(lights, sequences, scores, choice, groups, facts, skipped)
+
+
+def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
+    """Ranges tuned on labelled simulated images, without and with the anti-instagram map."""
+    labelled = sim.rows(sim.labelled)
+    return {
+        "sim": tune(labelled.images, labelled.masks).thresholds,
+        "sim+ai": tune(anti_instagram(labelled.images), labelled.masks).thresholds,
+    }
+
+
+def choose_arm(
+    sim: RoadImages, settings: ExperimentSettings, progress: Progress, seed: int = 0
+) -> Choice:
+    """The label-free arm with the best mean F1 over simulated lights.
+
+    Translators are fitted per simulated light on other recordings than those that are judged.
+    Learned methods and files take no part: they would need a fit per simulated light.
+    """
+    lit = simulated_lights(sim, seed)
+    labelled = np.flatnonzero(sim.labelled)
+    tuned = sim_thresholds(sim.rows(labelled[: max(1, len(labelled) // 2)]))
+    split = split_images(lit)
+    evaluation = Evaluation(split, sim, TranslatorCache(None), tuned, pixels_only=True)
+    sources = [each for each in settings.sources if not each.learned and each.file is None]
+    arms = [
+        arm
+        for arm in arms_of(sources, len(split.lights))
+        if arm.direction != "sim2real" and arm.scope in ("light", "image")
+    ]
+    progress.begin("choice on simulated lights", len(arms))
+    results: dict[Arm, float] = {}
+    for arm in arms:
+        scores = evaluation.arm(arm)
+        by_light = [
+            mean_f1(scores.pixels[lit.conditions[split.judged] == light].sum(axis=0))
+            for light in split.lights
+        ]
+        results[arm] = float(np.mean(by_light))
+        progress.advance(1)
+    ranked = sorted(results, key=lambda arm: -results[arm])
+    return Choice(ranked[0], {arm.name: results[arm] for arm in ranked})
+
+
+def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
+    """All judged rows, those of each light, and those of ordinary and of hard lights."""
+    groups = {"all": np.arange(len(lights))}
+    hard = np.zeros(len(lights), dtype=np.bool_)
+    for light in sorted(set(lights.tolist())):
+        rows = np.flatnonzero(lights == light)
+        groups[light] = rows
+        hard[rows] = mean_f1(baseline.pixels[rows].sum(axis=0)) < HARD_BELOW
+    if hard.any() and not hard.all():
+        groups = {
+            "all": groups.pop("all"), "ordinary lights": np.flatnonzero(~hard),
+            "hard lights": np.flatnonzero(hard), **groups,
+        }  # fmt: skip
+    return groups
+
+
+def verdict(
+    experiment: Experiment, group: str, colour: str | None = None, name: str | None = None
+) -> dict[str, Any]:
+    """Whether the chosen arm spares the calibration on a group.
+
+    `spared` where the interval of the arm's F1 reaches the oracle's estimate. `labels_that_win` is
+    the smallest number of labelled images per light whose paired difference to the arm is above
+    zero, None where no tested number is.
+    """
+    name = name or experiment.chosen
+    of, oracle = experiment.f1(name, group, colour), experiment.f1(ORACLE, group, colour)
+    wins = None
+    for count in LABEL_COUNTS:
+        labelled = f"{count} labelled (per light)"
+        if labelled not in experiment.scores:
+            continue
+        if experiment.difference(labelled, name, group, colour).low > 0:
+            wins = count
+            break
+    return {
+        "arm": name, "group": group, "colour": colour or "all", "f1": of.value,
+        "low": of.low, "high": of.high, "oracle": oracle.value,
+        "spared": bool(of.high >= oracle.value) if np.isfinite(of.high) else None,
+        "labels_that_win": wins, "gap_closed": experiment.gap_closed(name, group),
+    }  # fmt: skip
+
+
+ReportLine = Callable[[str], None]

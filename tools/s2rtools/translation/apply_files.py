@@ -1,0 +1,190 @@
+"""Apply a translator to image files, folders of images, videos and ROS bags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import check_regular, read_bytes
+from s2rtools.translation.apply_bag import apply_to_bag
+from s2rtools.translation.apply_report import ApplyReport, Translated, publish_at
+from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
+from s2rtools.translation.image_set import (
+    MAX_IMAGE_BYTES,
+    SUFFIXES,
+    Rgb,
+    image_files,
+    read_image,
+)
+from s2rtools.translation.method import Translator, blend
+
+VIDEO_CODECS = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG", ".mov": "mp4v"}
+"""Codec by suffix; each is part of OpenCV."""
+VIDEO_SUFFIXES = (*VIDEO_CODECS, ".webm", ".mpg", ".mpeg", ".m4v")
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
+_KEPT_SUFFIXES = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png"}
+_JPEG_QUALITY = 95
+_DEFAULT_RATE = 30.0
+
+Apply = Callable[[Translator, float, Path, Path, ApplyReport], Translated]
+
+
+def apply_to_files(
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+) -> Translated:
+    """Translate an image, a folder of images, a video or a bag into a new file or folder.
+
+    Raises RequestError if `source` is none of these or damaged, or if `target` exists.
+    """
+    return _kind(source)(translator, strength, source, target, report)
+
+
+def apply_to_image(
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+) -> Translated:
+    """Translate one image file; the suffix of `target` is its format."""
+    if target.suffix.lower() not in SUFFIXES:
+        raise RequestError(f"{target}: not an image format; one of {', '.join(SUFFIXES)}")
+    report.begin("translate", 1)
+    with publish_at(target) as part:
+        try:
+            _translate_file(translator, strength, source, part)
+        except UndecodableImageError as error:
+            raise RequestError(str(error)) from error
+    report.advance(1)
+    return Translated(1)
+
+
+def apply_to_folder(
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+) -> Translated:
+    """Translate all images of a folder and its subfolders into the same names; undecodable ones
+    are left out and counted. Raises RequestError if none can be decoded."""
+    files = image_files(source)
+    if target.resolve().is_relative_to(source.resolve()):
+        raise RequestError(f"{target}: lies inside {source}; give a folder beside it")
+    report.begin("translate", len(files))
+    undecodable: list[Path] = []
+    with publish_at(target) as part:
+        for file in files:
+            goal = part / file.relative_to(source)
+            goal.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                _translate_file(translator, strength, file, goal)
+            except UndecodableImageError:
+                undecodable.append(file)
+            report.advance(1)
+        if len(undecodable) == len(files):
+            raise RequestError(f"{files[0]}: cannot be decoded as an image, nor can the others")
+    return Translated(len(files) - len(undecodable), len(undecodable))
+
+
+def apply_to_video(
+    translator: Translator, strength: float, source: Path, target: Path, report: ApplyReport
+) -> Translated:
+    """Translate the frames of a video; size and frame rate stay, sound is left out.
+
+    Frames announced by the file that cannot be decoded are counted. Raises RequestError if none
+    can be.
+    """
+    if target.suffix.lower() not in VIDEO_CODECS:
+        raise RequestError(f"{target}: not a video format; one of {', '.join(VIDEO_CODECS)}")
+    check_regular(source)
+    video = cv2.VideoCapture(str(source))
+    try:
+        size = int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        announced = max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT)))
+        if not video.isOpened() or min(size) < 1:
+            raise RequestError(f"{source}: cannot be decoded as a video")
+        report.begin("translate", announced)
+        with publish_at(target) as part:
+            frames = _translate_video(translator, strength, video, part, size, report)
+            if not frames:
+                raise RequestError(f"{source}: no frame of this video can be decoded")
+        return Translated(frames, max(0, announced - frames))
+    finally:
+        video.release()
+
+
+def _translate_video(
+    translator: Translator,
+    strength: float,
+    video: cv2.VideoCapture,
+    part: Path,
+    size: tuple[int, int],
+    report: ApplyReport,
+) -> int:
+    codec = cv2.VideoWriter.fourcc(*VIDEO_CODECS[part.suffix.lower()])
+    rate = video.get(cv2.CAP_PROP_FPS)
+    rate = rate if 0 < rate < 1000 else _DEFAULT_RATE
+    writer = cv2.VideoWriter(str(part), codec, rate, size)
+    if not writer.isOpened():
+        raise RequestError(f"{part}: cannot be written as a video of {size[0]} x {size[1]} pixels")
+    frames = 0
+    try:
+        while True:
+            found, bgr = video.read()
+            if not found:
+                return frames
+            rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB))
+            translated = _translated(translator, strength, rgb)
+            writer.write(cv2.cvtColor(translated, cv2.COLOR_RGB2BGR))
+            frames += 1
+            report.advance(1)
+    finally:
+        writer.release()
+
+
+def _translate_file(translator: Translator, strength: float, source: Path, target: Path) -> None:
+    """Translate one image; JPEG and PNG keep quality and transparency where the format stays.
+
+    Raises UndecodableImageError, which names the file.
+    """
+    kinds = [_KEPT_SUFFIXES.get(path.suffix.lower()) for path in (source, target)]
+    if kinds[0] is not None and kinds[0] == kinds[1]:
+        content = read_bytes(source, MAX_IMAGE_BYTES)
+        try:
+            rgb, image_format = decode_compressed(content)
+        except UndecodableImageError as error:
+            raise UndecodableImageError(f"{source}: {error}") from error
+        if strength > 0:
+            content = image_format.encode(_translated(translator, strength, rgb))
+        target.write_bytes(content)
+        return
+    try:
+        rgb = read_image(source)
+    except RequestError as error:
+        raise UndecodableImageError(str(error)) from error
+    bgr = cv2.cvtColor(_translated(translator, strength, rgb), cv2.COLOR_RGB2BGR)
+    settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    if kinds[1] != "jpeg":
+        settings = []
+    target.write_bytes(cv2.imencode(target.suffix, bgr, settings)[1].tobytes())
+
+
+def _translated(translator: Translator, strength: float, rgb: Rgb) -> Rgb:
+    if strength == 0:
+        return rgb
+    return np.asarray(blend(rgb[None], translator.translate(rgb[None]), strength)[0])
+
+
+def _kind(source: Path) -> Apply:
+    suffix = source.suffix.lower()
+    if not source.exists():
+        raise RequestError(f"{source}: no such file or folder")
+    if suffix in BAG_SUFFIXES or (source / "metadata.yaml").is_file():
+        return apply_to_bag
+    if source.is_dir():
+        return apply_to_folder
+    if suffix in SUFFIXES:
+        return apply_to_image
+    if suffix in VIDEO_SUFFIXES:
+        return apply_to_video
+    raise RequestError(
+        f"{source}: not an image, video or bag; one of "
+        f"{', '.join((*SUFFIXES, *VIDEO_SUFFIXES, *BAG_SUFFIXES))}"
+    )

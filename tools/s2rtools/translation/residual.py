@@ -1,0 +1,229 @@
+"""`mkl+residual`: the linear map of `mkl`, then a small network with a bounded change.
+
+Paired fits regress the target (mean absolute difference). Unpaired fits train against a patch
+discriminator; the change must keep gradients, and images of the target must stay as they are.
+
+The fit is safe: the change is multiplied by the share in 0 .. 1 that is best on held-out images of
+both domains, by the mean absolute difference of pairs, or by the patch distance of
+`patch_distance`. The share is 0, and the translator equals `mkl`, unless that is better by
+`MIN_GAIN`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.functional import l1_loss
+
+from s2rtools.translation.adversarial_training import (
+    AdversarialLearner,
+    crop_size,
+    fooling_loss,
+)
+from s2rtools.translation.colour_statistics import moments
+from s2rtools.translation.fit_checkpoint import FitState
+from s2rtools.translation.fit_loop import (
+    Batch,
+    BatchSampler,
+    FitPlan,
+    Learner,
+    provenance,
+    run_fit,
+)
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
+from s2rtools.translation.method_options import (
+    SIZE_OPTIONS,
+    check_request,
+    generator_size,
+    number,
+    whole_number,
+)
+from s2rtools.translation.mkl import transport
+from s2rtools.translation.network_translator import NetworkTranslator, placed
+from s2rtools.translation.networks import Generator, GeneratorSize, clipped, initialised
+from s2rtools.translation.patch_distance import patch_distance
+
+STEPS = 900
+BATCH = 2
+LEARNING_RATE = 1e-3
+BOUND = 0.25
+"""Largest change as a share of the range of grey levels."""
+IDENTITY_WEIGHT, GRADIENT_WEIGHT = 2.0, 5.0
+SHARES = (0.25, 0.5, 0.75, 1.0)
+MIN_GAIN = 0.02
+HELD_OUT = 0.15
+_FEW_IMAGES = 8
+OPTIONS = (*SIZE_OPTIONS, "batch", "bound")
+DEFAULT_SIZE = GeneratorSize(channels=16, blocks=2)
+
+
+class ResidualNetwork(nn.Module):
+    """clip(matrix x + offset), plus `share` of the generator's change of that."""
+
+    def __init__(self, size: GeneratorSize) -> None:
+        super().__init__()
+        self.generator = Generator(size, normalised=False)
+        self.register_buffer("matrix", torch.eye(3))
+        self.register_buffer("offset", torch.zeros(3))
+        self.register_buffer("share", torch.ones(()))
+
+    def set_map(self, source: ImageSet, target: ImageSet) -> None:
+        """The linear map of `mkl`, for images in -1 .. 1."""
+        before, after = moments(source.images), moments(target.images)
+        matrix = transport(before, after)
+        offset = (after.mean - 127.5 - matrix @ (before.mean - 127.5)) / 127.5
+        self.get_buffer("matrix").copy_(torch.from_numpy(matrix))
+        self.get_buffer("offset").copy_(torch.from_numpy(offset))
+
+    def mapped(self, x: Tensor) -> Tensor:
+        """Images after the linear map."""
+        linear = torch.einsum("ij,bjhw->bihw", self.get_buffer("matrix"), x)
+        return (linear + self.get_buffer("offset").view(3, 1, 1)).clamp(-1, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        mapped = self.mapped(x)
+        share = self.get_buffer("share")
+        if float(share) == 0:
+            return mapped
+        return clipped(mapped + share * (self.generator(mapped) - mapped))
+
+
+class ResidualTranslator(NetworkTranslator):
+    """The linear map and the network."""
+
+    method = "mkl+residual"
+
+    @classmethod
+    def build(cls, network_settings: Settings) -> nn.Module:
+        return ResidualNetwork(GeneratorSize(**network_settings))
+
+
+class PairedLearner(Learner):
+    """Mean absolute difference to the counterpart."""
+
+    def __init__(self, network: ResidualNetwork) -> None:
+        self.network = network
+        self.state = FitState(network, {"all": torch.optim.Adam(network.parameters())})
+
+    def step(self, batch: Batch) -> Mapping[str, Tensor]:
+        loss = l1_loss(self.network(batch.source), batch.target)
+        optimizer = self.state.optimizers["all"]
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        return {"loss": loss.detach()}
+
+
+class UnpairedLearner(AdversarialLearner):
+    """Adversarial loss, gradients kept, images of the target unchanged."""
+
+    def __init__(self, network: ResidualNetwork, crop: tuple[int, int]) -> None:
+        super().__init__(nn.ModuleDict({"network": network}), ("target",), crop)
+        self.network = network
+
+    def generator_losses(self, batch: Batch) -> tuple[Mapping[str, Tensor], Mapping[str, Tensor]]:
+        mapped = self.network.mapped(batch.source)
+        fake, same = self.network.generator(torch.cat([mapped, batch.target])).chunk(2)
+        losses = {
+            "adversarial": fooling_loss(self.discriminators["target"], fake),
+            "identity": IDENTITY_WEIGHT * l1_loss(same, batch.target),
+            "gradients": GRADIENT_WEIGHT * _gradient_loss(fake, mapped),
+        }
+        return losses, {"target": fake}
+
+
+def _gradient_loss(first: Tensor, second: Tensor) -> Tensor:
+    """Mean absolute difference of the differences between neighbouring pixels."""
+    change = first - second
+    down, right = change[:, :, 1:] - change[:, :, :-1], change[..., 1:] - change[..., :-1]
+    return down.abs().mean() + right.abs().mean()
+
+
+def held_out_rows(groups: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Rows to hold out: whole recordings of five or more, else the last rows in recording order.
+
+    No rows where there are fewer than `_FEW_IMAGES`.
+    """
+    chosen = np.zeros(len(groups), dtype=bool)
+    if len(groups) < _FEW_IMAGES:
+        return chosen
+    codes, counts = np.unique(groups, return_counts=True)
+    if len(codes) >= 5:
+        last = np.cumsum(counts[::-1]) <= max(HELD_OUT * len(groups), counts[-1])
+        return np.isin(groups, codes[::-1][last])
+    chosen[-max(1, round(HELD_OUT * len(groups))) :] = True
+    return chosen
+
+
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+    """Fit the linear map, train the network, choose its share on held-out images."""
+    check_request("mkl+residual", OPTIONS, source, target, settings)
+    options = settings.options
+    bound = number(options, "bound", BOUND, 0.001, 1.0)
+    size = generator_size(options, replace(DEFAULT_SIZE, bound=2 * bound))
+    batch = whole_number(options, "batch", BATCH, 1, 64)
+    source_out = held_out_rows(source.groups)
+    target_out = source_out if settings.paired else held_out_rows(target.groups)
+    train = source.rows(np.flatnonzero(~source_out)), target.rows(np.flatnonzero(~target_out))
+    judged = (
+        source.rows(np.flatnonzero(source_out)) if source_out.any() else source,
+        target.rows(np.flatnonzero(target_out)) if target_out.any() else target,
+    )
+    crop = crop_size(source)
+
+    def build() -> PairedLearner | UnpairedLearner:
+        network = ResidualNetwork(size)
+        network.set_map(*train)
+        placed(network)
+        return PairedLearner(network) if settings.paired else UnpairedLearner(network, crop)
+
+    learner = initialised(settings.seed, build)
+    sampler = BatchSampler(*train, crop, batch, settings.seed, settings.paired)
+    plan = FitPlan("mkl+residual", STEPS, LEARNING_RATE, size.document())
+    progress = run_fit(learner, sampler, plan, settings)
+    translator = ResidualTranslator(learner.network, source.size, size.document())
+    facts = {
+        "held_out": bool(source_out.any() and target_out.any()),
+        **_choose_share(translator, *judged, settings),
+    }
+    return FitResult(translator, progress.history, facts | provenance(progress, sampler, plan))
+
+
+def _choose_share(
+    translator: ResidualTranslator, source: ImageSet, target: ImageSet, settings: FitSettings
+) -> dict[str, object]:
+    """Set the share of the change that is best on held-out images; returns the figures."""
+    buffer = translator.network.get_buffer("share")
+
+    def distance(share: float) -> float:
+        buffer.fill_(share)
+        translated = translator.translate(source.images)
+        if settings.paired:
+            return float(np.abs(translated.astype(np.float32) - target.images).mean())
+        return patch_distance(translated, target.images, settings.seed)
+
+    linear = distance(0.0)
+    distances = {share: distance(share) for share in SHARES}
+    best = min(distances, key=lambda share: distances[share])
+    if not distances[best] < (1 - MIN_GAIN) * linear:
+        best = 0.0
+    buffer.fill_(best)
+    return {
+        "criterion": "mean absolute difference" if settings.paired else "patch distance",
+        "distance_mkl": round(linear, 4),
+        "distance_residual": round(min(distances.values()), 4),
+        "share": best,
+        "fallback": best == 0,
+    }
+
+
+METHOD = TranslationMethod(
+    "mkl+residual", "linear map and a small network with a bounded change", ResidualTranslator, fit,
+    learned=True, options=OPTIONS,
+)  # fmt: skip

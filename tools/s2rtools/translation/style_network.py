@@ -1,0 +1,108 @@
+"""Neural style transfer by one network: a generator trained with the losses of `style`.
+
+Source: Johnson, Alahi and Fei-Fei, "Perceptual losses for real-time style transfer and
+super-resolution", 2016: content and style losses of a fixed feature network, and total variation.
+Differences: the style is the mean of all images of the target, the generator outputs a change of
+its input of at most half the range, content and style losses are relative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from s2rtools.translation.adversarial_training import crop_size
+from s2rtools.translation.feature_network import FeatureNetwork, fitted_features
+from s2rtools.translation.fit_checkpoint import FitState
+from s2rtools.translation.fit_loop import (
+    Batch,
+    BatchSampler,
+    FitPlan,
+    Learner,
+    provenance,
+    run_fit,
+)
+from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.method import FitResult, FitSettings, TranslationMethod
+from s2rtools.translation.method_options import (
+    SIZE_OPTIONS,
+    check_request,
+    generator_size,
+    number,
+    whole_number,
+)
+from s2rtools.translation.network_translator import GeneratorTranslator, device, placed
+from s2rtools.translation.networks import Generator, GeneratorSize, initialised
+from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
+
+STEPS = 800
+BATCH = 2
+LEARNING_RATE = 1e-3
+STYLE_WEIGHT = 5.0
+SMOOTHNESS = 0.1
+OPTIONS = (*SIZE_OPTIONS, "batch", "features", "weight")
+DEFAULT_SIZE = GeneratorSize(blocks=3, bound=1.0)
+
+
+class StyleNetworkTranslator(GeneratorTranslator):
+    """The trained generator."""
+
+    method = "style-network"
+
+
+class StyleNetworkLearner(Learner):
+    """A generator against fixed content and style losses; `weight` is that of the style."""
+
+    def __init__(self, generator: Generator, losses: StyleLosses, weight: float) -> None:
+        self.generator, self.losses, self.weight = generator, losses, weight
+        self.state = FitState(generator, {"all": torch.optim.Adam(generator.parameters())})
+
+    def step(self, batch: Batch) -> Mapping[str, Tensor]:
+        translated = self.generator(batch.source)
+        with torch.no_grad():
+            wanted = self.losses.features(batch.source)
+        activations = self.losses.features(translated)
+        content = self.losses.content(activations, wanted)
+        style = self.losses.style(activations)
+        rough = total_variation(translated - batch.source)
+        loss = content + self.weight * style + SMOOTHNESS * rough
+        optimizer = self.state.optimizers["all"]
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        return {"loss": loss.detach(), "content": content.detach(), "style": style.detach()}
+
+
+def _losses(features: FeatureNetwork, target: ImageSet) -> StyleLosses:
+    losses = StyleLosses(features).to(device())
+    losses.set_style(mean_gram_matrices(features, target))
+    return losses.requires_grad_(False)
+
+
+def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
+    """Train the generator on images of the source; the budget counts without the features."""
+    check_request("style-network", OPTIONS, source, target, settings)
+    options = settings.options
+    size = generator_size(options, DEFAULT_SIZE)
+    weight = number(options, "weight", STYLE_WEIGHT, 0, 1e6)
+    batch = whole_number(options, "batch", BATCH, 1, 64)
+    features, facts = fitted_features(source, target, settings)
+    generator = initialised(settings.seed, lambda: Generator(size))
+    placed(generator)
+    learner = StyleNetworkLearner(generator, _losses(features, target), weight)
+    sampler = BatchSampler(source, target, crop_size(source), batch, settings.seed)
+    identity = {key: value for key, value in facts.items() if not key.endswith("seconds")}
+    plan = FitPlan(
+        "style-network", STEPS, LEARNING_RATE, {**size.document(), "weight": weight, **identity}
+    )
+    progress = run_fit(learner, sampler, plan, settings)
+    translator = StyleNetworkTranslator(generator, source.size, size.document())
+    return FitResult(translator, progress.history, facts | provenance(progress, sampler, plan))
+
+
+METHOD = TranslationMethod(
+    "style-network", "style transfer by one network", StyleNetworkTranslator, fit,
+    learned=True, options=OPTIONS,
+)  # fmt: skip
