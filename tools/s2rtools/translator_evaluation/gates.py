@@ -34,7 +34,7 @@ class Limit:
 
 
 LIMITS = (
-    Limit("edge_agreement", 0.6, True, "edges are not those of the source"),
+    Limit("edge_agreement", 0.75, True, "edges are not those of the source"),
     Limit("luminance_correlation", 0.3, True, "bright and dark do not correspond to the source"),
     Limit("inverted_share", 0.1, False, "bright and dark are inverted"),
     Limit("region_correlation", 0.0, True, "bright and dark regions are inverted"),
@@ -42,7 +42,7 @@ LIMITS = (
     Limit("diversity", 0.5, True, "different images become alike"),
     Limit("matched", 0.5, True, "images do not resemble their own source most"),
     Limit("pairing_rank", 0.9, True, "images resemble other sources as much as their own"),
-    Limit("invented_share", 0.1, False, "images show objects that the source does not have"),
+    Limit("invented_share", 0.1, False, "images show structure that the source does not have"),
     Limit("depth_edges_kept", 0.6, True, "outlines at steps of depth are lost"),
 )
 

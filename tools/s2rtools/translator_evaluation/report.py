@@ -229,7 +229,8 @@ def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
     cv2.setNumThreads(1)
     try:
         translator.translate(image[None])
-        seconds, start = [], time.perf_counter()
+        seconds: list[float] = []
+        start = time.perf_counter()
         while len(seconds) < MIN_TIMED or time.perf_counter() - start < TIMED_SECONDS:
             before = time.perf_counter()
             translator.translate(image[None])
