@@ -205,7 +205,7 @@ def test_folders_are_judged_without_a_store(tmp_path: Path, capsys):
     capsys.readouterr()
     assert main(["translate", "report", file, *folders, "--out", str(out), "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
-    assert content["verdict"]["passed"]
+    assert content["look"]["verdict"]["passed"]
     assert (out / "look.png").exists()
     assert main(["translate", "report", file, *folders]) == 0
     assert "6 images: accepted" in capsys.readouterr().out
