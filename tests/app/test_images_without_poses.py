@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from s2rstore.index.catalog import NO_POSES
+from s2rstore.records import Side
+from s2rtools.datasets.image_instances import ImageInstance, build_from_images
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, snapshot
@@ -54,6 +56,23 @@ def test_a_view_that_needs_poses_says_so_in_one_line(images: Path, view) -> None
 
 def test_a_selection_that_needs_errors_says_why_it_is_empty(images: Path) -> None:
     assert f"nothing is selected: {NO_POSES}" in lines(images, (80, 24), "w")[-2]
+
+
+def test_two_domains_of_one_moment_stand_side_by_side(tmp_path: Path) -> None:
+    picture = image_folders.picture(1, image_folders.REAL_SIZE)
+    moments = (
+        ImageInstance(
+            "bag", {"camera": picture, "mkl": 255 - picture}, number / 30, f"image/{number}"
+        )
+        for number in range(3)
+    )
+    domains: dict[str, Side] = {"camera": "real", "mkl": "sim"}
+    build_from_images(moments, domains, tmp_path / "bag.s2r", "bag", "s2r ros replay", 64)
+    screen = lines(tmp_path / "bag.s2r", (80, 24), "right")
+    titles = next(line for line in screen if "camera" in line)
+    assert titles.index("mkl") < titles.index("camera")
+    assert any("time 0.033 s" in line for line in screen)
+    assert any("camera file image/1" in line for line in screen)
 
 
 def test_the_selection_moves_between_images_of_a_trajectory(images: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from s2rtui.cli import main
 from tests.support import image_folders
+from tests.support.copies import copy_store
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +82,19 @@ def test_what_needs_poses_is_refused_in_one_line(
     assert error.startswith(f"s2r: {images}: the data set has no poses")
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_translator_is_fitted_and_a_report_on_few_images_refused(
+    images: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = str(copy_store(Path(images), tmp_path / "fit.s2r"))
+    assert main(["translate", "fit", "mkl", "--store", store, "--name", "t"]) == 0
+    capsys.readouterr()
+    assert output(capsys, "verify", store) == [f"{store}: no damage found"]
+    assert main(["translate", "report", "--store", store, "t"]) == 2
+    error = capsys.readouterr().err
+    assert "domain sim has 7 images; judging needs 8" in error
+    assert error.count("\n") == 1
+    noise = ["translate", "fit", "mkl", "--store", store, "--name", "u", "--depth-noise"]
+    assert main(noise) == 2
+    assert "has no poses; --depth-noise needs poses" in capsys.readouterr().err

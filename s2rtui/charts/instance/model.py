@@ -52,8 +52,11 @@ def _image_input(store: Store, iid: int) -> InstanceInput:
     if not math.isnan(time := float(truth.timestamp[iid])):
         notes.append(("time", f"{time:.3f} s"))
     query = "SELECT domain, rgb_path FROM frame WHERE iid = ? ORDER BY domain"
-    notes += [(f"{domain} file", printable(path)) for domain, path in store.execute(query, [iid])
-              if path is not None]  # fmt: skip
+    notes += [
+        (f"{printable(domain)} file", printable(path))
+        for domain, path in store.execute(query, [iid])
+        if path is not None
+    ]
     return InstanceInput(
         iid=iid,
         sim=SideView(rgb=sim.rgb, title=sim.title),

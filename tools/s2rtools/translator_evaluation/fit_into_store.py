@@ -71,6 +71,8 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
         if name in store.translators:
             raise RequestError(f"--name {name}: already in {root}; choose another")
         source, target = _domains(store, request)
+        if request.depth_noise:
+            store.require_poses("--depth-noise")
         checkpoint = _checkpoint(store, request)
         size = fit_size(store.dataset.frame_height, store.dataset.frame_width, request.long_edge)
         codes = split_codes(store)
