@@ -60,9 +60,9 @@ DAMAGE: dict[str, tuple[Callable[[Images], Images], str]] = {
     "strong blur": (lambda x: blurred(x, 4), "blurred"),
     "shuffled": (lambda x: np.roll(x, 5, axis=0), "own source"),
     "delayed by one image": (lambda x: np.roll(x, 1, axis=0), "own source"),
-    "small object": (lambda x: with_object(x, 8), "objects"),
-    "object": (lambda x: with_object(x, 20), "objects"),
-    "object in every third image": (lambda x: with_object(x, 16, every=3), "objects"),
+    "small object": (lambda x: with_object(x, 8), "structure"),
+    "object": (lambda x: with_object(x, 20), "structure"),
+    "object in every third image": (lambda x: with_object(x, 16, every=3), "structure"),
 }  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def test_gamma_noise_and_vignette_are_accepted():
 
 
 def test_a_blur_is_only_named_a_blur():
-    assert "objects" not in reasons(blurred(MAPPED, 2))
+    assert "structure" not in reasons(blurred(MAPPED, 2))
 
 
 def test_a_translator_may_blur_as_much_as_the_target_does():

@@ -263,8 +263,8 @@ def _report_store(options: argparse.Namespace) -> None:
                 store, translators, settings, lambda fraction, name: show(fraction, 0.0, 0.0)
             )
         for translator in translators if options.out else ():
-            iids, _ = judged_instances(store, translators, options.images, options.seed)
-            sheet = contact_sheet.store_sheet(store, translator, iids, options.seed)
+            chosen = judged_instances(store, translators, translator, options.images, options.seed)
+            sheet = contact_sheet.store_sheet(store, translator, chosen, options.seed)
             contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
     if not options.no_keep:
         save_reports(options.store, found)

@@ -112,9 +112,9 @@ def _task(reports: Sequence[TranslatorReport]) -> Iterator[str]:
                 _percent(report.row("features_gain")),
             ))  # fmt: skip
         found = [row for row in report.rows if row.metric.startswith("trained_error")]
-        for error, better in zip(found[::2], found[1::2], strict=True):
+        for mean, better in zip(found[::2], found[1::2], strict=True):
             text = claim(Interval(better.low, better.value, better.high))
-            trained.append((report.name, error.run, _bounded(error, 2), _bounded(better, 2), text))
+            trained.append((report.name, mean.run, _bounded(mean, 2), _bounded(better, 2), text))
     if rows:
         yield "Mean position error, m, with the translator in front of the network\n"
         yield output.table(

@@ -14,7 +14,7 @@ from s2rstore.reader import Store
 from s2rtools.translation.image_set import Rgb, from_folder, resize
 from s2rtools.translation.method import Translator
 from s2rtools.translator_evaluation import image_structure as structure
-from s2rtools.translator_evaluation.judged_frames import Iids, load_frames
+from s2rtools.translator_evaluation.judged_frames import JudgedInstances, load_frames
 from s2rtools.translator_evaluation.named_translator import NamedTranslator
 
 ROWS = 6
@@ -25,15 +25,21 @@ _INK, _PAPER = (20, 20, 20), 255
 
 
 def store_sheet(
-    store: Store, translator: NamedTranslator, iids: Iids, seed: int, rows: int = ROWS
+    store: Store, translator: NamedTranslator, chosen: JudgedInstances, seed: int, rows: int = ROWS
 ) -> Rgb:
-    """Sheet (H, W, 3) of some of the instances `iids`, with the target's image of the same pose."""
-    drawn = np.random.default_rng(seed).choice(iids, min(rows, len(iids)), replace=False)
-    frames = load_frames(store, translator, np.sort(drawn))
+    """Sheet (H, W, 3) of some of the judged instances, beside the target's image of the same pose.
+
+    In a store without poses, beside the target's image of the nearest layout.
+    """
+    count = min(rows, len(chosen.source))
+    drawn = np.sort(np.random.default_rng(seed).choice(chosen.source, count, replace=False))
+    target = drawn if store.has_poses else chosen.target
+    frames = load_frames(store, translator, JudgedInstances(drawn, target, chosen.held_out))
+    look = frames.target if frames.paired else _nearest(frames.source, frames.target)
     columns = (
         (f"{translator.source} (source)", frames.source),
         (f"{translator.name} ({translator.stored.method})", frames.translated),
-        (f"{translator.target}, same pose", frames.target),
+        (f"{translator.target}, {'same pose' if frames.paired else 'nearest layout'}", look),
     )
     return draw_sheet(columns, [f"instance {iid}" for iid in frames.iids], seed)
 
@@ -46,14 +52,19 @@ def folder_sheet(
     count = min(rows, len(before))
     drawn = np.sort(np.random.default_rng(seed).choice(len(before), count, replace=False))
     images = before.images[drawn]
-    known = np.stack([structure.layout_descriptor(image) for image in look.images])
-    nearest = [int((known @ structure.layout_descriptor(image)).argmax()) for image in images]
     columns = (
         (f"{before.name} (source)", images),
         (translator.method, translator.translate(images)),
-        (f"{look.name}, nearest layout", resize(look.images[nearest], before.size)),
+        (f"{look.name}, nearest layout", resize(_nearest(images, look.images), before.size)),
     )
     return draw_sheet(columns, [before.names[row] for row in drawn], seed)
+
+
+def _nearest(images: Rgb, candidates: Rgb) -> Rgb:
+    """For each image, the candidate whose edges lie most alike."""
+    known = np.stack([structure.layout_descriptor(image) for image in candidates])
+    rows = [int((known @ structure.layout_descriptor(image)).argmax()) for image in images]
+    return candidates[rows]
 
 
 def draw_sheet(columns: Sequence[tuple[str, Rgb]], labels: Sequence[str], seed: int) -> Rgb:

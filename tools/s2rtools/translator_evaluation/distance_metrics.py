@@ -27,7 +27,6 @@ from s2rstore.metrics.bootstrap import (
 from s2rtools.gap.instance_selection import random_halves
 from s2rtools.gap.visual.kid import block_mmd, kernel_distance
 from s2rtools.gap.visual.prdc import NEIGHBOURS, prdc
-from s2rtools.gap.visual.wasserstein import wasserstein_by_dimension
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translator_evaluation.image_structure import Floats
 
@@ -208,10 +207,3 @@ def folder_distances(translated: Rgb, source: Rgb, target: Rgb, seed: int = 1) -
     if count >= 2:
         rows += _target_against_target({"colour": known}, channel_histograms(target), halves)
     return rows
-
-
-def pixel_distance(first: Rgb, second: Rgb) -> Floats:
-    """Wasserstein-1 distance (3,) of the pixels of two sets, the definition of `w1_*`."""
-    return wasserstein_by_dimension(
-        first.reshape(-1, 3).astype(np.float64), second.reshape(-1, 3).astype(np.float64)
-    )

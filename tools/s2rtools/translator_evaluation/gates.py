@@ -1,10 +1,22 @@
 """Limits of the content that a translator must keep to be accepted as an adjustment.
 
-The limits lie between maps of colours, which keep all content, and damaged images. Measured on
-three data sets (rooms of the synthetic world, photographs of rooms, photographs of roads), the
-worst figures of the statistical methods and the best ones of the damage that each limit is for are:
+The limits lie between maps of colours, which keep all content, and damage. They were chosen on 100
+pairs of a synthetic world of rooms and checked on photographs of rooms and of roads, 8 pairs of
+domains in all, with `identity`, `grayworld`, `reinhard`, `mkl`, `histogram` and `fda`. Worst
+figure of these methods, and best figure of the damage that a limit is for, over all domains:
 
-(filled below)
+| metric | methods | damage |
+|---|---|---|
+| edge_agreement | 0.81 | 0.24 constant, 0.52 shuffled |
+| luminance_correlation | 0.86 | -0.98 inverted |
+| region_correlation | 0.60 (`fda`) | -0.9 inverted |
+| sharpness | 0.96 | 0.84 blur of 1 pixel, 0.76 of 1.5 pixels |
+| diversity | 0.93 | 0.00 constant, one repeated image |
+| matched, pairing_rank | 1.00, 1.00 | 0.05, 0.64 shuffled |
+| invented_share | 0.05 | 0.6 an object of 6 pixels, 0.35 a patch of 8 pixels of another image |
+
+Sizes are for images of 128 to 160 pixels. Not caught: a blur of 0.7 pixels, objects in fewer than
+15 % of the images, and objects whose contrast is below a third of that of the image.
 """
 
 from __future__ import annotations
@@ -34,7 +46,7 @@ class Limit:
 
 
 LIMITS = (
-    Limit("edge_agreement", 0.6, True, "edges are not those of the source"),
+    Limit("edge_agreement", 0.7, True, "edges are not those of the source"),
     Limit("luminance_correlation", 0.3, True, "bright and dark do not correspond to the source"),
     Limit("inverted_share", 0.1, False, "bright and dark are inverted"),
     Limit("region_correlation", 0.0, True, "bright and dark regions are inverted"),
@@ -42,7 +54,7 @@ LIMITS = (
     Limit("diversity", 0.5, True, "different images become alike"),
     Limit("matched", 0.5, True, "images do not resemble their own source most"),
     Limit("pairing_rank", 0.9, True, "images resemble other sources as much as their own"),
-    Limit("invented_share", 0.1, False, "images show objects that the source does not have"),
+    Limit("invented_share", 0.15, False, "images show structure that the source does not have"),
     Limit("depth_edges_kept", 0.6, True, "outlines at steps of depth are lost"),
 )
 

@@ -24,6 +24,8 @@ GREY_FLOOR = 4.0
 """Grey levels of contrast below which an image counts as flat."""
 BLUR = 1.5
 """Pixels: smoothing of the luminance with which a blur of the image is explained."""
+SQUARE_SCALE = 64.0
+"""Grey levels by which squared luminance is divided, so that its size is that of the channels."""
 GRID = 16
 """Rows and columns of a layout descriptor."""
 
@@ -107,14 +109,16 @@ def standardised_thumbnail(rgb: Rgb) -> Floats:
 def unexplained_variance(explaining: Rgb, explained: Rgb, window: float) -> tuple[Plane, Plane]:
     """Local variance of `explained` that no affine map of the colours of `explaining` gives.
 
-    Around every pixel the three channels of one image are regressed on those of the other and on
-    its smoothed luminance, with Gaussian weights of `window` pixels; the smoothed luminance
-    explains a blur. Returns the residual variance and the total variance, both summed over the
-    channels, (h, w), squared grey levels. The regression is that of the guided filter: He, Sun and
-    Tang, "Guided image filtering", 2013.
+    Around every pixel the three channels of one image are regressed on those of the other, on its
+    smoothed luminance and on its squared luminance, with Gaussian weights of `window` pixels: the
+    smoothed luminance explains a blur, the squared one a steep curve. Returns the residual variance
+    and the total variance, both summed over the channels, (h, w), squared grey levels. The
+    regression is that of the guided filter: He, Sun and Tang, "Guided image filtering", 2013.
     """
-    grey = smoothed(luminance(explaining), scaled(BLUR, explaining.shape))
-    x = _centred(np.concatenate([explaining, grey[..., None]], axis=-1))
+    grey = luminance(explaining)
+    blurred = smoothed(grey, scaled(BLUR, explaining.shape))
+    squared = (grey - grey.mean()) ** 2 / SQUARE_SCALE
+    x = _centred(np.concatenate([explaining, blurred[..., None], squared[..., None]], axis=-1))
     y = _centred(explained)
     mean_x, mean_y = smoothed(x, window), smoothed(y, window)
     xx = _products(x, x, window) - mean_x[..., :, None] * mean_x[..., None, :]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,11 +25,25 @@ _BATCH = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class JudgedInstances:
+    """The instances on which one translator is judged, in recording order.
+
+    `target` are those of the target's images: the same as `source` in a store with poses.
+    `held_out` tells whether none of the images was used for a fit.
+    """
+
+    source: Iids
+    target: Iids
+    held_out: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class JudgedFrames:
     """Frames at the stored size of instances `iids` (N,), in recording order.
 
-    `source`, `translated` and `target` are RGB (N, H, W, 3), the target at the same pose; `depth`
-    and `translated_depth` (N, H, W) are raw values of the source, `valid` where they are known.
+    `source` and `translated` are RGB (N, H, W, 3); `target` (M, H, W, 3) shows the same poses where
+    `paired`, else other places. `depth` and `translated_depth` (N, H, W) are raw values of the
+    source, `valid` where they are known.
     """
 
     iids: Iids
@@ -38,30 +53,46 @@ class JudgedFrames:
     depth: NDArray[Any]
     translated_depth: NDArray[Any]
     valid: NDArray[np.bool_]
+    paired: bool
 
 
 def judged_instances(
-    store: Store, translators: list[NamedTranslator], max_images: int, seed: int
-) -> tuple[Iids, bool]:
-    """The instances that no translator was fitted on, and whether they are held out.
+    store: Store,
+    translators: Sequence[NamedTranslator],
+    translator: NamedTranslator,
+    max_images: int,
+    seed: int,
+) -> JudgedInstances:
+    """The instances for one of several translators that are judged together.
 
-    Where fewer than `MIN_IMAGES` are held out, all instances are judged. Of more than `max_images`
-    whole blocks are drawn by `seed`. Raises RequestError for a store with too few instances.
+    None of the translators was fitted on them, so that they are compared on the same images. Where
+    fewer than `MIN_IMAGES` are held out, all instances are judged. Of more than `max_images` whole
+    blocks are drawn by `seed`. Raises RequestError for a domain with too few images.
     """
-    count = len(store.instances)
-    fitted = np.zeros(count, dtype=np.bool_)
-    for translator in translators:
-        fitted[translator.fitted] = True
-    iids = np.flatnonzero(~fitted)
-    held_out = iids.size >= MIN_IMAGES
-    if not held_out:
-        iids = np.arange(count)
-    if iids.size < MIN_IMAGES:
-        raise RequestError(f"{store.path}: {count} instances; judging needs {MIN_IMAGES}")
-    if iids.size > max_images:
-        rows, _ = random_blocks(instance_blocks(store, iids), max_images, seed)
-        iids = iids[rows] if rows.size >= MIN_IMAGES else iids[:max_images]
-    return iids, held_out
+    fitted = np.zeros(len(store.instances), dtype=np.bool_)
+    for each in translators:
+        fitted[each.fitted] = True
+    chosen, held_out = [], True
+    for domain in (translator.source, translator.target):
+        imaged = store.imaged(domain)
+        if imaged.sum() < MIN_IMAGES:
+            raise RequestError(
+                f"{store.path}: domain {domain} has {imaged.sum()} images; judging needs "
+                f"{MIN_IMAGES}"
+            )
+        iids = np.flatnonzero(imaged & ~fitted)
+        if iids.size < MIN_IMAGES:
+            iids, held_out = np.flatnonzero(imaged), False
+        chosen.append(_drawn(store, iids, max_images, seed))
+    return JudgedInstances(chosen[0], chosen[1], held_out)
+
+
+def _drawn(store: Store, iids: Iids, max_images: int, seed: int) -> Iids:
+    """At most `max_images` of the instances, in whole blocks where possible."""
+    if iids.size <= max_images:
+        return iids
+    rows, _ = random_blocks(instance_blocks(store, iids), max_images, seed)
+    return iids[rows] if rows.size >= MIN_IMAGES else iids[:max_images]
 
 
 def instance_blocks(store: Store, iids: Iids) -> Blocks:
@@ -76,27 +107,36 @@ def runs_of_neighbours(store: Store, iids: Iids) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(breaks)]).astype(np.int64)
 
 
-def load_frames(store: Store, translator: NamedTranslator, iids: Iids) -> JudgedFrames:
+def load_frames(store: Store, translator: NamedTranslator, chosen: JudgedInstances) -> JudgedFrames:
     """Read and translate the frames of some instances."""
-    source = _read(store, translator.source, iids, ("rgb", "depth"))
-    target = _read(store, translator.target, iids, ("rgb",))
+    source = _read(store, translator.source, chosen.source, ("rgb", "depth"))
+    target = _read(store, translator.target, chosen.target, ("rgb",))
     domain = store.domain(translator.source)
     rgb, depth = source["rgb"], source["depth"]
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
     batches = [
-        apply_translator(
-            translator.stored, rgb[k : k + _BATCH], depth[k : k + _BATCH], valid[k : k + _BATCH], 1
-        )
-        for k in range(0, len(iids), _BATCH)
+        apply_translator(translator.stored, rgb[rows], depth[rows], valid[rows], 1.0)
+        for rows in (slice(k, k + _BATCH) for k in range(0, len(rgb), _BATCH))
     ]
     translated, noisy = (np.concatenate(parts) for parts in zip(*batches, strict=True))
-    return JudgedFrames(iids, rgb, translated, target["rgb"], depth, noisy, valid)
+    return JudgedFrames(
+        iids=chosen.source,
+        source=rgb,
+        translated=translated,
+        target=target["rgb"],
+        depth=depth,
+        translated_depth=noisy,
+        valid=valid,
+        paired=store.has_poses,
+    )
 
 
 def _read(
     store: Store, domain: str, iids: Iids, images: tuple[str, ...]
 ) -> dict[str, NDArray[Any]]:
     """Images of some instances by runs of consecutive iids."""
-    runs = np.split(iids, np.flatnonzero(np.diff(iids) != 1) + 1)
+    trajectory = store.instances.trajectory[iids]
+    breaks = (np.diff(iids) != 1) | (np.diff(trajectory) != 0)
+    runs = np.split(iids, np.flatnonzero(breaks) + 1)
     parts = [store.frames(domain, int(run[0]), int(run[-1]) + 1, images) for run in runs]
     return {image: np.concatenate([part[image] for part in parts]) for image in images}

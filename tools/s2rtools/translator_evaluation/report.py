@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from s2rtools.translator_evaluation import content_metrics, distance_metrics, ta
 from s2rtools.translator_evaluation.content_summary import ContentMetrics, measure_content
 from s2rtools.translator_evaluation.distance_metrics import Distance, Features
 from s2rtools.translator_evaluation.gates import Verdict, judge
+from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.judged_frames import (
     JudgedFrames,
     instance_blocks,
@@ -33,6 +34,7 @@ from s2rtools.translator_evaluation.judged_frames import (
     runs_of_neighbours,
 )
 from s2rtools.translator_evaluation.named_translator import NamedTranslator
+from s2rtools.translator_evaluation.task_metrics import TaskMetric
 
 MAX_IMAGES = 120
 """Most images on which translators are judged by default."""
@@ -102,98 +104,107 @@ def evaluate(
 ) -> list[TranslatorReport]:
     """Judge translators of one store on the same images, none of which was used for a fit.
 
-    Raises RequestError for unknown runs, stores with too few instances, and domains that image
-    different instances.
+    Raises RequestError for unknown runs, a run in a store without poses, and too few images.
     """
-    for translator in translators:
-        domains = translator.source, translator.target
-        if not np.all([store.imaged(domain) for domain in domains]):
-            raise RequestError(
-                f"{store.path}: {' and '.join(domains)} image different instances; "
-                "the report compares both domains at the same ones"
-            )
     backend, run = None, None
+    if settings.run is not None and not store.has_poses:
+        raise RequestError(f"--run {settings.run}: {store.path} has no poses to judge the task by")
     if settings.run is not None:
         run = store.run(settings.run)
         backend = Backend(load_model(store, run.model, settings.trust))
-    iids, held_out = judged_instances(store, list(translators), settings.max_images, settings.seed)
     reports = []
     for number, translator in enumerate(translators):
         progress(number / len(translators), translator.name)
-        frames = load_frames(store, translator, iids)
-        reports.append(_judge(store, translator, frames, held_out, run, backend, settings.seed))
+        chosen = judged_instances(
+            store, translators, translator, settings.max_images, settings.seed
+        )
+        single = _Judge(store, translator, run, backend, settings.seed)
+        reports.append(single.report(load_frames(store, translator, chosen), chosen.held_out))
     progress(1.0, "")
     return reports
 
 
-def _judge(
-    store: Store,
-    translator: NamedTranslator,
-    frames: JudgedFrames,
-    held_out: bool,
-    run: Run | None,
-    backend: Backend | None,
-    seed: int,
-) -> TranslatorReport:
-    scale = store.domain(translator.source).depth_scale
-    edges = np.stack([
-        content_metrics.depth_edges(depth * scale, valid)
-        for depth, valid in zip(frames.depth, frames.valid, strict=True)
-    ])  # fmt: skip
-    groups = runs_of_neighbours(store, frames.iids)
-    content = measure_content(frames.source, frames.translated, frames.target, groups, edges)
-    notes = [] if held_out else ["judged on images of the fit: none or too few are held out"]
-    features: dict[str, Features] = {"colour": distance_metrics.colour_features}
-    usable = run is not None
-    if run is not None and backend is not None:
-        reason = task_metrics.unusable_reason(store, run, translator)
-        if reason is not None:
-            notes.append(f"task not judged: {reason}")
-            usable = False
-        else:
-            _, note = task_metrics.untrained_rows(store, run, frames.iids)
-            notes += [note] if note else []
-            features["network"] = partial(_embedding, store, run, translator, backend, frames)
-    blocks = instance_blocks(store, frames.iids)
-    found = distance_metrics.paired_distances(
-        {translator.name: frames.translated}, frames.source, frames.target, blocks, features, seed
-    )
-    rows = _content_rows(content) + [
-        _distance_row(distance, run) for distance in (*found[translator.name], *found[""])
-    ]
-    if run is not None and backend is not None and usable:
-        task = task_metrics.run_time_metrics(store, run, translator, backend, frames)
-        task += task_metrics.training_metrics(store, run.run, translator.name)
-        rows += [
-            MetricRow(t.metric, t.reference, t.run, t.interval.value, t.interval.low,
-                      t.interval.high, t.unit)
-            for t in task
-        ]  # fmt: skip
-    cost = milliseconds_per_image(translator.stored.translator, frames.source[0])
-    rows.append(MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms"))
-    return TranslatorReport(
-        name=translator.name,
-        method=translator.stored.method,
-        direction=translator.direction,
-        source=translator.source,
-        target=translator.target,
-        images=len(frames.iids),
-        held_out=held_out,
-        verdict=judge(content),
-        content=content,
-        rows=tuple(rows),
-        notes=tuple(notes),
-    )
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """Judges one translator of a store; `run` and `backend` are those of the task's network."""
+
+    store: Store
+    translator: NamedTranslator
+    run: Run | None
+    backend: Backend | None
+    seed: int
+
+    def report(self, frames: JudgedFrames, held_out: bool) -> TranslatorReport:
+        content = self._content(frames)
+        notes = [] if held_out else ["judged on images of the fit: none or too few are held out"]
+        task: list[TaskMetric] = []
+        features: dict[str, Features] = {"colour": distance_metrics.colour_features}
+        if self.run is not None and self.backend is not None:
+            reason = task_metrics.unusable_reason(self.store, self.run, self.translator)
+            if reason is not None:
+                notes.append(f"task not judged: {reason}")
+            else:
+                _, note = task_metrics.untrained_rows(self.store, self.run, frames.iids)
+                notes += [note] if note else []
+                features["network"] = partial(self._embedding, self.run, self.backend, frames)
+                task = task_metrics.run_time_metrics(
+                    self.store, self.run, self.translator, self.backend, frames
+                )
+            name = self.translator.name
+            task += task_metrics.training_metrics(self.store, self.run.run, name)
+        cost = milliseconds_per_image(self.translator.stored.translator, frames.source[0])
+        rows = (
+            _content_rows(content)
+            + [_distance_row(each, self.run) for each in self._distances(frames, features)]
+            + [_task_row(each) for each in task]
+            + [MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms")]
+        )
+        return TranslatorReport(
+            name=self.translator.name,
+            method=self.translator.stored.method,
+            direction=self.translator.direction,
+            source=self.translator.source,
+            target=self.translator.target,
+            images=len(frames.iids),
+            held_out=held_out,
+            verdict=judge(content),
+            content=content,
+            rows=tuple(rows),
+            notes=tuple(notes),
+        )
+
+    def _content(self, frames: JudgedFrames) -> ContentMetrics:
+        edges = None
+        if frames.valid.any():
+            edges = np.stack([
+                content_metrics.depth_edges(depth, valid)
+                for depth, valid in zip(frames.depth, frames.valid, strict=True)
+            ])  # fmt: skip
+        groups = runs_of_neighbours(self.store, frames.iids)
+        return measure_content(frames.source, frames.translated, frames.target, groups, edges)
+
+    def _distances(self, frames: JudgedFrames, features: Mapping[str, Features]) -> list[Distance]:
+        if not frames.paired:
+            return distance_metrics.folder_distances(
+                frames.translated, frames.source, frames.target, self.seed
+            )
+        found = distance_metrics.paired_distances(
+            {self.translator.name: frames.translated}, frames.source, frames.target,
+            instance_blocks(self.store, frames.iids), features, self.seed,
+        )  # fmt: skip
+        return [*found[self.translator.name], *found[""]]
+
+    def _embedding(self, run: Run, backend: Backend, frames: JudgedFrames, rgb: Rgb) -> Floats:
+        """Features of images with the depth of the source, so that only colours differ."""
+        return task_metrics.network_outputs(
+            self.store, run, self.translator, backend, np.ascontiguousarray(rgb), frames.depth
+        ).embedding
 
 
-def _embedding(
-    store: Store, run: Run, translator: NamedTranslator, backend: Backend, frames: JudgedFrames,
-    rgb: Rgb,
-) -> Any:  # fmt: skip
-    """Features of images with the depth of the source, so that only colours differ."""
-    return task_metrics.network_outputs(
-        store, run, translator, backend, np.ascontiguousarray(rgb), frames.depth
-    ).embedding
+def _task_row(task: TaskMetric) -> MetricRow:
+    interval = task.interval
+    return MetricRow(task.metric, task.reference, task.run, interval.value, interval.low,
+                     interval.high, task.unit)  # fmt: skip
 
 
 def _content_rows(content: ContentMetrics) -> list[MetricRow]:
@@ -218,7 +229,8 @@ def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
     cv2.setNumThreads(1)
     try:
         translator.translate(image[None])
-        seconds, start = [], time.perf_counter()
+        seconds: list[float] = []
+        start = time.perf_counter()
         while len(seconds) < MIN_TIMED or time.perf_counter() - start < TIMED_SECONDS:
             before = time.perf_counter()
             translator.translate(image[None])

@@ -144,12 +144,11 @@ def run_time_metrics(
     - `error`: mean position error on the translated images, on the source's (identity) and on the
       target's at the same poses (target).
     - `error_gain`: error of the source's images minus that of the translated ones, paired.
-
-    For translators of sim images these are named `sim_error` and `sim_error_gain`, because they say
-    nothing about reality.
-
     - `features_gain`: by how much the features come closer to those of the target at the same
       pose, as a share of the distance without translation; paired.
+
+    For translators of sim images the first two are named `sim_error` and `sim_error_gain`: they say
+    nothing about reality.
     """
     plain = network_outputs(store, run, translator, backend, frames.source, frames.depth)
     moved = network_outputs(
@@ -167,10 +166,8 @@ def run_time_metrics(
         TaskMetric(error, reference, run.run, mean_interval(values, recording), "m")
         for reference, values in errors.items()
     ]
-    gain = errors["identity"] - errors["translator"]
-    rows.append(
-        TaskMetric("error_gain", "translator", run.run, mean_interval(gain, recording), "m")
-    )
+    gain = mean_interval(errors["identity"] - errors["translator"], recording)
+    rows.append(TaskMetric(f"{error}_gain", "translator", run.run, gain, "m"))
     before, after = (
         np.linalg.norm(each.embedding - ideal.embedding, axis=1)[untrained]
         for each in (plain, moved)

@@ -1,0 +1,258 @@
+"""Reports of translators of a small store, from the fit to the saved verdict."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rstore.metrics.bootstrap import Interval
+from s2rtools.precompute.run_registration import add_run
+from s2rtools.translation.identity import IdentityTranslator
+from s2rtools.translation.translator_file import StoredTranslator
+from s2rtools.translator_evaluation import report, task_metrics
+from s2rtools.translator_evaluation.contact_sheet import draw_sheet
+from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
+from s2rtools.translator_evaluation.named_translator import NamedTranslator, named_translator
+from s2rtools.translator_evaluation.save_report import save_reports
+from s2rtui.cli import main
+from tests.support.copies import copy_store
+from tests.translator_evaluation.scenes import recoloured, rooms
+
+METHODS = ("identity", "mkl")
+
+
+class Negative(IdentityTranslator):
+    """Inverts bright and dark."""
+
+    def translate(self, rgb: np.ndarray) -> np.ndarray:
+        return 255 - rgb
+
+
+@pytest.fixture(scope="module")
+def root(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with a briefly trained run `vanilla` and translators of both methods."""
+    path = copy_store(trained_store, tmp_path_factory.mktemp("judged") / "s.s2r")
+    for method in METHODS:
+        fit_into_store(path, FitRequest(method, method, "real2sim"), "s2r translate fit")
+    return path
+
+
+@pytest.fixture(scope="module")
+def reports(root: Path) -> dict[str, report.TranslatorReport]:
+    with s2rstore.open(root) as store:
+        translators = [named_translator(store, name) for name in METHODS]
+        settings = report.ReportSettings(run="vanilla")
+        return {each.name: each for each in report.evaluate(store, translators, settings)}
+
+
+@pytest.fixture(scope="module")
+def negative(root: Path) -> report.TranslatorReport:
+    with s2rstore.open(root) as store:
+        known = named_translator(store, "mkl")
+        stored = StoredTranslator(Negative(), known.source, known.target, known.stored.size)
+        inverting = NamedTranslator(
+            "mkl", stored, known.direction, known.source, known.target, known.fitted
+        )
+        (judged,) = report.evaluate(store, [inverting], report.ReportSettings())
+    return judged
+
+
+def test_identity_changes_nothing_and_earns_no_claim(reports):
+    judged = reports["identity"]
+    assert judged.verdict.passed
+    gain = judged.row("error_gain")
+    assert (gain.value, gain.low, gain.high, gain.run, gain.unit) == (0, 0, 0, "vanilla", "m")
+    assert "holds zero" in task_metrics.claim(Interval(gain.low, gain.value, gain.high))
+    assert judged.row("features_gain").value == 0
+    for metric in ("kid_network", "kid_colour", "w1_red"):
+        assert judged.row(metric).value == judged.row(metric, "identity").value
+
+
+def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root: Path, reports):
+    assert all(judged.held_out for judged in reports.values())
+    with s2rstore.open(root) as store:
+        fitted = named_translator(store, "mkl").fitted
+        assert reports["mkl"].images == len(store.instances) - fitted.size
+
+
+def test_errors_stand_beside_those_without_translation_and_of_the_target(reports):
+    judged = reports["mkl"]
+    before, after = judged.row("error", "identity"), judged.row("error")
+    assert judged.row("error_gain").value == pytest.approx(before.value - after.value)
+    assert judged.row("error", "target").value > 0
+    assert {"identity", "repeated_image", "target", "translator"} == {
+        row.reference for row in judged.rows if row.metric == "kid_network"
+    }
+
+
+def test_reports_are_reproducible_apart_from_the_measured_time(root: Path, reports):
+    with s2rstore.open(root) as store:
+        (again,) = report.evaluate(
+            store, [named_translator(store, "mkl")], report.ReportSettings(run="vanilla")
+        )
+    for first, second in zip(reports["mkl"].rows, again.rows, strict=True):
+        if first.metric != "cost":
+            assert (first.metric, first.reference) == (second.metric, second.reference)
+            np.testing.assert_allclose(first.value, second.value, rtol=1e-5, atol=1e-7)
+
+
+def test_a_negative_is_refused_and_can_only_be_forced(root: Path, negative, tmp_path: Path):
+    assert "inverted" in "; ".join(negative.verdict.reasons)
+    path = copy_store(root, tmp_path / "own.s2r")
+    save_reports(path, [negative])
+    with s2rstore.open(path) as store:
+        record = store.translator("mkl")
+        assert record.accepted is False
+        assert record.reasons == negative.verdict.reasons
+    chain = {"sim": [], "real": [{"name": "translate:mkl", "value": 1.0}]}
+    with pytest.raises(RequestError, match="inverted"):
+        add_run(path, "dark", "vanilla", None, None, chain)
+    assert add_run(path, "dark", "vanilla", None, None, chain, force=True) == "dark"
+
+
+def test_saved_figures_replace_earlier_ones(root: Path, reports, tmp_path: Path):
+    path = copy_store(root, tmp_path / "own.s2r")
+    for _ in range(2):
+        save_reports(path, list(reports.values()))
+    query = "SELECT count(*), count(DISTINCT (metric, reference, run)) FROM translator_metric "
+    with s2rstore.open(path) as store:
+        ((rows, different),) = store.execute(query + "WHERE translator = 'mkl'")
+        assert store.translator("mkl").accepted is True
+        expected = sum(np.isfinite(row.value) for row in reports["mkl"].rows)
+    assert rows == expected
+    assert different >= rows - 1  # rows without a run compare as one group per metric
+
+
+def test_reports_are_json_without_infinite_numbers(reports):
+    content = report.as_json(list(reports.values()))
+    text = json.dumps(content, allow_nan=False)
+    assert json.loads(text)[0]["name"] == "identity"
+
+
+def test_translators_of_sim_images_claim_nothing_about_reality(root: Path):
+    with s2rstore.open(root) as store:
+        known = named_translator(store, "identity")
+        turned = replace(known, direction="sim2real", source="sim", target="real")
+        (judged,) = report.evaluate(store, [turned], report.ReportSettings(run="vanilla"))
+    assert judged.row("error_gain") is None
+    assert judged.row("sim_error_gain").value == 0
+
+
+def test_networks_trained_on_translated_images_are_compared_with_the_run(store_copy: Path):
+    chain = [{"name": "translate:T", "value": 1.0, "sha256": "0" * 64}]
+    with edit(store_copy) as draft:
+        draft.update("run", {"run": "dataaug"}, {"sim_adjustments": json.dumps(chain)})
+        draft.set_provenance("model:dataaug", {"recipe": "translated"})
+    with s2rstore.open(store_copy) as store:
+        rows = {row.metric: row for row in task_metrics.training_metrics(store, "vanilla", "T")}
+        assert not task_metrics.training_metrics(store, "vanilla", "other")
+        kept = store.run_columns("vanilla").sim.split != 0
+        errors = [store.run_columns(run).real.error[kept].mean() for run in ("vanilla", "dataaug")]
+    gain = rows["trained_error_gain"]
+    assert gain.run == "dataaug"
+    assert gain.interval.value == pytest.approx(errors[0] - errors[1], rel=1e-5)
+    assert rows["trained_error"].interval.value == pytest.approx(errors[1], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        (Interval(0.2, 0.5, 0.8), "0.50 m less error"),
+        (Interval(-0.8, -0.5, -0.2), "0.50 m more error"),
+        (Interval(-0.1, 0.5, 1.0), "no claim: the interval holds zero"),
+        (Interval.unknown(0.5), "no claim: too few"),
+    ],
+)
+def test_claims_are_made_only_where_the_interval_excludes_zero(interval: Interval, text: str):
+    assert task_metrics.claim(interval).startswith(text)
+
+
+def test_the_command_prints_tables_and_writes_sheets(root: Path, tmp_path: Path, capsys):
+    path, out = copy_store(root, tmp_path / "own.s2r"), tmp_path / "out"
+    request = ["translate", "report", "--store", str(path), "--run", "vanilla", "--out", str(out)]
+    assert main(request) == 0
+    text = capsys.readouterr().out
+    for part in ("Verdict", "Content kept", "one repeated target image", "Task", "no claim"):
+        assert part in text
+    assert {file.name for file in out.iterdir()} == {"identity.png", "mkl.png", "report.json"}
+    assert cv2.imread(str(out / "mkl.png")).shape[1] > 600
+    assert json.loads((out / "report.json").read_text())[1]["name"] == "mkl"
+    with s2rstore.open(path) as store:
+        assert store.translator("mkl").accepted is not None
+
+
+def write_folder(folder: Path, images: np.ndarray) -> str:
+    folder.mkdir()
+    for number, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{number}.png"), image[..., ::-1])
+    return str(folder)
+
+
+def test_folders_are_judged_without_a_store(tmp_path: Path, capsys):
+    source = write_folder(tmp_path / "camera", rooms(0, 6))
+    target = write_folder(tmp_path / "simulation", recoloured(rooms(1, 6)))
+    file, out = str(tmp_path / "look.safetensors"), tmp_path / "out"
+    folders = ["--source", source, "--target", target]
+    assert main(["translate", "fit", "mkl", *folders, "--out", file]) == 0
+    capsys.readouterr()
+    assert main(["translate", "report", file, *folders, "--out", str(out), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["look"]["verdict"]["passed"]
+    assert (out / "look.png").exists()
+    assert main(["translate", "report", file, *folders]) == 0
+    assert "6 images: accepted" in capsys.readouterr().out
+
+
+def test_a_store_without_poses_is_judged_by_content_and_colours(tmp_path: Path, capsys):
+    real = write_folder(tmp_path / "real", rooms(0, 30))
+    sim = write_folder(tmp_path / "sim", recoloured(rooms(1, 30)))
+    path = str(tmp_path / "s.s2r")
+    assert main(["ingest", "images", "--sim", sim, "--real", real, "--store", path]) == 0
+    fit = ["translate", "fit", "mkl", "--direction", "real2sim", "--name", "mkl", "--store", path]
+    assert main(fit) == 0
+    capsys.readouterr()
+    report_command = ["translate", "report", "--store", path, "--out", str(tmp_path / "out")]
+    assert main(report_command) == 0
+    text = capsys.readouterr().out
+    assert "accepted" in text
+    assert "KID colour" in text
+    assert main([*report_command, "--run", "vanilla"]) == 2
+    assert "no poses" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("request_text", "message"),
+    [
+        ("", "name --store S, or --source"),
+        ("--store STORE", "no translators"),
+        ("--store STORE nothing", "translators: none"),
+        ("--store STORE --images 2", "--images 2"),
+        ("--store STORE --seed -1", "--seed"),
+        ("x.safetensors --source a", "--target"),
+        ("x.safetensors --source a --target b --run vanilla", "--run"),
+    ],
+)
+def test_wrong_requests_end_in_one_line(tiny_store: Path, capsys, request_text: str, message: str):
+    words = request_text.replace("STORE", str(tiny_store)).split()
+    assert main(["translate", "report", *words]) == 2
+    captured = capsys.readouterr().err
+    assert message in captured
+    assert captured.count("\n") == 1
+
+
+def test_sheets_show_every_image_and_are_wide_enough_to_read():
+    images = rooms(0, 3)
+    sheet = draw_sheet([("a", images), ("b", recoloured(images))], ["1", "2", "3"], seed=4)
+    assert sheet.shape[1] >= 2 * 256
+    for image in (*images, *recoloured(images)):
+        enlarged = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        found = cv2.matchTemplate(sheet, enlarged, cv2.TM_SQDIFF).min()
+        assert found == pytest.approx(0, abs=enlarged.size * 0.01)
