@@ -9,7 +9,9 @@ import sys
 import numpy as np
 import pytest
 
+import s2rstore
 from bench.support.ros_programs import missing_ros
+from s2rstore.maintenance.verify import verify
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
@@ -106,3 +108,25 @@ def test_replay_writes_the_line_segments_of_every_image(tmp_path, translator_fil
     assert {"white", "yellow"} <= {row["colour"] for row in rows}
     assert all(0 <= float(row["x1"]) < 160 and 0 <= float(row["y2"]) < 80 for row in rows)
     assert f"{len(rows)} segments in 2 images" in capsys.readouterr().out
+
+
+def test_replay_makes_a_store_of_images_and_translations(tmp_path, translator_file):
+    images = [np.full((48, 64, 3), shade, dtype=np.uint8) for shade in (60, 120)]
+    source = write_image_bag(tmp_path / "a.bag", images)
+    result = tmp_path / "result.s2r"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
+    assert main(arguments) == 0
+    with s2rstore.open(result) as store:
+        assert {name: domain.kind for name, domain in store.domains.items()} == {
+            "camera": "real", "translated": "sim",
+        }  # fmt: skip
+        camera, translated = (
+            store.frames(name, 0, 2, ("rgb",))["rgb"] for name in ("camera", "translated")
+        )
+    assert np.abs(camera[1].astype(int) - images[1]).max() <= 4
+    change = translated.astype(int) - camera
+    assert change[..., 0].mean() > 5
+    assert change[..., 2].mean() < -5
+    assert not verify(result)
+    assert main(arguments) == 2

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
+import shlex
+import sys
+from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
 from s2rtui.cli.formatting.progress import reporter
+
+if TYPE_CHECKING:
+    from s2rtools.ros.image_spool import ImageSpool
+    from s2rtools.translation.image_set import Rgb
 
 EXAMPLE = (
     "s2r ros proxy --translator real2sim.safetensors --in /camera/image_raw/compressed "
@@ -44,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bag to write: .bag for ROS 1, else a ROS 2 folder")  # fmt: skip
     add("--segments", type=Path, metavar="FILE",
         help="write the line segments of the translated images to this CSV file")  # fmt: skip
+    add("--result", type=Path, metavar="STORE",
+        help="make a store of the images and their translations, without poses")  # fmt: skip
     replay.set_defaults(action=_replay)
     simulate = actions.add_parser(
         "simulate", help="follow a lane in simulation, with and without a translator"
@@ -120,6 +131,19 @@ def _proxy(options: argparse.Namespace) -> None:
 
 
 def _replay(options: argparse.Namespace) -> None:
+    from s2rtools.ros.image_spool import ImageSpool
+
+    if options.result is not None and options.result.exists():
+        raise RequestError(f"--result {options.result}: exists; choose another name, or remove it")
+    if options.result is None:
+        _translate_bag(options, None)
+        return
+    with closing(ImageSpool()) as spool:
+        _translate_bag(options, spool)
+        _make_store(options, spool)
+
+
+def _translate_bag(options: argparse.Namespace, spool: ImageSpool | None) -> None:
     from s2rtools.common.result_files import check_writable
     from s2rtools.ros.segment_table import SegmentTable
     from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
@@ -128,7 +152,15 @@ def _replay(options: argparse.Namespace) -> None:
     check_writable({"--segments": options.segments}, {"BAG": options.bag})
     translator = load_translator(options.translator, options.store).translator
     table = None if options.segments is None else SegmentTable()
-    request = BagRequest(options.input, options.jpeg_quality, None if table is None else table.add)
+
+    def see(stamp: int, original: Rgb, translated: Rgb) -> None:
+        if table is not None:
+            table.add(stamp, translated)
+        if spool is not None:
+            spool.add(stamp, original, translated)
+
+    is_seen = table is not None or spool is not None
+    request = BagRequest(options.input, options.jpeg_quality, see if is_seen else None)
     with reporter() as progress:
         result = apply_to_bag(
             translator, options.strength, options.bag, options.output, progress, request
@@ -137,6 +169,24 @@ def _replay(options: argparse.Namespace) -> None:
     if table is not None:
         table.write(options.segments)
         print(f"{options.segments}: {table.segments} segments in {table.images} images")
+
+
+def _make_store(options: argparse.Namespace, spool: ImageSpool) -> None:
+    """A store of a bag: its images as domain `camera`, their translations as `translated`."""
+    from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+
+    if not len(spool):
+        raise RequestError(f"{options.bag}: no image could be decoded; no store was made")
+    recording = re.sub(r"[^A-Za-z0-9_.+-]", "_", options.bag.stem)[:80].lstrip("_.+-") or "bag"
+    instances = (
+        ImageInstance(recording, {"camera": image, "translated": result}, stamp / 1e9, str(stamp))
+        for stamp, image, result in spool
+    )
+    build_from_images(
+        instances, {"camera": "real", "translated": "sim"}, options.result, recording,
+        shlex.join(["s2r", *sys.argv[1:]]),
+    )  # fmt: skip
+    print(f"{options.result}: {len(spool)} images and their translations")
 
 
 def _simulate(options: argparse.Namespace) -> None:

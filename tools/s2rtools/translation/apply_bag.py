@@ -35,18 +35,18 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 MAX_MESSAGE = 256 << 20
 """Bytes of the largest image message."""
 
-SeeImage = Callable[[int, Rgb], None]
-"""Called with the stamp in nanoseconds and the translated image (H, W, 3)."""
+SeeImages = Callable[[int, Rgb, Rgb], None]
+"""Called with the stamp in nanoseconds, the image (H, W, 3) and the translated image."""
 
 
 @dataclass(frozen=True, slots=True)
 class BagRequest:
     """What to translate: `topic` is None for the only one with images; `jpeg_quality` is None for
-    that of each image; `see` receives every translated image."""
+    that of each image; `see` receives every image with its translation."""
 
     topic: str | None = None
     jpeg_quality: int | None = None
-    see: SeeImage | None = None
+    see: SeeImages | None = None
 
 
 def apply_to_bag(
@@ -101,7 +101,7 @@ def _copy(
                 raise RequestError(f"{topic}: a message of {len(raw):,} bytes; remove it")
             message = reader.deserialize(raw, connection.msgtype)
             try:
-                rgb, changed = _translate(translator, strength, message, request)
+                rgb, result, changed = _translate(translator, strength, message, request)
                 translated += 1
                 if changed is not None:
                     message.data = np.frombuffer(changed, dtype=np.uint8)
@@ -111,7 +111,7 @@ def _copy(
             else:
                 if request.see is not None:
                     stamp = message.header.stamp
-                    request.see(stamp.sec * 10**9 + stamp.nanosec, rgb)
+                    request.see(stamp.sec * 10**9 + stamp.nanosec, rgb, result)
         write(connection, time, bytes(content))
         report.advance(1)
     return Translated(translated, undecodable)
@@ -119,8 +119,8 @@ def _copy(
 
 def _translate(
     translator: Translator, strength: float, message: Any, request: BagRequest
-) -> tuple[Rgb, bytes | None]:
-    """The translated image and its encoded content, None where it stays as it is."""
+) -> tuple[Rgb, Rgb, bytes | None]:
+    """The image, its translation, and the encoded translation, None where it stays as it is."""
     content = message.data.tobytes()
     if hasattr(message, "step"):
         layout = RawLayout(message.encoding, message.height, message.width, message.step)
@@ -128,10 +128,10 @@ def _translate(
     else:
         rgb, image_format = decode_compressed(content, request.jpeg_quality)
     if strength == 0:
-        return rgb, None
+        return rgb, rgb, None
     images = translator.translate(rgb[None])
-    rgb = np.asarray(blend(rgb[None], images, strength)[0])
-    return rgb, image_format.encode(rgb)
+    result = np.asarray(blend(rgb[None], images, strength)[0])
+    return rgb, result, image_format.encode(result)
 
 
 @contextmanager
