@@ -53,17 +53,6 @@ def tiny_fit(name: str) -> FitResult:
     return find_method(name).fit(*unpaired(), tiny_settings(name))
 
 
-# Steps and the share of the identity's distance to the true counterparts that is to be reached.
-@pytest.mark.parametrize(
-    ("name", "steps", "share"), [("cyclegan", 120, 0.85), ("cut", 200, 0.92), ("unit", 120, 0.95)]
-)
-def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, share):
-    settings = FitSettings(seed=0, steps=steps, options={"channels": "8", "blocks": "2"})
-    translator = find_method(name).fit(*unpaired(), settings).translator
-    first, second = counterparts()
-    assert difference(translator.translate(first), second) < share * difference(first, second)
-
-
 def test_identical_images_stay_the_same_with_the_untrained_generator():
     images = counterparts(4)[0]
     settings = replace(tiny_settings("cyclegan"), steps=0)

@@ -173,7 +173,7 @@ def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[
     """What a checkpoint has to agree with."""
     digest = hashlib.sha256()
     for images in sampler.sets:
-        digest.update(np.ascontiguousarray(images.images))
+        digest.update(images.images.tobytes())
     return {
         "fit": plan.name,
         "seed": settings.seed,

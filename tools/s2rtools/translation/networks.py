@@ -177,6 +177,9 @@ class PatchDiscriminator(nn.Module):
             stride = 1 if number == layers else 2
             parts += [nn.Conv2d(inputs, width, 4, stride, 1), nn.LeakyReLU(0.2)]
         self.score = nn.Sequential(*parts, nn.Conv2d(width, 1, 4, 1, 1))
+        for layer in self.score:
+            if isinstance(layer, nn.Conv2d):
+                nn.init.kaiming_normal_(layer.weight, a=0.2)
 
     @classmethod
     def for_size(cls, channels: int, height: int, width: int) -> PatchDiscriminator:

@@ -54,7 +54,7 @@ BATCH = 2
 LEARNING_RATE = 1e-3
 BOUND = 0.25
 """Largest change as a share of the range of grey levels."""
-IDENTITY_WEIGHT, GRADIENT_WEIGHT = 2.0, 5.0
+IDENTITY_WEIGHT, GRADIENT_WEIGHT = 1.0, 2.0
 SHARES = (0.25, 0.5, 0.75, 1.0)
 MIN_GAIN = 0.02
 HELD_OUT = 0.15
@@ -146,18 +146,18 @@ def _gradient_loss(first: Tensor, second: Tensor) -> Tensor:
 
 
 def held_out_rows(groups: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Rows to hold out: whole recordings of five or more, else the last rows in recording order.
+    """Rows to hold out: the last ones of each recording, so that every light is judged.
 
-    No rows where there are fewer than `_FEW_IMAGES`.
+    At least one row; no rows where there are fewer than `_FEW_IMAGES`.
     """
     chosen = np.zeros(len(groups), dtype=bool)
     if len(groups) < _FEW_IMAGES:
         return chosen
-    codes, counts = np.unique(groups, return_counts=True)
-    if len(codes) >= 5:
-        last = np.cumsum(counts[::-1]) <= max(HELD_OUT * len(groups), counts[-1])
-        return np.isin(groups, codes[::-1][last])
-    chosen[-max(1, round(HELD_OUT * len(groups))) :] = True
+    for code in np.unique(groups):
+        rows = np.flatnonzero(groups == code)
+        chosen[rows[len(rows) - int(HELD_OUT * len(rows)) :]] = True
+    if not chosen.any():
+        chosen[-max(1, int(HELD_OUT * len(groups))) :] = True
     return chosen
 
 
