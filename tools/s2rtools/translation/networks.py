@@ -18,8 +18,6 @@ REDUCTION = 4
 """Factor by which `Encoder` reduces both edges."""
 MIN_EDGE = 16
 MAX_CHANNELS, MAX_BLOCKS = 128, 16
-FIRST_CHANGE = 0.01
-"""Standard deviation of the weights of a generator's last layer at the start, per `bound`."""
 
 Kind = TypeVar("Kind")
 
@@ -121,9 +119,9 @@ class Decoder(nn.Sequential):
 class Generator(nn.Module):
     """A residual network that changes its input by at most `bound`.
 
-    The last layer starts with small weights, so that an untrained generator returns almost its
-    input. This differs from Zhu et al., whose generator makes the whole image. Without instance
-    normalisation (`normalised`) it learns maps of colours that are the same in all images.
+    The last layer starts at zero, so that an untrained generator returns its input. This differs
+    from Zhu et al., whose generator makes the whole image. Without instance normalisation
+    (`normalised`) it learns maps of colours that are the same in all images.
     """
 
     def __init__(self, size: GeneratorSize, normalised: bool = True) -> None:
@@ -133,7 +131,7 @@ class Generator(nn.Module):
         self.blocks = nn.Sequential(*(ResidualBlock(width, normalised) for _ in range(size.blocks)))
         self.decoder = Decoder(size.channels, normalised)
         last = self.decoder[-1]
-        nn.init.normal_(last.weight, std=size.bound * FIRST_CHANGE)  # type: ignore[arg-type]
+        nn.init.zeros_(last.weight)  # type: ignore[arg-type]
         nn.init.zeros_(last.bias)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> Tensor:
@@ -177,9 +175,6 @@ class PatchDiscriminator(nn.Module):
             stride = 1 if number == layers else 2
             parts += [nn.Conv2d(inputs, width, 4, stride, 1), nn.LeakyReLU(0.2)]
         self.score = nn.Sequential(*parts, nn.Conv2d(width, 1, 4, 1, 1))
-        for layer in self.score:
-            if isinstance(layer, nn.Conv2d):
-                nn.init.kaiming_normal_(layer.weight, a=0.2)
 
     @classmethod
     def for_size(cls, channels: int, height: int, width: int) -> PatchDiscriminator:
