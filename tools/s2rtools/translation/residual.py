@@ -71,7 +71,7 @@ class ResidualNetwork(nn.Module):
         self.generator = Generator(size, normalised=False)
         self.register_buffer("matrix", torch.eye(3))
         self.register_buffer("offset", torch.zeros(3))
-        self.register_buffer("share", torch.ones(()))
+        self.register_buffer("share", torch.ones(1))
 
     def set_map(self, source: ImageSet, target: ImageSet) -> None:
         """The linear map of `mkl`, for images in -1 .. 1."""
