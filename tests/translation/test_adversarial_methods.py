@@ -11,6 +11,9 @@ from s2rtools.translation.method import FitSettings
 from tests.translation.palette_world import counterparts, difference, unpaired
 
 
+SIZE = {"channels": "8", "blocks": "2", "batch": "2"}
+
+
 @pytest.fixture(autouse=True)
 def one_thread():
     threads = torch.get_num_threads()
@@ -24,7 +27,7 @@ def one_thread():
     ("name", "steps", "share"), [("cyclegan", 100, 0.8), ("cut", 150, 0.9), ("unit", 100, 0.95)]
 )
 def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, share):
-    settings = FitSettings(seed=0, steps=steps, options={"channels": "8", "blocks": "2"})
+    settings = FitSettings(seed=0, steps=steps, options=SIZE)
     translator = find_method(name).fit(*unpaired(), settings).translator
     first, second = counterparts()
     assert difference(translator.translate(first), second) < share * difference(first, second)

@@ -34,8 +34,8 @@ from s2rtools.translation.method_options import (
 from s2rtools.translation.network_translator import GeneratorTranslator
 from s2rtools.translation.networks import Generator, GeneratorSize, initialised
 
-STEPS = 1200
-BATCH = 2
+STEPS = 1800
+BATCH = 1
 LEARNING_RATE = 5e-4
 OPTIONS = (*SIZE_OPTIONS, "batch", "contrast", "luminance")
 TEMPERATURE = 0.07

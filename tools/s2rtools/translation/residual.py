@@ -51,10 +51,10 @@ from s2rtools.translation.patch_distance import patch_distance
 
 STEPS = 900
 BATCH = 2
-LEARNING_RATE = 1e-3
+LEARNING_RATE = 3e-4
 BOUND = 0.25
 """Largest change as a share of the range of grey levels."""
-IDENTITY_WEIGHT, GRADIENT_WEIGHT = 1.0, 2.0
+IDENTITY_WEIGHT, GRADIENT_WEIGHT = 0.5, 0.5
 SHARES = (0.25, 0.5, 0.75, 1.0)
 MIN_GAIN = 0.02
 HELD_OUT = 0.15

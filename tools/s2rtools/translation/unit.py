@@ -46,8 +46,8 @@ from s2rtools.translation.networks import (
     initialised,
 )
 
-STEPS = 800
-BATCH = 2
+STEPS = 1200
+BATCH = 1
 LEARNING_RATE = 1e-3
 OPTIONS = (*SIZE_OPTIONS, "batch", "kl", "reconstruction", "cycle", "luminance")
 DEFAULT_SIZE = GeneratorSize(blocks=2)
