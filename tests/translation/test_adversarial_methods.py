@@ -10,7 +10,6 @@ from s2rtools.translation.adversarial_training import ImagePool, luminance_loss
 from s2rtools.translation.method import FitSettings
 from tests.translation.palette_world import counterparts, difference, unpaired
 
-
 SIZE = {"channels": "8", "blocks": "2", "batch": "2"}
 
 

@@ -51,7 +51,8 @@ from s2rtools.translation.patch_distance import patch_distance
 
 STEPS = 900
 BATCH = 2
-LEARNING_RATE = 3e-4
+PAIRED_RATE, UNPAIRED_RATE = 1e-3, 3e-4
+"""Learning rates; at 1e-3, the discriminator drove the change to its bound."""
 BOUND = 0.25
 """Largest change as a share of the range of grey levels."""
 IDENTITY_WEIGHT, GRADIENT_WEIGHT = 0.5, 0.5
@@ -185,7 +186,8 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
 
     learner = initialised(settings.seed, build)
     sampler = BatchSampler(*train, crop, batch, settings.seed, settings.paired)
-    plan = FitPlan("mkl+residual", STEPS, LEARNING_RATE, size.document())
+    rate = PAIRED_RATE if settings.paired else UNPAIRED_RATE
+    plan = FitPlan("mkl+residual", STEPS, rate, size.document())
     progress = run_fit(learner, sampler, plan, settings)
     translator = ResidualTranslator(learner.network, source.size, size.document())
     facts = {
