@@ -47,7 +47,8 @@ from s2rtools.translation.networks import (
     initialised,
 )
 
-STEPS = 1200
+STEPS = 3000
+"""About 4 minutes on one core for images of 80 x 160 (0.09 s a step)."""
 BATCH = 1
 LEARNING_RATE = 1e-3
 OPTIONS = (*SIZE_OPTIONS, "batch", "kl", "reconstruction", "cycle", "luminance")
