@@ -17,10 +17,7 @@ from s2rtools.translation.translator_file import StoredTranslator, decode, encod
 from tests.translation.palette_world import (
     SIZE,
     counterparts,
-    difference,
     image_set,
-    painted,
-    shapes,
     unpaired,
 )
 
@@ -53,22 +50,11 @@ def tiny_fit(name: str) -> FitResult:
     return find_method(name).fit(*unpaired(), tiny_settings(name))
 
 
-# Steps and the share of the identity's distance to the true counterparts that is to be reached.
-@pytest.mark.parametrize(
-    ("name", "steps", "share"), [("cyclegan", 120, 0.85), ("cut", 200, 0.92), ("unit", 120, 0.95)]
-)
-def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, share):
-    settings = FitSettings(seed=0, steps=steps, options={"channels": "8", "blocks": "2"})
-    translator = find_method(name).fit(*unpaired(), settings).translator
-    first, second = counterparts()
-    assert difference(translator.translate(first), second) < share * difference(first, second)
-
-
-def test_identical_images_stay_the_same_with_the_untrained_generator():
+def test_an_untrained_generator_returns_its_input():
     images = counterparts(4)[0]
     settings = replace(tiny_settings("cyclegan"), steps=0)
     translator = find_method("cyclegan").fit(*unpaired(), settings).translator
-    assert difference(translator.translate(images), images) < 4
+    np.testing.assert_array_equal(translator.translate(images), images)
 
 
 @pytest.mark.parametrize("name", LEARNED)
@@ -251,7 +237,3 @@ def test_bfloat16_is_used_only_within_one_grey_level():
     if translator.precision == torch.bfloat16:
         assert figures["mean_difference"] < 1
         assert figures["bfloat16_seconds"] < figures["float32_seconds"]
-
-
-def test_shapes_of_the_palettes_differ_in_colour_only():
-    assert difference(painted(shapes(5, 2), "first", 0), painted(shapes(5, 2), "second", 0)) > 20

@@ -92,7 +92,8 @@ class AdversarialLearner(Learner):
     def __init__(
         self, generators: nn.ModuleDict, domains: tuple[str, ...], crop: tuple[int, int]
     ) -> None:
-        self.generators = placed(generators)
+        self.generators = generators
+        placed(generators)
         self.discriminators = nn.ModuleDict(
             {
                 domain: PatchDiscriminator.for_size(DISCRIMINATOR_CHANNELS, *crop)

@@ -34,8 +34,9 @@ from s2rtools.translation.method_options import (
 from s2rtools.translation.network_translator import GeneratorTranslator
 from s2rtools.translation.networks import Generator, GeneratorSize, initialised
 
-STEPS = 1200
-BATCH = 2
+STEPS = 4000
+"""About 5 minutes on one core for images of 80 x 160 (0.07 s a step)."""
+BATCH = 1
 LEARNING_RATE = 5e-4
 OPTIONS = (*SIZE_OPTIONS, "batch", "contrast", "luminance")
 TEMPERATURE = 0.07
@@ -74,9 +75,9 @@ class PatchContrast(nn.Module):
             order = torch.randperm(places, generator=generator, device=query.device)[:PATCHES]
             first, second = (
                 normalize(projection(x.flatten(2)[:, :, order].transpose(1, 2)), dim=2)
-                for x in (query, key.detach())
+                for x in (query, key)
             )
-            alike = first @ second.transpose(1, 2) / TEMPERATURE
+            alike = first @ second.detach().transpose(1, 2) / TEMPERATURE
             truth = torch.arange(len(order), device=query.device).repeat(len(query))
             losses.append(cross_entropy(alike.flatten(0, 1), truth))
         return torch.stack(losses).mean()
@@ -88,18 +89,17 @@ class CutLearner(AdversarialLearner):
     def __init__(
         self, size: GeneratorSize, crop: tuple[int, int], contrast: float, luminance: float
     ) -> None:
-        k = size.channels
-        modules = nn.ModuleDict(
-            {"target": Generator(size), "contrast": PatchContrast(_feature_widths(k, size.blocks))}
-        )
+        self.generator = Generator(size)
+        self.compare = PatchContrast(_feature_widths(size.channels, size.blocks))
+        modules = nn.ModuleDict({"target": self.generator, "contrast": self.compare})
         super().__init__(modules, ("target",), crop)
         self.contrast, self.luminance = contrast, luminance
 
     def generator_losses(self, batch: Batch) -> tuple[Mapping[str, Tensor], Mapping[str, Tensor]]:
-        generator, compare = self.generators["target"], self.generators["contrast"]
-        both = generator(torch.cat([batch.source, batch.target]))
-        before = generator.features(torch.cat([batch.source, batch.target]))
-        contrast = compare(generator.features(both), before, batch.generator)
+        originals = torch.cat([batch.source, batch.target])
+        both = self.generator(originals)
+        before, after = self.generator.features(originals), self.generator.features(both)
+        contrast = self.compare(after, before, batch.generator)
         fake = both[: len(batch.source)]
         losses = {
             "adversarial": fooling_loss(self.discriminators["target"], fake),
@@ -131,7 +131,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     sampler = BatchSampler(source, target, crop, batch, settings.seed)
     plan = FitPlan("cut", STEPS, LEARNING_RATE, {**size.document(), **weights})
     progress = run_fit(learner, sampler, plan, settings)
-    translator = CutTranslator(learner.generators["target"], source.size, size.document())
+    translator = CutTranslator(learner.generator, source.size, size.document())
     return FitResult(translator, progress.history, provenance(progress, sampler, plan))
 
 

@@ -35,8 +35,9 @@ from s2rtools.translation.method_options import (
 from s2rtools.translation.network_translator import GeneratorTranslator
 from s2rtools.translation.networks import Generator, GeneratorSize, initialised
 
-STEPS = 700
-BATCH = 2
+STEPS = 2500
+"""About 6 minutes on one core for images of 80 x 160 (0.15 s a step)."""
+BATCH = 1
 LEARNING_RATE = 1e-3
 OPTIONS = (*SIZE_OPTIONS, "batch", "cycle", "identity", "luminance")
 

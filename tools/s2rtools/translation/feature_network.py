@@ -51,13 +51,21 @@ class FeatureNetwork(nn.Module):
         self.layout = layout
         self.layers = nn.ModuleDict()
         inputs = 3
-        for stage, (channels, count) in enumerate(LAYOUTS[layout], start=1):
-            for number in range(1, count + 1):
-                convolution = nn.Conv2d(inputs, channels, 3, padding=1)
-                nn.init.kaiming_normal_(convolution.weight)
-                nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
-                self.layers[f"conv{stage}_{number}"] = convolution
-                inputs = channels
+        for name, channels in self.widths().items():
+            convolution = nn.Conv2d(inputs, channels, 3, padding=1)
+            nn.init.kaiming_normal_(convolution.weight)
+            nn.init.zeros_(convolution.bias)  # type: ignore[arg-type]
+            self.layers[name] = convolution
+            inputs = channels
+
+    def widths(self) -> dict[str, int]:
+        """Channels of each layer."""
+        stages = enumerate(LAYOUTS[self.layout], start=1)
+        return {
+            f"conv{stage}_{number}": channels
+            for stage, (channels, count) in stages
+            for number in range(1, count + 1)
+        }
 
     def forward(self, x: Tensor) -> dict[str, Tensor]:
         """Activations of images (B, 3, h, w) in -1 .. 1."""

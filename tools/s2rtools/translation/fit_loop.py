@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from s2rstore.errors import RequestError
 from s2rtools.translation.fit_checkpoint import (
     FitProgress,
     FitState,
@@ -106,7 +108,8 @@ def run_fit(
 
     With `settings.checkpoint`, the state is saved every few seconds and at the end, also after an
     interrupt, and a fit with an existing checkpoint continues there. A continued fit of a number of
-    steps gives the same result as an uninterrupted one.
+    steps gives the same result as an uninterrupted one. Raises RequestError where the loss is not
+    finite.
     """
     facts = _facts(sampler, plan, settings)
     path = settings.checkpoint
@@ -122,6 +125,12 @@ def run_fit(
             _set_learning_rate(learner, plan, done)
             losses = learner.step(sampler.sample(progress.step))
             values = {name: float(value) for name, value in losses.items()}
+            if not math.isfinite(values["loss"]):
+                path = None  # A state that diverged cannot be continued.
+                raise RequestError(
+                    f"{plan.name}: the loss at step {progress.step} is not finite; fit with "
+                    "another seed or fewer channels"
+                )
             _record(progress, values, steps)
             progress.seconds += time.monotonic() - began
             done = _fraction(progress, steps, settings)
@@ -173,7 +182,7 @@ def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[
     """What a checkpoint has to agree with."""
     digest = hashlib.sha256()
     for images in sampler.sets:
-        digest.update(np.ascontiguousarray(images.images))
+        digest.update(images.images.tobytes())
     return {
         "fit": plan.name,
         "seed": settings.seed,

@@ -18,8 +18,6 @@ REDUCTION = 4
 """Factor by which `Encoder` reduces both edges."""
 MIN_EDGE = 16
 MAX_CHANNELS, MAX_BLOCKS = 128, 16
-FIRST_CHANGE = 0.01
-"""Standard deviation of the weights of a generator's last layer at the start, per `bound`."""
 
 Kind = TypeVar("Kind")
 
@@ -101,14 +99,16 @@ class Encoder(nn.Sequential):
 class Decoder(nn.Sequential):
     """Features of an `Encoder` to three channels at the size of the image, without activation.
 
-    Transposed convolutions with a kernel of 4 and a stride of 2 weigh all pixels equally.
+    Bilinear upsampling before each convolution; transposed convolutions left a grid of dots on the
+    lines of roads.
     """
 
     def __init__(self, channels: int, normalised: bool = True) -> None:
         super().__init__(
             *(
                 nn.Sequential(
-                    nn.ConvTranspose2d(2 * outputs, outputs, 4, 2, 1),
+                    nn.Upsample(scale_factor=2, mode="bilinear"),
+                    _convolution(2 * outputs, outputs, 3),
                     _norm(outputs, normalised),
                     nn.ReLU(),
                 )
@@ -121,9 +121,10 @@ class Decoder(nn.Sequential):
 class Generator(nn.Module):
     """A residual network that changes its input by at most `bound`.
 
-    The last layer starts with small weights, so that an untrained generator returns almost its
-    input. This differs from Zhu et al., whose generator makes the whole image. Without instance
-    normalisation (`normalised`) it learns maps of colours that are the same in all images.
+    The last layer starts at zero, so that an untrained generator returns its input. This differs
+    from Zhu et al., whose generator makes the whole image. Without instance normalisation
+    (`normalised`) it learns maps of colours that are the same in all images. The features at full
+    resolution are added before the last layer, so that changes end at edges.
     """
 
     def __init__(self, size: GeneratorSize, normalised: bool = True) -> None:
@@ -132,12 +133,18 @@ class Generator(nn.Module):
         self.encoder = Encoder(size.channels, normalised)
         self.blocks = nn.Sequential(*(ResidualBlock(width, normalised) for _ in range(size.blocks)))
         self.decoder = Decoder(size.channels, normalised)
+        if not normalised:
+            for layer in self.modules():
+                if isinstance(layer, nn.Conv2d):
+                    nn.init.kaiming_normal_(layer.weight)
         last = self.decoder[-1]
-        nn.init.normal_(last.weight, std=size.bound * FIRST_CHANGE)  # type: ignore[arg-type]
+        nn.init.zeros_(last.weight)  # type: ignore[arg-type]
         nn.init.zeros_(last.bias)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> Tensor:
-        change = self.decoder(self.blocks(self.encoder(x)))
+        fine = self.encoder[0](x)
+        deep = self.blocks(self.encoder[2](self.encoder[1](fine)))
+        change = self.decoder[2](self.decoder[1](self.decoder[0](deep)) + fine)
         return clipped(x + self.bound * torch.tanh(change))
 
     def features(self, x: Tensor) -> list[Tensor]:

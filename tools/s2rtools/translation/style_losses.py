@@ -45,8 +45,9 @@ class StyleLosses(nn.Module):
     def __init__(self, features: FeatureNetwork) -> None:
         super().__init__()
         self.features = features
+        widths = features.widths()
         for layer in STYLE_LAYERS:
-            channels = features.layers[layer].out_channels
+            channels = widths[layer]
             self.register_buffer(f"gram_{layer}", torch.zeros(channels, channels))
 
     def set_style(self, grams: Mapping[str, Tensor]) -> None:
@@ -60,7 +61,7 @@ class StyleLosses(nn.Module):
 
     def style(self, activations: Mapping[str, Tensor]) -> Tensor:
         """Relative squared difference of the Gram matrices, mean over layers and images."""
-        losses = []
+        losses: list[Tensor] = []
         for layer in STYLE_LAYERS:
             grams = gram_matrix(activations[layer])
             wanted = self.get_buffer(f"gram_{layer}")

@@ -3,7 +3,7 @@
 Source: Johnson, Alahi and Fei-Fei, "Perceptual losses for real-time style transfer and
 super-resolution", 2016: content and style losses of a fixed feature network, and total variation.
 Differences: the style is the mean of all images of the target, the generator outputs a change of
-its input of at most half the range, content and style losses are relative.
+its input of at most a quarter of the range, content and style losses are relative.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, t
 
 STEPS = 800
 BATCH = 2
-LEARNING_RATE = 1e-3
+LEARNING_RATE = 2e-4
 STYLE_WEIGHT = 5.0
-SMOOTHNESS = 0.1
+SMOOTHNESS = 4.0
 OPTIONS = (*SIZE_OPTIONS, "batch", "features", "weight")
-DEFAULT_SIZE = GeneratorSize(blocks=3, bound=1.0)
+DEFAULT_SIZE = GeneratorSize(blocks=3, bound=0.5)
 
 
 class StyleNetworkTranslator(GeneratorTranslator):
