@@ -120,9 +120,12 @@ class Evaluation:
         real = self.split.images.rows(self.split.fit_rows(light, scope))
         source, target = fit_sets(arm, real, self.sim)
         direction = "real2sim" if arm.direction == "real2sim" else "sim2real"
-        return self.cache.get(
-            FitRequest(arm.source, direction, seed, self.minutes), source, target
-        )
+        return self.cache.get(FitRequest(arm.source, direction, seed, self.minutes), source, target)
+
+    def fitted_numbers(self, arm: Arm) -> int:
+        """Numbers that define the translator of an arm."""
+        translator = self._translator(arm, self.split.lights[0], 0)
+        return sum(array.size for array in translator.tensors().values()) if translator else 0
 
     def _translated_ranges(self, translator: Translator | None) -> Thresholds:
         if translator not in self._tuned_on:
@@ -208,9 +211,7 @@ def _times(
     return elapsed
 
 
-def _placed(
-    name: str, label_free: bool, pieces: list[tuple[Rows, Scores]], split: Split
-) -> Scores:
+def _placed(name: str, label_free: bool, pieces: list[tuple[Rows, Scores]], split: Split) -> Scores:
     """Scores of all judged rows from those of disjoint parts of them."""
     result = _empty(name, label_free, len(split.judged))
     for rows, scores in pieces:

@@ -79,12 +79,15 @@ class Arm:
 def parse_sources(texts: str | None) -> list[Source]:
     """Translators of a comma-separated list: METHOD, METHOD:OPTION=VALUE[:...] or FILE.
 
-    None is every method, and its per-image form where it has one. Raises RequestError for unknown
-    methods and options and for damaged files.
+    None is every method that needs no training, and its per-image form where it has one; `all` are
+    the learned ones, too. Raises RequestError for unknown methods and options and for damaged
+    files.
     """
-    if texts is None:
+    if texts is None or texts == "all":
         sources = []
         for method in METHODS.values():
+            if method.learned and texts is None:
+                continue
             if method.name != "identity":
                 sources.append(Source(method.name, method.name))
             if "statistics" in method.options:
@@ -141,9 +144,7 @@ class FitRequest:
 class TranslatorCache:
     """Fits translators, and keeps them as files in a folder so that a later call finds them."""
 
-    def __init__(
-        self, folder: Path | None, say: Callable[[str], None] = lambda line: None
-    ) -> None:
+    def __init__(self, folder: Path | None, say: Callable[[str], None] = lambda line: None) -> None:
         self.folder, self.say = folder, say
         self._fitted: dict[str, Translator] = {}
 
@@ -164,9 +165,7 @@ class TranslatorCache:
             return None
         return read_translator(path).translator
 
-    def _fit(
-        self, key: str, request: FitRequest, source: ImageSet, target: ImageSet
-    ) -> Translator:
+    def _fit(self, key: str, request: FitRequest, source: ImageSet, target: ImageSet) -> Translator:
         method = METHODS[request.source.method]
         checkpoint = None
         if self.folder is not None:

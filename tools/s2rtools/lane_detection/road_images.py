@@ -125,8 +125,7 @@ def _read_index(folder: Path) -> list[_Row]:
             raise RequestError(f"{path}: no column {sorted(missing)[0]!r}")
         has_labels = "labelled" in (reader.fieldnames or ())
         rows = [
-            _row(folder, f"{path}: line {reader.line_num}", fields, has_labels)
-            for fields in reader
+            _row(folder, f"{path}: line {reader.line_num}", fields, has_labels) for fields in reader
         ]
     except csv.Error as error:
         raise RequestError(f"{path}: not valid CSV ({error})") from error

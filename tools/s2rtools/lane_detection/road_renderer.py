@@ -117,9 +117,7 @@ class RoadRenderer:
     def render(self, x: float, y: float, heading: float) -> tuple[Rgb, Mask]:
         """Image and mask from a position on the map, in metres and radians."""
         town = self.town
-        turn = np.array(
-            [[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]]
-        )
+        turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         scale = float(map_pixels(np.ones((1, 2)))[0, 0] + 0.5)
         start = map_pixels(np.array([[x, y]]))[0] + town.margin
         at = self._ground @ (turn * scale).astype(np.float32) + start
@@ -155,7 +153,10 @@ def _to_mask(shares: NDArray[np.uint8]) -> Mask:
 
 
 def drive(
-    town: Town, frames: int, seed: int, camera: FisheyeCamera = FisheyeCamera()  # noqa: B008
+    town: Town,
+    frames: int,
+    seed: int,
+    camera: FisheyeCamera = FisheyeCamera(),  # noqa: B008
 ) -> Iterator[RoadFrame]:
     """Frames along a lane, about 8 cm apart, with a wandering offset and heading."""
     rng = np.random.default_rng([seed, 29])
@@ -223,4 +224,3 @@ def _background(rng: np.random.Generator) -> Rgb:
         w, h = int(rng.integers(8, 90)), int(rng.integers(6, 50))
         sky[y : y + h, x : x + w] = rng.uniform(20, 220, 3)
     return np.clip(cv2.GaussianBlur(sky, (0, 0), 1.5), 0, 255).astype(np.uint8)
-

@@ -170,8 +170,11 @@ class _Search:
         """First and last bin of one bound in which F1 stays within `tolerance`, without a gap."""
         true, found = self._along(box, axis)
         if side == 0:
-            hits, all_found = true[box[axis][1] + 1] - true[:-1], found[box[axis][1] + 1] - found[:-1]
-            allowed = range(0, box[axis][1] + 1)
+            hits, all_found = (
+                true[box[axis][1] + 1] - true[:-1],
+                found[box[axis][1] + 1] - found[:-1],
+            )
+            allowed = range(box[axis][1] + 1)
         else:
             hits, all_found = true[1:] - true[box[axis][0]], found[1:] - found[box[axis][0]]
             allowed = range(box[axis][0], BINS[axis])
