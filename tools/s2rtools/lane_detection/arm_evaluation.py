@@ -119,13 +119,9 @@ class Evaluation:
         scope = "all" if arm.scope in ("image", "file") else arm.scope
         real = self.split.images.rows(self.split.fit_rows(light, scope))
         source, target = fit_sets(arm, real, self.sim)
-        direction = "real2sim" if arm.direction == "real2sim" else "sim2real"
-        return self.cache.get(FitRequest(arm.source, direction, seed, self.minutes), source, target)
-
-    def fitted_numbers(self, arm: Arm) -> int:
-        """Numbers that define the translator of an arm."""
-        translator = self._translator(arm, self.split.lights[0], 0)
-        return sum(array.size for array in translator.tensors().values()) if translator else 0
+        return self.cache.get(
+            FitRequest(arm.source, arm.direction, seed, self.minutes), source, target
+        )
 
     def _translated_ranges(self, translator: Translator | None) -> Thresholds:
         if translator not in self._tuned_on:

@@ -49,8 +49,10 @@ ORACLE = "oracle per light"
 LABEL_COUNTS = (1, 2, 3, 4, 8)
 HARD_BELOW = 0.8
 """A light is hard where the default thresholds with anti-instagram stay below this F1."""
-_INDISTINCT = 0.02
-"""Difference of mean F1 on simulated lights that is no reason to prefer an arm."""
+_ORDINARY = 0.6
+"""F1 of simulation-tuned thresholds in a simulated light that is ordinary."""
+_HARMLESS = 0.02
+"""Loss of mean F1 in ordinary simulated lights that an arm may cause."""
 _MIN_GAP = 0.02
 """Distance of oracle and simulation-tuned thresholds below which no share of it is stated."""
 
@@ -213,14 +215,15 @@ def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
 
 
 def choose_arm(
-    sim: RoadImages, settings: ExperimentSettings, progress: Progress, draws: int = 2
+    sim: RoadImages, settings: ExperimentSettings, progress: Progress, draws: int = 4
 ) -> Choice:
-    """A label-free arm by its mean F1 over simulated lights, without any real image.
+    """A label-free arm by its F1 over simulated lights, without any real image.
 
-    Of the arms within `_INDISTINCT` of the best mean, the one with the fewest fitted numbers is
-    taken: less of it can depend on what is in view. Translators are fitted per simulated light on
-    another recording than the judged one. Learned methods and files take no part: they would need
-    a fit per simulated light.
+    It is the arm with the best mean over all lights among those that do no harm in ordinary lights,
+    which are those that the simulation-tuned thresholds alone can deal with: there its mean must
+    not be more than `_HARMLESS` below that of these thresholds. Translators are fitted per simulated
+    light on another recording than the judged one. Learned methods and files take no part: they
+    would need a fit per simulated light.
     """
     tuned = sim_thresholds(sim)
     sources = [each for each in settings.sources if not each.learned and each.file is None]
@@ -229,27 +232,32 @@ def choose_arm(
         for arm in arms_of(sources, len(CONDITIONS))
         if arm.direction == "none"
         or (arm.direction == "real2sim" and arm.scope in ("light", "image")
-            and arm.thresholds != BASELINE)
+            and arm.thresholds == SIM_TUNED)
     ]  # fmt: skip
     progress.begin("choice on simulated lights", draws * len(arms))
-    results: dict[Arm, list[float]] = {arm: [] for arm in arms}
-    sizes: dict[Arm, int] = {}
+    results: dict[Arm, list[list[float]]] = {arm: [] for arm in arms}
     for draw in range(draws):
         lit = simulated_lights(sim, draw)
         split = split_images(lit)
         evaluation = Evaluation(split, sim, TranslatorCache(None), tuned, pixels_only=True)
         for arm in arms:
             scores = evaluation.arm(arm)
-            results[arm] += [
+            by_light = [
                 float(mean_f1(scores.pixels[lit.conditions[split.judged] == light].sum(axis=0)))
                 for light in split.lights
             ]
-            sizes[arm] = evaluation.fitted_numbers(arm)
+            results[arm].append(by_light)
             progress.advance(1)
-    means = {arm: float(np.nanmean(values)) for arm, values in results.items()}
-    best = max(means.values())
-    near = [arm for arm in arms if means[arm] >= best - _INDISTINCT]
-    chosen = min(near, key=lambda arm: (sizes[arm], -means[arm]))
+    by_light_of = {arm: np.nanmean(values, axis=0) for arm, values in results.items()}
+    alone = by_light_of[Arm(SIM_TUNED)]
+    ordinary = alone >= _ORDINARY
+    means = {arm: float(np.nanmean(values)) for arm, values in by_light_of.items()}
+    harmless = [
+        arm
+        for arm, values in by_light_of.items()
+        if not ordinary.any() or values[ordinary].mean() >= alone[ordinary].mean() - _HARMLESS
+    ]
+    chosen = max(harmless, key=lambda arm: means[arm])
     ranked = sorted(arms, key=lambda arm: -means[arm])
     return Choice(chosen, {arm.name: means[arm] for arm in ranked})
 

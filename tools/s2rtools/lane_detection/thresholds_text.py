@@ -33,10 +33,9 @@ def tuning_yaml(tuning: Tuning) -> str:
         else:
             lines.append("    # default: no labelled pixels")
         boxes = tuning.thresholds[colour].boxes()
+        numbered = len(boxes) > 1 or len(DEFAULT_THRESHOLDS[colour].boxes()) > 1
         for number, (low, high) in enumerate(boxes, start=1):
-            suffix = (
-                f"_{number}" if len(DEFAULT_THRESHOLDS[colour].boxes()) > 1 or number > 1 else ""
-            )
+            suffix = f"_{number}" if numbered else ""
             lines.append(f"    low{suffix}: {list(low)}")
             lines.append(f"    high{suffix}: {list(high)}")
     return "\n".join(lines) + "\n"
