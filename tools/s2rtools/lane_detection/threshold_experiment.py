@@ -220,10 +220,10 @@ def choose_arm(
     """A label-free arm by its F1 over simulated lights, without any real image.
 
     It is the arm with the best mean over all lights among those that do no harm in ordinary lights,
-    which are those that the simulation-tuned thresholds alone can deal with: there its mean must
-    not be more than `_HARMLESS` below that of these thresholds. Translators are fitted per simulated
-    light on another recording than the judged one. Learned methods and files take no part: they
-    would need a fit per simulated light.
+    which are those that the simulation-tuned thresholds alone can deal with: there its mean is at
+    most `_HARMLESS` below that of these thresholds. Translators are fitted per simulated light on
+    another recording than the judged one. Learned methods and files take no part: they would need
+    a fit per simulated light.
     """
     tuned = sim_thresholds(sim)
     sources = [each for each in settings.sources if not each.learned and each.file is None]
