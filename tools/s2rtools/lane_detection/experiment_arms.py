@@ -34,6 +34,8 @@ Scope = Literal["image", "light", "all", "others", "file"]
 THRESHOLD_KINDS = ("default", "default+ai", "sim")
 """Duckietown's ranges, the same after the anti-instagram map, and ranges tuned on simulation."""
 SUFFIX = ".safetensors"
+_OF_IMAGE = ("grayworld", "fda")
+"""Methods whose fit uses the target images alone."""
 _MAX_FRAMES = 400
 """Images of a domain that a translator is fitted on, at most."""
 _BATCH = 32
@@ -55,7 +57,7 @@ class Source:
     @property
     def of_image(self) -> bool:
         """Whether the source's statistics are those of each image: the fit uses no real image."""
-        return self.method == "grayworld" or dict(self.options).get("statistics") == "image"
+        return self.method in _OF_IMAGE or dict(self.options).get("statistics") == "image"
 
 
 @dataclass(frozen=True, slots=True)

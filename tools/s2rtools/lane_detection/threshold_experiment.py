@@ -2,8 +2,8 @@
 
 Label-free arms (default and simulation-tuned thresholds, each alone and with every translator) are
 compared on labelled real images with thresholds that are tuned on labels. One label-free arm is
-chosen without any real image, by its mean F1 on simulated images in simulated lights
-(`choose_arm`). Intervals are block bootstraps over recordings; differences are
+chosen without any label of the real images, by its mean F1 on simulated images in simulated
+lights (`choose_arm`). Intervals are block bootstraps over recordings; differences are
 paired: both arms are computed from the same resampled blocks.
 """
 
@@ -35,7 +35,12 @@ from s2rtools.lane_detection.experiment_arms import (
     TranslatorCache,
     arms_of,
 )
-from s2rtools.lane_detection.experiment_data import Rows, simulated_lights, split_images
+from s2rtools.lane_detection.experiment_data import (
+    Rows,
+    Split,
+    simulated_lights,
+    split_images,
+)
 from s2rtools.lane_detection.line_detector import COLOURS, Thresholds, anti_instagram
 from s2rtools.lane_detection.line_scores import f1, mean_f1
 from s2rtools.lane_detection.road_images import RoadImages
@@ -49,6 +54,8 @@ ORACLE = "oracle per light"
 LABEL_COUNTS = (1, 2, 3, 4, 8)
 HARD_BELOW = 0.8
 """A light is hard where the default thresholds with anti-instagram stay below this F1."""
+_INDISTINCT = 0.02
+"""Difference of mean F1 on simulated lights that is no reason to prefer an arm."""
 _ORDINARY = 0.6
 """F1 of simulation-tuned thresholds in a simulated light that is ordinary."""
 _HARMLESS = 0.02
@@ -167,7 +174,7 @@ def run_experiment(
         raise RequestError(f"{sim.name}: --sim has no labelled images")
     split = split_images(real)
     cache = TranslatorCache(settings.cache, progress.say)
-    choice = choose_arm(sim, settings, progress)
+    choice = choose_arm(sim, settings, progress, split)
     evaluation = Evaluation(
         split, sim, cache, sim_thresholds(sim), settings.minutes, settings.seeds
     )
@@ -215,15 +222,21 @@ def sim_thresholds(sim: RoadImages) -> dict[str, Thresholds]:
 
 
 def choose_arm(
-    sim: RoadImages, settings: ExperimentSettings, progress: Progress, draws: int = 4
+    sim: RoadImages,
+    settings: ExperimentSettings,
+    progress: Progress,
+    real: Split,
+    draws: int = 2,
 ) -> Choice:
-    """A label-free arm by its F1 over simulated lights, without any real image.
+    """A label-free arm by its F1 over simulated lights and its stability on real images.
 
     It is the arm with the best mean over all lights among those that do no harm in ordinary lights,
     which are those that the simulation-tuned thresholds alone can deal with: there its mean is at
     most `_HARMLESS` below that of these thresholds. Translators are fitted per simulated light on
-    another recording than the judged one. Learned methods and files take no part: they would need
-    a fit per simulated light.
+    another recording than the judged one. Of the arms within `_INDISTINCT` of the best mean, the
+    one is taken whose masks of unlabelled real images depend least on what is in view
+    (`Evaluation.stability`). Learned methods and files take no part: they would need a fit per
+    simulated light.
     """
     tuned = sim_thresholds(sim)
     sources = [each for each in settings.sources if not each.learned and each.file is None]
@@ -257,7 +270,10 @@ def choose_arm(
         for arm, values in by_light_of.items()
         if not ordinary.any() or values[ordinary].mean() >= alone[ordinary].mean() - _HARMLESS
     ]
-    chosen = max(harmless, key=lambda arm: means[arm])
+    best = max(means[arm] for arm in harmless)
+    near = [arm for arm in harmless if means[arm] >= best - _INDISTINCT]
+    evaluation = Evaluation(real, sim, TranslatorCache(None), tuned)
+    chosen = max(near, key=lambda arm: (evaluation.stability(arm), means[arm]))
     ranked = sorted(arms, key=lambda arm: -means[arm])
     return Choice(chosen, {arm.name: means[arm] for arm in ranked})
 
