@@ -45,7 +45,7 @@ def test_labels_for_tuning_never_come_from_judged_images(rendered: RoadImages) -
 
 
 def test_unlabelled_images_are_preferred_for_fitting(rendered: RoadImages) -> None:
-    labelled = np.arange(len(rendered)) % 2 == 0
+    labelled = np.arange(len(rendered)) // 2 % 2 == 0
     split = split_images(replace(rendered, labelled=labelled))
     for light in split.lights:
         assert not labelled[split.fit_rows(light, "light")].any()
