@@ -29,7 +29,7 @@ from s2rtools.lane_detection.line_detector import (
     colour_masks,
     detect,
 )
-from s2rtools.lane_detection.line_scores import pixel_counts, segment_counts
+from s2rtools.lane_detection.line_scores import mean_f1, pixel_counts, segment_counts
 from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.road_renderer import Mask
 from s2rtools.lane_detection.threshold_tuning import tune
@@ -119,10 +119,46 @@ class Evaluation:
         scope = "all" if arm.scope in ("image", "file") else arm.scope
         real = self.split.images.rows(self.split.fit_rows(light, scope))
         source, target = fit_sets(arm, real, self.sim)
-        direction = "real2sim" if arm.direction == "real2sim" else "sim2real"
         return self.cache.get(
-            FitRequest(arm.source, direction, seed, self.minutes), source, target
+            FitRequest(arm.source, arm.direction, seed, self.minutes), source, target
         )
+
+    def stability(self, arm: Arm, images_per_light: int = 24) -> float:
+        """F1 between two masks of the same images that should be equal, over all lights.
+
+        The two come from fits on the two halves of the images for fitting of a light; where the
+        statistics are those of each image, from the whole image and from its left and right half
+        translated separately. A map that takes what is in view for light gives different masks. 1
+        for an arm without a translator.
+        """
+        if arm.source is None:
+            return 1.0
+        counts = np.zeros((len(COLOURS), 3))
+        for light in self.split.lights:
+            rows = self.split.fit_rows(light, "light")
+            if len(rows) < 2:
+                continue
+            images = self._images(rows[:: max(1, len(rows) // images_per_light)])
+            if arm.source.of_image:
+                translator = self._translator(arm, light, 0)
+                middle = images.shape[2] // 2
+                parts = images[:, :, :middle], images[:, :, middle:]
+                sides = [translated(translator, np.ascontiguousarray(part)) for part in parts]
+                pair = [translated(translator, images), np.concatenate(sides, axis=2)]
+            else:
+                request = FitRequest(arm.source, arm.direction, 0, self.minutes)
+                pair = []
+                for half in (rows[: len(rows) // 2], rows[len(rows) // 2 :]):
+                    source, target = fit_sets(arm, self.split.images.rows(half), self.sim)
+                    pair.append(translated(self.cache.get(request, source, target), images))
+            seen = [prepared(arm.thresholds, each) for each in pair]
+            ranges = thresholds_of(arm.thresholds, self.tuned)
+            for first, second in zip(*seen, strict=True):
+                one, other = colour_masks(first, ranges), colour_masks(second, ranges)
+                for index, colour in enumerate(COLOURS):
+                    truth = np.where(other[colour], index + 1, 0).astype(np.uint8)
+                    counts[index] += pixel_counts(one, truth)[index]
+        return float(mean_f1(counts))
 
     def _translated_ranges(self, translator: Translator | None) -> Thresholds:
         if translator not in self._tuned_on:
@@ -208,9 +244,7 @@ def _times(
     return elapsed
 
 
-def _placed(
-    name: str, label_free: bool, pieces: list[tuple[Rows, Scores]], split: Split
-) -> Scores:
+def _placed(name: str, label_free: bool, pieces: list[tuple[Rows, Scores]], split: Split) -> Scores:
     """Scores of all judged rows from those of disjoint parts of them."""
     result = _empty(name, label_free, len(split.judged))
     for rows, scores in pieces:

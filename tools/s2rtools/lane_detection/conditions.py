@@ -28,11 +28,11 @@ class Condition:
 
     `lamp` and `balance` multiply linear RGB; with `second_lamp`, the colour changes from `lamp` on
     one side of the image to `second_lamp` on the other; `exposure` is a factor; `vignette` and
-    `slope` are the shares of light lost in the corners and towards one side; `shadows` is a number of shadows that
-    each take `shadow_depth` of the light; `glare` is the light that is added around one bright
-    spot; `haze` is light added everywhere; `blur` is a standard deviation in pixels of a 640 pixel
-    wide image; `noise` is the standard deviation of the read noise in linear units, and a fifth of
-    it scales the shot noise; `gamma` is applied after the sRGB curve.
+    `slope` are the shares of light lost in the corners and towards one side; `shadows` is a number
+    of shadows that each take `shadow_depth` of the light; `glare` is the light that is added around
+    one bright spot; `haze` is light added everywhere; `blur` is a standard deviation in pixels of
+    an image 640 pixels wide; `noise` is the standard deviation of the read noise in linear units,
+    and a fifth of it scales the shot noise; `gamma` is applied after the sRGB curve.
     """
 
     name: str

@@ -34,6 +34,8 @@ Scope = Literal["image", "light", "all", "others", "file"]
 THRESHOLD_KINDS = ("default", "default+ai", "sim")
 """Duckietown's ranges, the same after the anti-instagram map, and ranges tuned on simulation."""
 SUFFIX = ".safetensors"
+_OF_IMAGE = ("grayworld", "fda")
+"""Methods whose fit uses the target images alone."""
 _MAX_FRAMES = 400
 """Images of a domain that a translator is fitted on, at most."""
 _BATCH = 32
@@ -55,7 +57,7 @@ class Source:
     @property
     def of_image(self) -> bool:
         """Whether the source's statistics are those of each image: the fit uses no real image."""
-        return self.method == "grayworld" or dict(self.options).get("statistics") == "image"
+        return self.method in _OF_IMAGE or dict(self.options).get("statistics") == "image"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +81,15 @@ class Arm:
 def parse_sources(texts: str | None) -> list[Source]:
     """Translators of a comma-separated list: METHOD, METHOD:OPTION=VALUE[:...] or FILE.
 
-    None is every method, and its per-image form where it has one. Raises RequestError for unknown
-    methods and options and for damaged files.
+    None is every method that needs no training, and its per-image form where it has one; `all` are
+    the learned ones, too. Raises RequestError for unknown methods and options and for damaged
+    files.
     """
-    if texts is None:
+    if texts is None or texts == "all":
         sources = []
         for method in METHODS.values():
+            if method.learned and texts is None:
+                continue
             if method.name != "identity":
                 sources.append(Source(method.name, method.name))
             if "statistics" in method.options:
@@ -141,9 +146,7 @@ class FitRequest:
 class TranslatorCache:
     """Fits translators, and keeps them as files in a folder so that a later call finds them."""
 
-    def __init__(
-        self, folder: Path | None, say: Callable[[str], None] = lambda line: None
-    ) -> None:
+    def __init__(self, folder: Path | None, say: Callable[[str], None] = lambda line: None) -> None:
         self.folder, self.say = folder, say
         self._fitted: dict[str, Translator] = {}
 
@@ -164,9 +167,7 @@ class TranslatorCache:
             return None
         return read_translator(path).translator
 
-    def _fit(
-        self, key: str, request: FitRequest, source: ImageSet, target: ImageSet
-    ) -> Translator:
+    def _fit(self, key: str, request: FitRequest, source: ImageSet, target: ImageSet) -> Translator:
         method = METHODS[request.source.method]
         checkpoint = None
         if self.folder is not None:

@@ -28,9 +28,9 @@ from s2rtools.translation.image_set import Rgb
 
 Rows = NDArray[np.int64]
 
-MIN_UNLABELLED = 10
+MIN_UNLABELLED = 8
 _MIN_LABELLED = 2
-_SURFACE = (-0.1, 0.7)
+_SURFACE = (-0.1, 0.5)
 _PAINT = (-0.1, 0.15)
 """Ranges of the logarithm of factors on the grey levels of asphalt and of lines."""
 
@@ -126,30 +126,25 @@ def _halves(images: RoadImages, rows: Rows) -> tuple[Rows, Rows]:
 def simulated_lights(sim: RoadImages, seed: int, images_per_light: int = 32) -> RoadImages:
     """Labelled simulated images in every light of `CONDITIONS`, at the detector's resolution.
 
-    Half of the images of a light, from different recordings, are for fitting (unlabelled), half for
-    judging. Colours are taken as albedo.
+    As in reality, the images of a light come from few places: half of them, from one recording, are
+    for fitting (unlabelled), half, from another recording, for judging. Colours are taken as
+    albedo, and the surfaces of each light vary.
     """
-    labelled = np.flatnonzero(sim.labelled)
-    sequences = sorted(set(sim.sequences[labelled].tolist()))
-    is_first = np.isin(sim.sequences[labelled], sequences[: max(1, len(sequences) // 2)])
-    first, second = labelled[is_first], labelled[~is_first]
-    if not len(second):
-        first, second = labelled[: len(labelled) // 2], labelled[len(labelled) // 2 :]
-    parts = [_spread(part, images_per_light // 2) for part in (first, second)]
+    recordings = _recordings(sim)
     size = (sim.images.shape[1], sim.images.shape[2])
     pieces = []
     for number, (name, condition) in enumerate(CONDITIONS.items()):
-        for part, rows in enumerate(parts):
-            rng = np.random.default_rng([seed, number, part])
-            light = LightField(condition, size, seed * 100 + number)
-            piece = sim.rows(rows)
-            lit = np.stack([light.apply(image) for image in _resurfaced(piece, rng)])
+        rng = np.random.default_rng([seed, number, 61])
+        light = LightField(condition, size, seed * 100 + number)
+        factors = np.exp([rng.uniform(*_SURFACE), rng.uniform(*_PAINT)])
+        for part, place in enumerate(rng.choice(len(recordings), 2, replace=False)):
+            piece = sim.rows(_spread(recordings[place], images_per_light // 2))
+            lit = np.stack([light.apply(image) for image in _resurfaced(piece, *factors)])
             count = len(piece)
-            is_judged = np.full(count, part == 1)
-            masks = piece.masks if part == 1 else np.full_like(piece.masks, IGNORE)
             pieces.append(
                 RoadImages(
-                    name, lit, masks, is_judged, np.full(count, name),
+                    name, lit, piece.masks if part == 1 else np.full_like(piece.masks, IGNORE),
+                    np.full(count, part == 1), np.full(count, name),
                     np.array([f"{name}-{sequence}" for sequence in piece.sequences]),
                     tuple(f"{name}/{file}" for file in piece.files), piece.poses,
                 )
@@ -157,14 +152,23 @@ def simulated_lights(sim: RoadImages, seed: int, images_per_light: int = 32) -> 
     return _joined("simulated lights", pieces)
 
 
-def _resurfaced(images: RoadImages, rng: np.random.Generator) -> Rgb:
-    """Images with another brightness of asphalt and paint.
+def _recordings(sim: RoadImages) -> list[Rows]:
+    """Labelled rows of each recording; the halves of the only one where there is one."""
+    labelled = np.flatnonzero(sim.labelled)
+    names = sorted(set(sim.sequences[labelled].tolist()))
+    if len(names) > 1:
+        return [labelled[sim.sequences[labelled] == name] for name in names]
+    if len(labelled) < 2 * _MIN_LABELLED:
+        raise RequestError(f"{sim.name}: {len(labelled)} labelled images; render more")
+    return [labelled[: len(labelled) // 2], labelled[len(labelled) // 2 :]]
+
+
+def _resurfaced(images: RoadImages, surface: float, paint: float) -> Rgb:
+    """Images with the grey levels of the ground and of the lines multiplied by factors.
 
     Real roads differ from simulated ones by more than the light; a translator that takes such a
     difference for light has to show it here.
     """
-    surface = float(np.exp(rng.uniform(*_SURFACE)))
-    paint = float(np.exp(rng.uniform(*_PAINT)))
     lines = np.isin(images.masks, range(1, len(COLOURS) + 1))[..., None]
     scaled = np.clip(images.images * np.where(lines, paint, surface), 0, 255)
     return np.asarray(scaled.astype(np.uint8))
@@ -188,4 +192,3 @@ def _joined(name: str, parts: list[RoadImages]) -> RoadImages:
         tuple(file for part in parts for file in part.files),
         np.concatenate([part.poses for part in parts]),
     )
-

@@ -179,7 +179,7 @@ def _oriented(points: NDArray[np.float32], mask: NDArray[np.uint8]) -> Segments:
     return Segments(points, normals.astype(np.float32))
 
 
-def _values_at(mask: NDArray[np.uint8], points: NDArray[np.float32]) -> Floats:
+def _values_at(mask: NDArray[np.uint8], points: NDArray[np.floating]) -> Floats:
     """Values of a mask at the nearest pixels of points (n, 2); 0 outside."""
     height, width = mask.shape
     x, y = np.rint(points).astype(np.int64).T

@@ -102,7 +102,7 @@ def read_road_images(folder: Path, crop: Crop = "auto") -> RoadImages:
 
 
 def reduce_mask(mask: Mask) -> Mask:
-    """A mask at the detector's resolution: the label of more than half of the pixel, else ignore."""
+    """A mask at the detector's resolution: the label of most of the pixel, else ignore."""
     best = np.full(DETECTOR_SIZE, IGNORE, dtype=np.uint8)
     for label in _LABELS[:-1]:
         share = cv2.resize(

@@ -200,7 +200,7 @@ def _draw_objects(
 ) -> Mask:
     """Coloured flat objects on the ground beside the road; returns their share (h, w)."""
     objects = np.zeros(shares.shape[:2], dtype=np.uint8)
-    height, width = objects.shape
+    height, width = shares.shape[:2]
     metre = float(map_pixels(np.ones((1, 2)))[0, 0])
     reach = int(_LARGEST_OBJECT * metre) + 1
     for _ in range(int(_OBJECTS_PER_SQUARE_METRE * height * width / metre**2)):

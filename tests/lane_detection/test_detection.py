@@ -1,0 +1,178 @@
+"""Detector, scores, tuning and lane pose."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rtools.lane_detection.arm_evaluation import CAMERA
+from s2rtools.lane_detection.lane_pose import lane_pose
+from s2rtools.lane_detection.line_detector import (
+    DEFAULT_THRESHOLDS,
+    HsvRange,
+    Segments,
+    anti_instagram,
+    colour_masks,
+    detect,
+    detector_images,
+    road_part,
+)
+from s2rtools.lane_detection.line_scores import (
+    f1,
+    mean_f1,
+    pixel_counts,
+    precision_recall,
+    segment_counts,
+)
+from s2rtools.lane_detection.road_images import RoadImages
+from s2rtools.lane_detection.threshold_tuning import tune
+from s2rtools.lane_detection.thresholds_text import tuning_yaml
+
+PAINT = {1: (230, 230, 230), 2: (230, 215, 20), 3: (200, 20, 30)}
+
+
+def painted(seed: int = 0, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Grey images (n, 80, 160, 3) with a vertical stripe of each colour, and their masks."""
+    rng = np.random.default_rng(seed)
+    masks = np.zeros((count, 80, 160), dtype=np.uint8)
+    images = rng.integers(60, 80, (count, 80, 160, 1)).repeat(3, axis=3)
+    for label, colour in PAINT.items():
+        masks[:, :, 40 * label : 40 * label + 10] = label
+        noise = rng.integers(-10, 11, (count, 80, 10, 3))
+        images[:, :, 40 * label : 40 * label + 10] = np.array(colour) + noise
+    return np.clip(images, 0, 255).astype(np.uint8), masks
+
+
+def test_whole_camera_images_lose_the_upper_third_and_wide_ones_nothing() -> None:
+    assert road_part(np.zeros((1, 480, 640, 3), np.uint8)).shape == (1, 320, 640, 3)
+    assert road_part(np.zeros((1, 320, 640, 3), np.uint8)).shape == (1, 320, 640, 3)
+    assert detector_images(np.zeros((2, 480, 640, 3), np.uint8)).shape == (2, 80, 160, 3)
+    with pytest.raises(RequestError, match="crop"):
+        road_part(np.zeros((1, 4, 4, 3), np.uint8), "left")  # type: ignore[arg-type]
+
+
+def test_a_range_over_hue_180_is_two_boxes() -> None:
+    red = DEFAULT_THRESHOLDS["red"]
+    assert len(red.boxes()) == 2
+    hsv = np.array([[[178, 200, 200], [5, 200, 200], [90, 200, 200]]], dtype=np.uint8)
+    assert red.contains(hsv).tolist() == [[True, True, False]]
+
+
+def test_default_thresholds_find_painted_stripes_with_normals_into_them() -> None:
+    images, masks = painted()
+    found = detect(images[0], DEFAULT_THRESHOLDS)
+    counts = pixel_counts(found.masks, masks[0])
+    assert mean_f1(counts) > 0.95
+    for label, colour in enumerate(("white", "yellow", "red"), start=1):
+        segments = found.segments[colour]
+        assert len(segments)
+        middles = segments.points.reshape(-1, 2, 2).mean(axis=1)[:, 0]
+        into = np.sign(40 * label + 4.5 - middles)
+        outer = np.abs(middles - (40 * label + 4.5)) > 3
+        upright = np.abs(segments.normals[:, 0]) > 0.9
+        assert (np.sign(segments.normals[:, 0]) == into)[outer & upright].mean() > 0.9
+
+
+def test_tuned_thresholds_and_segments_on_rendered_day_images(rendered: RoadImages) -> None:
+    day = rendered.rows(rendered.conditions == "day")
+    tuned = tune(day.images[:20], day.masks[:20]).thresholds
+    judged = list(zip(day.images[20:], day.masks[20:], strict=True))
+    found = [detect(image, tuned) for image, _ in judged]
+    pairs = list(zip(found, judged, strict=True))
+    assert mean_f1(sum(pixel_counts(d.masks, mask) for d, (_, mask) in pairs)) > 0.8
+    counts = sum(segment_counts(d.segments, mask) for d, (_, mask) in pairs)
+    precision, recall = precision_recall(counts[0])
+    assert precision > 0.8
+    assert recall > 0.6
+
+
+def test_anti_instagram_undoes_a_cast() -> None:
+    images, _ = painted()
+    cast = np.clip(images * 0.8 + np.array([0, 15, 51]), 0, 255).astype(np.uint8)
+    plain, restored = (
+        colour_masks(each, DEFAULT_THRESHOLDS)["white"]
+        for each in (anti_instagram(images)[0], anti_instagram(cast)[0])
+    )
+    assert (plain == restored).mean() > 0.98
+    assert anti_instagram(cast)[0][:, :30].mean() < 10
+
+
+def test_pixel_scores_ignore_255_and_leave_out_absent_colours() -> None:
+    truth = np.array([[1, 1, 0, 255]], dtype=np.uint8)
+    masks = {
+        "white": np.array([[True, False, True, True]]),
+        "yellow": np.zeros((1, 4), bool),
+        "red": np.zeros((1, 4), bool),
+    }
+    counts = pixel_counts(masks, truth)
+    assert counts[0].tolist() == [1, 1, 1]
+    assert f1(counts)[0] == 0.5
+    assert np.isnan(f1(counts)[1])
+    assert mean_f1(counts) == 0.5
+
+
+def test_segments_count_as_correct_invented_or_not_judged() -> None:
+    truth = np.zeros((80, 160), dtype=np.uint8)
+    truth[:, 40:48] = 1
+    truth[:, 120:] = 255
+    points = np.array([[40, 5, 40, 60], [80, 5, 80, 40], [140, 5, 140, 40]], dtype=np.float32)
+    some = Segments(points, np.tile(np.float32([1, 0]), (3, 1)))
+    none = Segments(points[:0], np.zeros((0, 2), np.float32))
+    counts = segment_counts({"white": some, "yellow": none, "red": none}, truth)
+    correct, judged, reached, border, invented = counts[0]
+    assert (correct, judged, invented) == (1, 2, 1)
+    assert 0.3 < reached / border < 0.5
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.integers(0, 1000))
+def test_tuning_recovers_painted_colours_and_centres_the_bounds(seed: int) -> None:
+    images, masks = painted(seed, 2)
+    tuning = tune(images, masks)
+    for colour in ("white", "yellow", "red"):
+        assert tuning.ranges[colour].f1 > 0.99
+    low = tuning.ranges["white"].range.low[2]
+    assert 110 < low < 190
+    assert tuning.ranges["white"].plateau["value"][0] > 60
+    assert tuning.ranges["yellow"].range.high[1:] == (255, 255)
+
+
+def test_tuning_keeps_default_ranges_of_colours_without_labels() -> None:
+    images, masks = painted()
+    masks[masks == 3] = 0
+    tuning = tune(images, masks)
+    assert tuning.untuned == ("red",)
+    assert tuning.thresholds["red"] == DEFAULT_THRESHOLDS["red"]
+    with pytest.raises(RequestError, match="no line pixels"):
+        tune(images, np.zeros_like(masks))
+
+
+def test_yaml_has_two_red_ranges_and_one_white() -> None:
+    text = tuning_yaml(tune(*painted()))
+    assert "RED" in text
+    assert re.search(r"WHITE:\n.*\n    low: \[", text)
+    assert "low_1" in text.split("RED")[1]
+
+
+def test_lane_pose_of_rendered_day_images(rendered: RoadImages) -> None:
+    day = rendered.rows(rendered.conditions == "day")
+    tuned = tune(day.images, day.masks).thresholds
+    errors = []
+    for image, truth in zip(day.images, day.poses, strict=True):
+        pose = lane_pose(detect(image, tuned).segments, CAMERA)
+        if pose is not None:
+            errors.append((abs(pose.offset - truth[0]), abs(pose.heading - truth[1])))
+    assert len(errors) > 15
+    assert np.median(errors, axis=0)[0] < 0.03
+    assert np.median(errors, axis=0)[1] < 0.2
+
+
+def test_no_segments_give_no_pose() -> None:
+    images, _ = painted()
+    nothing = dict.fromkeys(DEFAULT_THRESHOLDS, HsvRange((0, 0, 255), (0, 0, 255)))
+    assert lane_pose(detect(images[0], nothing).segments, CAMERA) is None

@@ -1,0 +1,87 @@
+"""Folders of road images: what is read, and one-line errors for damaged ones."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rtools.lane_detection.road_images import RoadImages, read_road_images, reduce_mask
+
+FIRST = "day-00_0000"
+
+
+def test_rendered_folders_are_read_with_lights_recordings_and_poses(rendered: RoadImages) -> None:
+    assert set(rendered.conditions) == {"day", "dark"}
+    assert set(rendered.sequences) == {"day-00", "day-01", "dark-00", "dark-01"}
+    assert rendered.images.shape == (48, 80, 160, 3)
+    assert np.isfinite(rendered.poses).all()
+    assert rendered.labelled.all()
+
+
+def test_reduced_masks_ignore_pixels_without_a_majority() -> None:
+    mask = np.zeros((320, 640), dtype=np.uint8)
+    mask[:, 320:] = 1
+    mask[:, 8:10] = 255
+    reduced = reduce_mask(mask)
+    assert (reduced[:, 80:] == 1).all()
+    assert (reduced[:, 2] == 255).all()
+    assert (reduced[:, 3:80] == 0).all()
+
+
+def _without_mask(folder: Path) -> None:
+    (folder / "masks" / f"{FIRST}.png").unlink()
+
+
+def _small_mask(folder: Path) -> None:
+    cv2.imwrite(str(folder / "masks" / f"{FIRST}.png"), np.zeros((10, 20), np.uint8))
+
+
+def _unknown_label(folder: Path) -> None:
+    cv2.imwrite(str(folder / "masks" / f"{FIRST}.png"), np.full((320, 640), 9, np.uint8))
+
+
+def _colour_mask(folder: Path) -> None:
+    cv2.imwrite(str(folder / "masks" / f"{FIRST}.png"), np.zeros((320, 640, 3), np.uint8))
+
+
+def _broken_image(folder: Path) -> None:
+    (folder / "images" / f"{FIRST}.jpg").write_bytes(b"not an image")
+
+
+def _index(text: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / "index.csv").write_text(text) and None
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (_without_mask, "missing"),
+        (_small_mask, "20 x 10 pixels"),
+        (_unknown_label, "label 9"),
+        (_colour_mask, "one channel"),
+        (_broken_image, "cannot be decoded"),
+        (_index("file\na.jpg\n"), "condition"),
+        (_index("file,condition\n"), "no images"),
+        (_index("file,condition,labelled\na_1.jpg,day,perhaps\n"), "yes or no"),
+        (_index("file,condition\n../a.jpg,day\n"), "inside images/"),
+        (_index("file,condition,labelled\na.jpg,day,no\na.jpg,day,no\n"), "twice"),
+        (_index("file,condition,offset\na.jpg,day,x\n"), "not a number"),
+        (lambda folder: (folder / "index.csv").unlink(), "missing"),
+    ],
+)
+def test_damaged_folders_are_refused_in_one_line(
+    rendered_folder: Path, tmp_path: Path, damage: Callable[[Path], None], message: str
+) -> None:
+    folder = tmp_path / "roads"
+    shutil.copytree(rendered_folder, folder)
+    damage(folder)
+    with pytest.raises(RequestError, match=message) as caught:
+        read_road_images(folder)
+    assert "\n" not in str(caught.value)
+    assert str(folder) in str(caught.value)
