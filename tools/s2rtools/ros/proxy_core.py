@@ -24,7 +24,7 @@ from s2rtools.translation.image_codec import (
     decode_compressed,
     decode_raw,
 )
-from s2rtools.translation.method import blend
+from s2rtools.translation.method import Translator, blend
 
 SILENCE = 5.0
 """Seconds without a frame after which the diagnostics warn."""
@@ -82,6 +82,7 @@ class ProxyCore:
         self._counts, self._lock = Counts(), threading.Lock()
         self._last_frame = time.monotonic()
         self._last_error = self._setting_error = ""
+        self._prepared: Translator | None = None
 
     @property
     def counts(self) -> Counts:
@@ -170,7 +171,11 @@ class ProxyCore:
             rgb, image_format = decode_raw(frame.content, frame.layout)
         if not settings.enabled or settings.strength == 0:
             return None
-        translated = settings.translator.translator.translate(rgb[None])
+        translator = settings.translator.translator
+        if translator is not self._prepared:
+            translator.use_faster_precision(rgb[None])
+            self._prepared = translator
+        translated = translator.translate(rgb[None])
         return image_format.encode(np.asarray(blend(rgb[None], translated, settings.strength)[0]))
 
     def _count(self, name: str) -> None:
