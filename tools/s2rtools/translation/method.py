@@ -32,7 +32,7 @@ class Translator(ABC):
     def translate(self, rgb: Rgb) -> Rgb:
         """Translate images (B, H, W, 3) uint8 of any size; returns the same shape and type."""
 
-    def use_faster_precision(self, rgb: Rgb) -> None:
+    def use_faster_precision(self, rgb: Rgb) -> None:  # noqa: B027
         """Compute in a lower precision from now on where that is faster on images like `rgb`.
 
         Results may then differ by a grey level. Most methods have one precision.
