@@ -20,7 +20,7 @@ def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
 
     Image adjustments apply to the real side, camera adjustments to the sim side if the data set has
     a renderer. Each translator has a slider of its strength on the side whose images it
-    translates, except those that failed a check of their content. Raises ModuleNotFoundError if the
+    translates, except the identity and those that failed a check of their content. Raises ModuleNotFoundError if the
     tools are not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
@@ -34,7 +34,8 @@ def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
         if isinstance(adjustment, TranslatorAdjustment):
             translators = [
                 _slider(adjustment, record.side, f"{adjustment.name}:{record.translator}")
-                for record in store.translators.values() if record.accepted is not False
+                for record in store.translators.values()
+                if record.accepted is not False and record.method != "identity"
             ]  # fmt: skip
         elif side in adjustment.sides and not (adjustment.needs_renderer and reason):
             sliders.append(_slider(adjustment, side, adjustment.name))

@@ -52,7 +52,7 @@ def slider_layout(lines: Sequence[SliderLine], size: Size) -> SliderLayout:
     width, height = size
     label = _INDENT + max((len(line.label) for line in lines), default=0) + 1
     value = _FIGURES + max((len(line.unit) for line in lines), default=0) + 2
-    label = min(label, max(_INDENT, width - _FIGURES - 1 - _TRACK))
+    label = min(label, max(_INDENT, width - value - _TRACK))
     track = max(_TRACK, width - label - value)
     active = next((at for at, line in enumerate(lines) if line.active), 0)
     first = min(max(0, active - height + 1), max(0, len(lines) - height))

@@ -38,7 +38,7 @@ class AdjustView(View):
         adjust = scene.state.adjust or Adjust("")
         return tuple(
             SliderLine(
-                slider.name.replace("_", " ").replace(":", " "), slider.side,
+                _label(slider.name), slider.side,
                 slider.lowest, slider.highest, slider.neutral, adjust.value(slider.key),
                 slider.unit, index == adjust.active,
             )
@@ -88,6 +88,12 @@ class AdjustView(View):
 
 
 VIEW = AdjustView()
+
+
+def _label(name: str) -> str:
+    """The name of a translator as it is, other names with spaces."""
+    kind, colon, translator = name.partition(":")
+    return translator if colon else kind.replace("_", " ")
 
 
 def _put_message(canvas: Canvas, text: str, top: int) -> Canvas:
