@@ -20,8 +20,8 @@ def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
 
     Image adjustments apply to the real side, camera adjustments to the sim side if the data set has
     a renderer. Each translator has a slider of its strength on the side whose images it
-    translates, except the identity and those that failed a check of their content. Raises ModuleNotFoundError if the
-    tools are not installed.
+    translates, except the identity and those that failed a check of their content. Raises
+    ModuleNotFoundError if the tools are not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
     from s2rtools.rendering import no_renderer_reason
