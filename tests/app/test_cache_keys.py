@@ -15,7 +15,7 @@ from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
-from s2rtui.charts.scene import Resources, RunAccuracies, Scene
+from s2rtui.charts.scene import Resources, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View
 from s2rtui.loaders import store_data
 from s2rtui.session import HeatChoice, Session, State
@@ -75,6 +75,10 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "future": lambda _, state: ("all",),
 }
 RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
+    "translators": lambda resources: (
+        *resources.translators,
+        TranslatorRow("mkl", "real2sim", True),
+    ),
     "rows": lambda resources: (replace(resources.rows[0], real_accuracy=0.3), *resources.rows[1:]),
     "lines": lambda resources: RunAccuracies(
         "sim", {r: v / 2 for r, v in resources.lines.values.items()}
