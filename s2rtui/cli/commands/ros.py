@@ -114,7 +114,6 @@ def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
     from s2rtools.ros.image_topics import check_topics
     from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
-    from s2rtools.ros.run_proxy import run_proxy
     from s2rtools.translation.load_translator import load_translator
 
     unknown = [text for text in options.arguments if ":=" not in text]
@@ -131,7 +130,24 @@ def _proxy(options: argparse.Namespace) -> None:
         options.input, options.output, settings,
         lambda name: load_translator(name, options.store), options.name, tuple(options.arguments),
     )  # fmt: skip
-    run_proxy(request, version)
+    _use_one_thread()
+    if version == 1:
+        from s2rtools.ros import ros1_node
+
+        ros1_node.run(request)
+    else:
+        from s2rtools.ros import ros2_node
+
+        ros2_node.run(request)
+
+
+def _use_one_thread() -> None:
+    """Compute in the calling thread only, for even latencies beside the robot's other programs."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
 
 
 def _replay(options: argparse.Namespace) -> None:
