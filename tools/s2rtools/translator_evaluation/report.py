@@ -150,8 +150,9 @@ class _Judge:
                 task = task_metrics.run_time_metrics(
                     self.store, self.run, self.translator, self.backend, frames
                 )
-            name = self.translator.name
-            task += task_metrics.training_metrics(self.store, self.run.run, name)
+            task += task_metrics.training_metrics(
+                self.store, self.run.run, self.translator.name, self.translator.fitted
+            )
         cost = milliseconds_per_image(self.translator.stored.translator, frames.source[0])
         rows = (
             _content_rows(content)

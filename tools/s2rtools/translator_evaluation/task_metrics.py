@@ -178,12 +178,12 @@ def run_time_metrics(
     return rows
 
 
-def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
+def training_metrics(store: Store, run: str, name: str, fitted: Iids) -> list[TaskMetric]:
     """Errors in reality of runs whose network was trained on images translated by `name`.
 
     `trained_error` is the mean real error of such a run, `trained_error_gain` the real error of
-    `run` minus it, paired on the instances that both networks were not trained on. Empty where no
-    such run was computed.
+    `run` minus it, paired on the instances that both networks were not trained on and that are not
+    among `fitted`, the iids of the translator's fit. Empty where no such run was computed.
     """
     rows: list[TaskMetric] = []
     if store.run(run).key is None:
@@ -194,6 +194,7 @@ def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
         if recipe != RECIPE or name not in used or record.key is None:
             continue
         keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
+        keep[fitted] = False
         recording = store.instances.trajectory[keep]
         plain, trained = (
             store.run_columns(each).real.error[keep].astype(np.float64)
