@@ -53,8 +53,8 @@ def _list(options: argparse.Namespace) -> None:
         found = {row.translator: row for row in translator_rows(store)}
         rows = [
             (name, record.method, record.source_domain, record.target_domain, found[name].verdict,
-             found[name].gain_text, "; ".join(record.reasons))
-            for name, record in store.translators.items()
+             "; ".join(gain.text for gain in found[name].gains), "; ".join(record.reasons))
+            for name, record in store.translators.items() if name in found
         ]  # fmt: skip
     names = ("translator", "method", "from", "to", "verdict", "gain", "reasons")
     output.write(names, rows, options)
