@@ -75,12 +75,10 @@ def test_a_sample_without_a_colour_of_the_group_has_no_mean() -> None:
     assert values[1] == pytest.approx((18 / 19 + 10 / 15 + 1) / 3)
 
 
-def test_agreement_pools_colours_so_that_one_pixel_counts_little() -> None:
-    same = np.array([[100, 0, 0], [100, 0, 0], [0, 0, 0]], dtype=np.float64)
-    one_red = same.copy()
-    one_red[2, 1] = 1
-    assert agreement(same) == 1
-    assert agreement(one_red) == pytest.approx(400 / 401)
+def test_agreement_is_the_mean_over_colours_that_either_mask_has() -> None:
+    counts = np.array([[90, 10, 10], [0, 0, 0], [0, 1, 0]], dtype=np.float64)
+    assert agreement(counts) == pytest.approx(0.45)
+    assert agreement(counts[:2]) == pytest.approx(0.9)
     assert np.isnan(agreement(np.zeros((3, 3))))
 
 
@@ -194,15 +192,26 @@ def test_words_name_lights_fitted_on_judged_recordings_hard_lights_and_seeds() -
         assert part not in plain
 
 
-def test_fits_on_judged_recordings_and_images_are_known(rendered: RoadImages) -> None:
-    apart = split_images(rendered)
+def blank_images(labelled: np.ndarray, sequences: np.ndarray) -> RoadImages:
+    """Black images of one light without lines."""
+    count = len(labelled)
+    return RoadImages(
+        "road", np.zeros((count, 80, 160, 3), np.uint8), np.zeros((count, 80, 160), np.uint8),
+        labelled, np.full(count, "night"), sequences, tuple("x" * count),
+        np.full((count, 2), np.nan),
+    )  # fmt: skip
+
+
+def test_fits_on_judged_recordings_and_images_are_known() -> None:
+    everything, half = np.ones(16, dtype=bool), np.arange(16) % 2 == 0
+    two, one = np.repeat(["a", "b"], 8), np.full(16, "a")
+    apart = split_images(blank_images(everything, two))
     assert apart.lights_fitted_on_judged_recordings() == []
-    alternating = replace(rendered, labelled=np.arange(len(rendered)) // 2 % 2 == 0)
-    unlabelled = split_images(alternating)
-    assert unlabelled.lights_fitted_on_judged_recordings() == ["dark", "day"]
+    unlabelled = split_images(blank_images(half, one))
+    assert unlabelled.lights_fitted_on_judged_recordings() == ["night"]
     assert unlabelled.lights_fitted_on_judged_images() == []
-    whole = split_images(replace(rendered, sequences=rendered.conditions))
-    assert whole.lights_fitted_on_judged_images() == ["dark", "day"]
+    whole = split_images(blank_images(everything, one))
+    assert whole.lights_fitted_on_judged_images() == ["night"]
 
 
 def arm(text: str) -> Arm:

@@ -64,11 +64,11 @@ def false_pixels_of_absent(counts: Floats, colours: Bools) -> float:
 
 
 def agreement(counts: Floats) -> float:
-    """Dice coefficient of two sets of masks from the summed counts (colours, 3) of one against the
-    other, pooled over the colours; NaN where both are empty."""
-    hits, only_one, only_other = counts.sum(axis=0)
-    total = 2 * hits + only_one + only_other
-    return float(2 * hits / total) if total > 0 else float("nan")
+    """Dice coefficient of two sets of masks, from the summed counts (colours, 3) of one against the
+    other: the mean over the colours that either of them has. NaN where both are empty."""
+    total = 2 * counts[:, 0] + counts[:, 1] + counts[:, 2]
+    known = total > 0
+    return float((2 * counts[known, 0] / total[known]).mean()) if known.any() else float("nan")
 
 
 def segment_counts(segments: dict[str, Segments], truth: Mask) -> Floats:
