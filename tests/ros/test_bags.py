@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -86,6 +87,19 @@ def test_wrong_options_of_the_proxy_end_in_one_line(translator_file, capsys, opt
                  "--out", "/translated/compressed", *options]  # fmt: skip
     assert main(arguments) == 2
     assert problem in capsys.readouterr().err
+
+
+def test_a_translator_that_loads_torch_later_computes_in_one_thread(translator_file, monkeypatch):
+    requests, threads = [], []
+    monkeypatch.setattr("s2rtools.ros.ros_environment.find_ros", lambda wanted: 1)
+    monkeypatch.setattr("s2rtools.ros.ros1_node.run", requests.append)
+    monkeypatch.setattr("cv2.setNumThreads", lambda number: None)
+    monkeypatch.setitem(sys.modules, "torch", SimpleNamespace(set_num_threads=threads.append))
+    arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
+    assert main(arguments) == 0
+    threads.clear()
+    requests[0].load(str(translator_file))
+    assert threads == [1]
 
 
 def test_missing_ros_names_the_packages_to_install(translator_file, capsys, monkeypatch):

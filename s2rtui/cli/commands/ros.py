@@ -18,6 +18,7 @@ from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
     from s2rtools.translation.image_set import Rgb
+    from s2rtools.translation.translator_file import StoredTranslator
 
     BagImage = tuple[int, Rgb, Rgb]
     """Stamp in nanoseconds, image and translated image."""
@@ -121,16 +122,20 @@ def _proxy(options: argparse.Namespace) -> None:
         raise RequestError(f"{unknown[0]}: unknown argument; remappings are FROM:=TO")
     max_age = None if options.max_age is None else parse_age(options.max_age)
     check_topics(options.input, options.output)
-    translator = load_translator(options.translator, options.store)
+
+    def load(name: str) -> StoredTranslator:
+        stored = load_translator(name, options.store)
+        _use_one_thread()
+        return stored
+
+    translator = load(options.translator)
     version = ros_environment.find_ros(options.ros)
     settings = ProxySettings(
         options.translator, translator, options.strength, max_age, options.jpeg_quality
     )
     request = ProxyRequest(
-        options.input, options.output, settings,
-        lambda name: load_translator(name, options.store), options.name, tuple(options.arguments),
-    )  # fmt: skip
-    _use_one_thread()
+        options.input, options.output, settings, load, options.name, tuple(options.arguments)
+    )
     if version == 1:
         from s2rtools.ros import ros1_node
 
@@ -142,7 +147,10 @@ def _proxy(options: argparse.Namespace) -> None:
 
 
 def _use_one_thread() -> None:
-    """Compute in the calling thread only, for even latencies beside the robot's other programs."""
+    """Compute in the calling thread only, for even latencies beside the robot's other programs.
+
+    A translator may have loaded torch, which then has to be limited, too.
+    """
     import cv2
 
     cv2.setNumThreads(1)
