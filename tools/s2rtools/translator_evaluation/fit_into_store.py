@@ -222,8 +222,11 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
         name = min(set(images.names) ^ set(look.names))
         raise RequestError(f"--paired: {name} is not in both {source} and {target}")
     checkpoint = out.with_name(f".{out.name}.checkpoint") if method.learned else None
-    used = [_rows_of_fit(each, fit_split.FITTED, MAX_FITTED) for each in (images, look)]
-    fitted = method.fit(*used, replace(request.settings, checkpoint=checkpoint))
+    fitted = method.fit(
+        _rows_of_fit(images, fit_split.FITTED, MAX_FITTED),
+        _rows_of_fit(look, fit_split.FITTED, MAX_FITTED),
+        replace(request.settings, checkpoint=checkpoint),
+    )
     held_out = [_rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, look)]
     enough = all(len(each) >= _MIN_CHECKED for each in held_out)
     verdict = _check_content(fitted.translator, *held_out) if enough else None
