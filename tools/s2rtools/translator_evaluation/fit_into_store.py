@@ -222,13 +222,14 @@ def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> V
         name = min(set(images.names) ^ set(look.names))
         raise RequestError(f"--paired: {name} is not in both {source} and {target}")
     checkpoint = out.with_name(f".{out.name}.checkpoint") if method.learned else None
-    before, after = (_rows_of_fit(each, fit_split.FITTED, MAX_FITTED) for each in (images, look))
-    fitted = method.fit(before, after, replace(request.settings, checkpoint=checkpoint))
-    before, after = (
-        _rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, look)
+    fitted = method.fit(
+        _rows_of_fit(images, fit_split.FITTED, MAX_FITTED),
+        _rows_of_fit(look, fit_split.FITTED, MAX_FITTED),
+        replace(request.settings, checkpoint=checkpoint),
     )
-    enough = min(len(before), len(after)) >= _MIN_CHECKED
-    verdict = _check_content(fitted.translator, before, after) if enough else None
+    held_out = [_rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, look)]
+    enough = all(len(each) >= _MIN_CHECKED for each in held_out)
+    verdict = _check_content(fitted.translator, *held_out) if enough else None
     folders = names_digest(images), names_digest(look)
     stored = StoredTranslator(
         fitted.translator, source.name, target.name, images.size, folders=folders
