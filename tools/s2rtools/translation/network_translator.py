@@ -123,7 +123,12 @@ class NetworkTranslator(Translator):
         """Grey levels of the network's output; both edges fit the network."""
         low = self.precision == torch.bfloat16
         with torch.no_grad(), torch.autocast(device().type, torch.bfloat16, enabled=low):
-            return to_grey_levels(self.network(to_tensor(rgb)))
+            return to_grey_levels(self._forward(to_tensor(rgb)))
+
+    def _forward(self, x: Tensor) -> Tensor:
+        """The network's output for images (B, 3, h, w) in -1 .. 1."""
+        output: Tensor = self.network(x)
+        return output
 
     def use_faster_precision(self, rgb: Rgb) -> None:
         """Use bfloat16 where it is faster and within one grey level in the mean on these images.
