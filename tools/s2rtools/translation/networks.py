@@ -18,6 +18,10 @@ REDUCTION = 4
 """Factor by which `Encoder` reduces both edges."""
 MIN_EDGE = 16
 MAX_CHANNELS, MAX_BLOCKS = 128, 16
+MAX_EDGE = 1024
+"""Pixels of the longer edge of images at the working size."""
+MAX_VALUES = 32 << 20
+"""Values of one feature map at the working size (pixels times channels)."""
 
 Kind = TypeVar("Kind")
 
@@ -45,6 +49,19 @@ class GeneratorSize:
 
     def document(self) -> dict[str, Any]:
         return asdict(self)
+
+
+def check_working_size(size: tuple[int, int], channels: int) -> None:
+    """Raise ValueError where features at a working size (rows, columns) need too much memory.
+
+    The pixels are those of a square with the longer edge, because images may have any aspect.
+    """
+    edge = max(size)
+    if edge > MAX_EDGE:
+        raise ValueError(f"images of {edge} pixels; networks translate up to {MAX_EDGE}")
+    if edge**2 * channels > MAX_VALUES:
+        most = int((MAX_VALUES / channels) ** 0.5)
+        raise ValueError(f"images of {edge} pixels with {channels} channels; at most {most} pixels")
 
 
 def initialised(seed: int, build: Callable[[], Kind]) -> Kind:
