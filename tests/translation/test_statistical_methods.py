@@ -144,6 +144,16 @@ def test_wrong_options_are_refused(name, options):
         fit(name, smooth_images(0), smooth_images(1), **options)
 
 
+@pytest.mark.parametrize("name", STATISTICAL)
+def test_empty_image_sets_and_unknown_options_are_refused(name):
+    images, empty = smooth_images(0), np.empty((0, 32, 32, 3), dtype=np.uint8)
+    for source, target in ((images, empty), (empty, images)):
+        with pytest.raises(RequestError, match="no images"):
+            fit(name, source, target)
+    with pytest.raises(RequestError, match="speed"):
+        fit(name, images, images, speed="9")
+
+
 def test_unknown_methods_name_the_known_ones():
     with pytest.raises(RequestError, match="mkl"):
         find_method("vangogh")

@@ -1,4 +1,4 @@
-"""Options of learned methods: texts `name=value` to checked numbers."""
+"""Check requests of fits, and read options: texts `name=value` to numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from s2rstore.errors import RequestError
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitSettings
-from s2rtools.translation.networks import (
+from s2rtools.translation.network_size import (
     MAX_BLOCKS,
     MAX_CHANNELS,
     GeneratorSize,
@@ -19,17 +19,28 @@ SIZE_OPTIONS = ("channels", "blocks")
 DEFAULT_SIZE = GeneratorSize()
 
 
-def check_request(
+def check_images(
     name: str, known: Sequence[str], source: ImageSet, target: ImageSet, settings: FitSettings
 ) -> None:
-    """Raise RequestError for unknown options, empty or too large images, and pairs that do not
-    match."""
+    """Raise RequestError for unknown options and empty image sets."""
     for option in settings.options:
         if option not in known:
-            raise RequestError(f"{name}: option {option!r}: one of {', '.join(known)}")
+            names = f"one of {', '.join(known)}" if known else "this method has no options"
+            raise RequestError(f"{name}: option {option!r}: {names}")
     for images in (source, target):
         if not len(images):
             raise RequestError(f"{name}: no images in {images.name}")
+
+
+def check_request(
+    name: str, known: Sequence[str], source: ImageSet, target: ImageSet, settings: FitSettings
+) -> None:
+    """Check a request for a learned method.
+
+    Raises RequestError as `check_images` does, and for images that are too large or have different
+    sizes, and for pairs that do not match.
+    """
+    check_images(name, known, source, target, settings)
     if source.size != target.size:
         raise RequestError(
             f"{name}: {source.name} has images of {source.size}, {target.name} of {target.size}; "

@@ -16,14 +16,8 @@ from torch import Tensor, nn
 from s2rtools.translation.colour_statistics import to_uint8
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Settings, Tensors, Translator
-from s2rtools.translation.networks import (
-    MAX_EDGE,
-    MIN_EDGE,
-    REDUCTION,
-    Generator,
-    GeneratorSize,
-    check_working_size,
-)
+from s2rtools.translation.network_size import MAX_EDGE, GeneratorSize, check_working_size
+from s2rtools.translation.networks import MIN_EDGE, REDUCTION, Generator
 
 _GPU_BATCH = 16
 _TIMED_CALLS = 5

@@ -18,7 +18,9 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
 
+OPTIONS = ("statistics",)
 MAX_GAIN = 4.0
 _FLOOR = 0.5
 """Added to both standard deviations, in units of L*a*b*."""
@@ -61,6 +63,7 @@ def _mean_and_std(lab: np.ndarray) -> Floats:
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Mean and standard deviation of both domains."""
+    check_images("reinhard", OPTIONS, source, target, settings)
     of_image = statistics_option(settings.options) == "image"
     source_statistics = None if of_image else _mean_and_std(to_lab(source.images))
     return FitResult(ReinhardTranslator(_mean_and_std(to_lab(target.images)), source_statistics))
@@ -68,5 +71,5 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
 
 METHOD = TranslationMethod(
     "reinhard", "mean and spread of each channel in L*a*b*", ReinhardTranslator, fit,
-    options=("statistics",),
+    options=OPTIONS,
 )  # fmt: skip

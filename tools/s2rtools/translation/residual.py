@@ -45,8 +45,9 @@ from s2rtools.translation.method_options import (
     whole_number,
 )
 from s2rtools.translation.mkl import transport
+from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import NetworkTranslator, placed
-from s2rtools.translation.networks import Generator, GeneratorSize, clipped, initialised
+from s2rtools.translation.networks import Generator, clipped, initialised
 from s2rtools.translation.patch_distance import patch_distance
 
 STEPS = 900

@@ -64,6 +64,7 @@ class StyleTranslator(NetworkTranslator):
     """The optimisation with its feature network and the Gram matrices of the target."""
 
     method = "style"
+    quick = False
 
     @classmethod
     def build(cls, network_settings: Settings) -> nn.Module:
