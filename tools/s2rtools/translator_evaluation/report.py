@@ -273,9 +273,7 @@ def evaluate_folders(
 
 
 def _read_folder(folder: Path, max_images: int) -> Rgb:
-    images = from_folder(folder).images
-    chosen = np.unique(np.linspace(0, len(images) - 1, min(max_images, len(images))).astype(int))
-    return images[chosen]
+    return from_folder(folder, max_images=max_images).images
 
 
 def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
