@@ -18,7 +18,7 @@ from s2rtools.adjustments import apply_chain, make_chain, parse_adjustment
 from s2rtools.precompute.run_registration import add_run
 from s2rtools.precompute.work_units import run_dependencies
 from s2rtools.translation import fit_split
-from s2rtools.translation.load_translator import load_translator
+from s2rtools.translation.translator_file import load_translator
 from s2rtools.translator_evaluation.fit_into_store import (
     FitRequest,
     fit_into_store,

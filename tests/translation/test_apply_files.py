@@ -19,6 +19,7 @@ from s2rtools.translation.image_set import read_image
 from s2rtools.translation.mkl import MklTranslator
 from tests.support.image_bags import COMPRESSED, RAW, STRINGS, grey_images, write_image_bag
 from tests.support.silent_reporter import SilentReporter
+from tests.translation.test_image_folders import huge_png
 
 SOURCE = Moments(np.full(3, 120.0), np.eye(3) * 900)
 REDDER = MklTranslator(Moments(np.array([160.0, 120, 80]), SOURCE.covariance), SOURCE)
@@ -58,6 +59,30 @@ def test_a_folder_keeps_its_names_and_counts_damaged_files(tmp_path):
     assert result.summary() == "2 images translated, 1 undecodable"
     written = sorted(p.relative_to(tmp_path / "out") for p in (tmp_path / "out").rglob("*.*"))
     assert list(map(str, written)) == ["a.png", "day/b.jpg"]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp"])
+def test_a_folder_leaves_out_files_that_are_too_large(tmp_path, suffix, monkeypatch):
+    save(tmp_path / "in/a.png")
+    (tmp_path / f"in/b{suffix}").write_bytes(huge_png())
+    (tmp_path / "in/c.jpg").write_bytes(bytes(2000))
+    monkeypatch.setattr("s2rtools.translation.apply_files.MAX_IMAGE_BYTES", 1500)
+    result = run(tmp_path / "in", tmp_path / "out")
+    assert result.summary() == "1 image translated, 2 undecodable"
+
+
+@pytest.mark.parametrize("target", ["b.jpg", "b.png"])
+def test_a_jpeg_is_turned_as_its_metadata_state(tmp_path, target):
+    image = np.zeros((24, 32, 3), dtype=np.uint8)
+    image[:, :8] = 255
+    content = cv2.imencode(".jpg", image)[1].tobytes()
+    exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
+    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    (tmp_path / "a.jpg").write_bytes(content[:2] + segment + content[2:])
+    run(tmp_path / "a.jpg", tmp_path / target)
+    written = read_image(tmp_path / target)
+    assert written.shape == read_image(tmp_path / "a.jpg").shape == (32, 24, 3)
+    assert written[:6].mean() > written[10:].mean() + 100
 
 
 def test_a_video_keeps_size_rate_and_length(tmp_path):

@@ -12,6 +12,7 @@ import torch
 
 from s2rstore.errors import RequestError
 from s2rtools.translation import METHODS, feature_network, find_method
+from s2rtools.translation.adversarial_training import AdversarialLearner
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
 from tests.translation.palette_world import (
@@ -87,6 +88,31 @@ def test_a_continued_fit_equals_an_uninterrupted_one(name, tmp_path):
         np.testing.assert_array_equal(continued.translator.tensors()[key], value)
 
 
+@pytest.mark.parametrize("saved_every_seconds", [0.0, 1000.0])
+def test_a_fit_continues_after_an_interrupt_inside_a_step(
+    saved_every_seconds, tmp_path, monkeypatch
+):
+    updates = []
+
+    def interrupted(learner, name, loss):
+        updates.append(name)
+        if updates.count("discriminators") == 2:
+            raise KeyboardInterrupt
+        update(learner, name, loss)
+
+    update = AdversarialLearner._update
+    settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
+    monkeypatch.setattr("s2rtools.translation.fit_loop.CHECKPOINT_SECONDS", saved_every_seconds)
+    with monkeypatch.context() as patch:
+        patch.setattr(AdversarialLearner, "_update", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            find_method("cut").fit(*unpaired(), settings)
+    assert updates == ["generators", "discriminators"] * 2
+    continued = find_method("cut").fit(*unpaired(), settings).translator.tensors()
+    for key, value in tiny_fit("cut").translator.tensors().items():
+        np.testing.assert_array_equal(continued[key], value)
+
+
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
     settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
     find_method("cut").fit(*unpaired(), settings)
@@ -147,7 +173,7 @@ def test_constant_and_single_images_can_be_fitted(name):
 
 
 @pytest.mark.parametrize("name", LEARNED)
-@pytest.mark.parametrize("size", [[0, 8], "8x8", [8], [99999, 8]])
+@pytest.mark.parametrize("size", [[0, 8], "8x8", [8], [1025, 8]])
 def test_files_with_a_wrong_size_are_refused(name, size):
     translator = tiny_fit(name).translator
     content = altered(translator, {"size": size, "network": translator.settings()["network"]})
@@ -167,6 +193,7 @@ def test_files_with_a_wrong_size_are_refused(name, size):
         ("mkl+residual", {"channels": True, "blocks": 1, "bound": 0.5}),
         ("style", {"layout": "vgg99", "iterations": 2, "weight": 1.0}),
         ("style", {"layout": "small", "iterations": 10**9, "weight": 1.0}),
+        ("style", {"layout": "small", "iterations": 301, "weight": 1.0}),
         ("style-network", 7),
     ],
 )
@@ -185,6 +212,57 @@ def altered(translator, settings) -> bytes:
     changed = Altered.__new__(Altered)
     changed.__dict__ = translator.__dict__
     return encode(StoredTranslator(changed, "first", "second", (SIZE, SIZE)))
+
+
+@pytest.mark.parametrize(
+    ("name", "network"),
+    [
+        ("unit", {"channels": 128, "blocks": 16, "bound": 2.0}),
+        ("style", {"layout": "vgg19", "iterations": 2, "weight": 1.0}),
+    ],
+)
+def test_networks_larger_than_their_tensors_are_not_built(name, network, monkeypatch):
+    content = altered(tiny_fit(name).translator, {"size": [32, 32], "network": network})
+    built = []
+    method = type(tiny_fit(name).translator)
+    build = method.build
+
+    def recorded(settings):
+        built.append(build(settings))
+        return built[-1]
+
+    monkeypatch.setattr(method, "build", recorded)
+    with pytest.raises(RequestError, match="damaged"):
+        decode(content, "file")
+    assert all(value.is_meta for network in built for value in network.parameters())
+
+
+def test_working_sizes_that_need_too_much_memory_are_refused():
+    wide = find_method("cut").fit(*unpaired(), FitSettings(steps=0, options={"channels": "33"}))
+    network = wide.translator.settings()["network"]
+    decode(altered(wide.translator, {"size": [8, 1000], "network": network}), "file")
+    with pytest.raises(RequestError, match="at most 1008 pixels"):
+        decode(altered(wide.translator, {"size": [8, 1024], "network": network}), "file")
+
+
+def test_a_fit_that_needs_too_much_memory_is_refused():
+    large = image_set(np.zeros((1, 8, 1024, 3), dtype=np.uint8))
+    with pytest.raises(RequestError, match="fit at a smaller size"):
+        find_method("cut").fit(large, large, FitSettings(steps=0, options={"channels": "33"}))
+
+
+def test_small_images_are_not_enlarged(monkeypatch):
+    translator, sizes = tiny_fit("cut").translator, []
+    small = counterparts(1)[0][:, :20, :24]
+    original = type(translator)._output
+
+    def recorded(self, rgb):
+        sizes.append(rgb.shape[1:3])
+        return original(self, rgb)
+
+    monkeypatch.setattr(type(translator), "_output", recorded)
+    translator.translate(small)
+    assert sizes == [(20, 24)]
 
 
 @pytest.mark.parametrize(
@@ -228,6 +306,16 @@ def test_sizes_and_pairs_that_do_not_match_are_refused():
         find_method("mkl+residual").fit(
             first, fewer, replace(tiny_settings("mkl+residual"), paired=True)
         )
+
+
+def test_the_precision_of_slow_translators_is_not_compared(monkeypatch):
+    translator, images = tiny_fit("cut").translator, counterparts(1)[0]
+    calls = []
+    monkeypatch.setattr("s2rtools.translation.network_translator._SLOW", 0.0)
+    monkeypatch.setattr(type(translator), "translate", lambda self, rgb: calls.append(1))
+    translator.use_faster_precision(images)
+    assert len(calls) == 1
+    assert translator.precision == torch.float32
 
 
 def test_a_faster_precision_changes_images_by_a_grey_level_at_most():

@@ -49,6 +49,30 @@ def test_it_falls_back_to_the_linear_map_where_the_network_does_not_help():
     assert difference(result.translator.translate(images), linear.translate(images)) < 0.01
 
 
+def test_without_a_share_it_equals_the_linear_map_at_every_size():
+    images = painted(shapes(1, 7), "first", 1)
+    source, target = image_set(images), image_set(painted(shapes(2, 7), "second", 2) // 3)
+    result = find_method("mkl+residual").fit(source, target, FitSettings(steps=0, options=SIZE))
+    assert result.facts["share"] == 0
+    linear = find_method("mkl").fit(source, target, FitSettings()).translator
+    large = images[:2].repeat(2, axis=1).repeat(2, axis=2)
+    changed = result.translator.translate(large).astype(int)
+    assert np.abs(changed - linear.translate(large)).max() <= 1
+
+
+def test_with_a_share_edges_of_larger_images_have_the_contrast_of_the_linear_map():
+    images = painted(shapes(1, 7), "first", 1)
+    source, target = image_set(images), image_set(images // 3)
+    translator = (
+        find_method("mkl+residual").fit(source, target, FitSettings(steps=0, options=SIZE))
+    ).translator
+    translator.network.get_buffer("share").fill_(1.0)
+    linear = find_method("mkl").fit(source, target, FitSettings()).translator
+    large = images[:2].repeat(2, axis=1).repeat(2, axis=2)
+    changed = translator.translate(large).astype(int)
+    assert np.abs(changed - linear.translate(large)).max() <= 1
+
+
 def test_the_change_is_bounded():
     source, target = image_set(painted(shapes(1, 40), "first", 1)), image_set(counterparts(40)[1])
     settings = FitSettings(steps=20, options=SIZE | {"bound": "0.1"})

@@ -144,6 +144,16 @@ def test_wrong_options_are_refused(name, options):
         fit(name, smooth_images(0), smooth_images(1), **options)
 
 
+@pytest.mark.parametrize("name", STATISTICAL)
+def test_empty_image_sets_and_unknown_options_are_refused(name):
+    images, empty = smooth_images(0), np.empty((0, 32, 32, 3), dtype=np.uint8)
+    for source, target in ((images, empty), (empty, images)):
+        with pytest.raises(RequestError, match="no images"):
+            fit(name, source, target)
+    with pytest.raises(RequestError, match="speed"):
+        fit(name, images, images, speed="9")
+
+
 def test_unknown_methods_name_the_known_ones():
     with pytest.raises(RequestError, match="mkl"):
         find_method("vangogh")
@@ -171,3 +181,19 @@ def test_lab_and_back_is_the_same_image():
 )
 def test_size_of_the_fit(size, expected):
     assert fit_size(*size) == expected
+
+
+def test_reinhard_computes_statistics_of_many_images_in_blocks():
+    images = smooth_images(17, 40)
+    statistics = fit("reinhard", images, images).tensors()["target"]
+    pixels = to_lab(images).reshape(-1, 3).astype(np.float64)
+    expected = [pixels.mean(axis=0), pixels.std(axis=0)]
+    np.testing.assert_allclose(statistics, expected, atol=1e-3)
+    largest = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "s2rtools.translation.reinhard.to_lab",
+            lambda block: (largest.append(len(block)), to_lab(block))[1],
+        )
+        fit("reinhard", images, images)
+    assert max(largest) < len(images)

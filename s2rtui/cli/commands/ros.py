@@ -115,7 +115,7 @@ def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
     from s2rtools.ros.image_topics import check_topics
     from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
-    from s2rtools.translation.load_translator import load_translator
+    from s2rtools.translation.translator_file import load_translator
 
     unknown = [text for text in options.arguments if ":=" not in text]
     if unknown:
@@ -172,7 +172,7 @@ def _translate_bag(options: argparse.Namespace, keep: Callable[[BagImage], None]
     from s2rtools.common.result_files import check_writable
     from s2rtools.ros.segment_table import SegmentTable
     from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
-    from s2rtools.translation.load_translator import load_translator
+    from s2rtools.translation.translator_file import load_translator
 
     check_writable({"--segments": options.segments}, {"BAG": options.bag})
     translator = load_translator(options.translator, options.store).translator
@@ -227,7 +227,7 @@ def _translate_to_store(options: argparse.Namespace) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     from s2rtools.lane_detection.conditions import find_condition
     from s2rtools.ros import lane_following
-    from s2rtools.translation.load_translator import load_translator
+    from s2rtools.translation.translator_file import load_translator
 
     if not 1 <= options.seeds <= 1000:
         raise RequestError(f"--seeds {options.seeds}: must be 1 to 1000")

@@ -217,7 +217,7 @@ def _request(options: argparse.Namespace, method: str, name: str, report: object
 
 def _apply(options: argparse.Namespace) -> None:
     from s2rtools.translation.apply_files import apply_to_files
-    from s2rtools.translation.load_translator import load_translator
+    from s2rtools.translation.translator_file import load_translator
 
     if not 0 <= options.strength <= 1:
         raise RequestError("--strength: must be 0 to 1")
@@ -276,7 +276,7 @@ def _report_store(options: argparse.Namespace) -> None:
 
 
 def _report_folders(options: argparse.Namespace) -> None:
-    from s2rtools.translation.load_translator import load_translator
+    from s2rtools.translation.translator_file import load_translator
     from s2rtools.translator_evaluation import contact_sheet, report
     from s2rtui.cli.formatting.translator_tables import folder_text
 

@@ -29,8 +29,9 @@ from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
+from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.scan import MAX_PIXELS, Scan
+from s2rtools.datasets.scan import Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import read_bytes
+from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MAX_PIXELS
 
 _MAX_BYTES = 256 << 20
 _MAX_ASPECT_RATIO = 50

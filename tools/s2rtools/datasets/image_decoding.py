@@ -15,8 +15,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
+from s2rtools.common import image_files
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import MAX_PIXELS, DecodedFrame, InputIssue, Scan
+from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan
 
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
@@ -199,10 +200,9 @@ def declared_size(path: Path) -> tuple[int, int] | None:
     """(height, width) in an image file's header; None if it is not an image or too large."""
     try:
         with open_regular(path) as file:
-            header = read_header(file.read(_MAX_METADATA_BYTES))
+            return image_files.declared_size(file.read(_MAX_METADATA_BYTES))
     except (RequestError, ValueError):
         return None
-    return header.size if header.pixels <= MAX_PIXELS else None
 
 
 def size_text(shape: tuple[int, ...]) -> str:

@@ -15,8 +15,6 @@ from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Room, Side
 
 FRAME_SIZE = (256, 256)
-MAX_PIXELS = 1 << 25
-"""Pixels of a source image: a frame of 8K video; decoded, 100 MB of 8-bit RGB."""
 
 
 @dataclass(frozen=True, slots=True)

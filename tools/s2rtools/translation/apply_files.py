@@ -10,12 +10,12 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import check_regular, read_bytes
+from s2rtools.common.image_files import SUFFIXES
 from s2rtools.translation.apply_bag import apply_to_bag
 from s2rtools.translation.apply_report import ApplyReport, Translated, publish_at
 from s2rtools.translation.image_codec import UndecodableImageError, decode_compressed
 from s2rtools.translation.image_set import (
     MAX_IMAGE_BYTES,
-    SUFFIXES,
     Rgb,
     image_files,
     read_image,
@@ -146,9 +146,11 @@ def _translate_file(translator: Translator, strength: float, source: Path, targe
     """
     kinds = [_KEPT_SUFFIXES.get(path.suffix.lower()) for path in (source, target)]
     if kinds[0] is not None and kinds[0] == kinds[1]:
-        content = read_bytes(source, MAX_IMAGE_BYTES)
         try:
-            rgb, image_format = decode_compressed(content)
+            content = read_bytes(source, MAX_IMAGE_BYTES)
+            rgb, image_format = decode_compressed(content, oriented=True)
+        except RequestError as error:
+            raise UndecodableImageError(str(error)) from error
         except UndecodableImageError as error:
             raise UndecodableImageError(f"{source}: {error}") from error
         if strength > 0:

@@ -31,8 +31,9 @@ from s2rtools.translation.method_options import (
     number,
     whole_number,
 )
+from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import GeneratorTranslator
-from s2rtools.translation.networks import Generator, GeneratorSize, initialised
+from s2rtools.translation.networks import Generator, initialised
 
 STEPS = 4000
 """About 5 minutes on one core for images of 80 x 160 (0.07 s a step)."""

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from s2rtools.translation.method import Tensors
 
 BINS = 8
+NO_LIMIT = 1e4
+"""Range in metres of a camera of which nothing is known."""
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
 _LAPLACE_GAIN = np.sqrt(1.25)
@@ -63,11 +65,17 @@ class DepthNoise:
     def _holes(
         self, depth: NDArray[np.float64], valid: Mask, rng: np.random.Generator, strength: float
     ) -> Mask:
-        """Pixels beyond the range, and those with the steepest relative depth up to the share."""
-        beyond = valid & (depth > self.max_depth)
+        """Pixels beyond the range, and those with the steepest relative depth up to the share.
+
+        The limit of the range falls with the strength, from the largest depth of the image to that
+        of the camera.
+        """
+        farthest = max(self.max_depth, float(depth[valid].max(initial=0)))
+        limit = strength * self.max_depth + (1 - strength) * farthest
+        beyond = valid & (depth > limit)
         share = strength * self.hole_share
         if share <= 0 or not valid.any():
-            return np.asarray(beyond & (strength > 0))
+            return np.asarray(beyond)
         across = cv2.Sobel(depth, cv2.CV_64F, 1, 0)
         down = cv2.Sobel(depth, cv2.CV_64F, 0, 1)
         steepness = np.hypot(across, down) / np.maximum(depth, 1.0)
@@ -83,8 +91,10 @@ class DepthNoise:
     def restore(cls, tensors: Tensors) -> DepthNoise:
         """Raises KeyError or ValueError where the tensors do not define a model."""
         hole_share, max_depth, hole = (float(value) for value in tensors["figures"].reshape(3))
-        edges = tensors["edges"].reshape(BINS + 1)
-        return cls(edges, tensors["spread"].reshape(BINS), hole_share, max_depth, hole)
+        edges, spread = tensors["edges"].reshape(BINS + 1), tensors["spread"].reshape(BINS)
+        if not 0 <= hole_share <= 1 or min(max_depth, hole, *spread, *np.diff(edges)) < 0:
+            raise ValueError("figures of the depth noise are out of range")
+        return cls(edges, spread, hole_share, max_depth, hole)
 
 
 def measure(
@@ -101,7 +111,7 @@ def measure(
     """
     depth, valid = target
     returned = depth[valid]
-    max_depth = float(np.quantile(returned, 0.999)) if returned.size else 1e6
+    max_depth = float(np.quantile(returned, 0.999)) if returned.size else NO_LIMIT
     edges = np.zeros(BINS + 1)
     if returned.size:
         edges[:] = np.quantile(returned, np.linspace(0, 1, BINS + 1))

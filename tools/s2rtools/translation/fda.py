@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
 from s2rtools.translation.colour_statistics import Floats, to_uint8
 from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import (
@@ -21,7 +20,9 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images, number
 
+OPTIONS = ("beta",)
 BETA = 0.02
 """Half width of the replaced window as a share of the shorter edge, the paper's middle setting."""
 _BLOCK = 16
@@ -64,7 +65,7 @@ class FdaTranslator(Translator):
     @classmethod
     def restore(cls, tensors: Tensors, settings: Settings) -> FdaTranslator:
         amplitude = tensors["amplitude"]
-        edge = amplitude.shape[0]
+        edge = len(amplitude) if amplitude.ndim == 3 else 0
         if amplitude.shape != (edge, edge, 3) or edge % 2 == 0:
             raise ValueError(f"amplitude of shape {amplitude.shape}")
         return cls(amplitude)
@@ -72,12 +73,8 @@ class FdaTranslator(Translator):
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Mean amplitude of the target; the option `beta` is the half width of the window."""
-    try:
-        beta = float(settings.options.get("beta", BETA))
-    except ValueError:
-        beta = -1.0
-    if not 0 < beta <= 0.5:
-        raise RequestError(f"beta={settings.options.get('beta')}: must be a number up to 0.5")
+    check_images("fda", OPTIONS, source, target, settings)
+    beta = number(settings.options, "beta", BETA, 0.001, 0.5)
     height, width = target.size
     reach = min(max(1, int(beta * min(height, width))), (min(height, width) - 1) // 2)
     window = _window(height, width, reach)
@@ -88,5 +85,5 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
 
 
 METHOD = TranslationMethod(
-    "fda", "amplitude of the lowest spatial frequencies", FdaTranslator, fit, options=("beta",)
+    "fda", "amplitude of the lowest spatial frequencies", FdaTranslator, fit, options=OPTIONS
 )

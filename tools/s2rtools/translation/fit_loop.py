@@ -106,10 +106,10 @@ def run_fit(
 ) -> FitProgress:
     """Train until the budget is used up; returns the progress with its history.
 
-    With `settings.checkpoint`, the state is saved every few seconds and at the end, also after an
-    interrupt, and a fit with an existing checkpoint continues there. A continued fit of a number of
-    steps gives the same result as an uninterrupted one. Raises RequestError where the loss is not
-    finite.
+    With `settings.checkpoint`, the state is saved every few seconds, at the end and after an
+    interrupt between two steps; an interrupt inside a step keeps the last saved state. A fit with
+    an existing checkpoint continues there. A continued fit of a number of steps gives the same
+    result as an uninterrupted one. Raises RequestError where the loss is not finite.
     """
     facts = _facts(sampler, plan, settings)
     path = settings.checkpoint
@@ -119,27 +119,30 @@ def run_fit(
     steps = _steps(plan, settings)
     learner.state.network.train().requires_grad_(True)
     saved = time.monotonic()
+    consistent = True
     try:
         while (done := _fraction(progress, steps, settings)) < 1:
             began = time.monotonic()
             _set_learning_rate(learner, plan, done)
-            losses = learner.step(sampler.sample(progress.step))
+            batch = sampler.sample(progress.step)
+            consistent = False  # An interrupt inside a step leaves networks half updated.
+            losses = learner.step(batch)
             values = {name: float(value) for name, value in losses.items()}
             if not math.isfinite(values["loss"]):
-                path = None  # A state that diverged cannot be continued.
                 raise RequestError(
                     f"{plan.name}: the loss at step {progress.step} is not finite; fit with "
                     "another seed or fewer channels"
                 )
             _record(progress, values, steps)
             progress.seconds += time.monotonic() - began
+            consistent = True
             done = _fraction(progress, steps, settings)
             settings.report(done, values["loss"], progress.seconds / max(done, 1e-9) * (1 - done))
             if path is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
                 write_checkpoint(path, learner.state, progress, facts)
                 saved = time.monotonic()
     finally:
-        if path is not None:
+        if path is not None and consistent:
             write_checkpoint(path, learner.state, progress, facts)
     learner.state.network.eval().requires_grad_(False)
     return progress

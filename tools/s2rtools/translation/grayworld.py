@@ -20,6 +20,7 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
 
 MAX_GAIN = 8.0
 
@@ -49,6 +50,7 @@ class GrayworldTranslator(Translator):
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Mean colour of the target."""
+    check_images("grayworld", (), source, target, settings)
     return FitResult(GrayworldTranslator(moments(target.images).mean))
 
 

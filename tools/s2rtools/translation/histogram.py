@@ -15,7 +15,9 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
 
+OPTIONS = ("statistics",)
 _LEVELS = np.arange(256, dtype=np.float64)
 
 
@@ -70,11 +72,12 @@ def _looked_up(rgb: Rgb, table: Rgb) -> Rgb:
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Histograms of both domains."""
+    check_images("histogram", OPTIONS, source, target, settings)
     of_image = statistics_option(settings.options) == "image"
     source_shares = None if of_image else cumulative(source.images)
     return FitResult(HistogramTranslator(cumulative(target.images), source_shares))
 
 
 METHOD = TranslationMethod(
-    "histogram", "a monotone curve per channel", HistogramTranslator, fit, options=("statistics",)
+    "histogram", "a monotone curve per channel", HistogramTranslator, fit, options=OPTIONS
 )

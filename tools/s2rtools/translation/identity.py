@@ -11,6 +11,7 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
 
 
 class IdentityTranslator(Translator):
@@ -31,6 +32,7 @@ class IdentityTranslator(Translator):
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """No statistics are needed."""
+    check_images("identity", (), source, target, settings)
     return FitResult(IdentityTranslator())
 
 

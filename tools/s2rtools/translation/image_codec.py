@@ -14,11 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.jpeg_header import read_jpeg_header
-
-MAX_PIXELS = 50_000_000
-"""Pixels of the largest image that is decoded."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND"
@@ -124,11 +122,13 @@ def decode_raw(content: bytes, layout: RawLayout) -> tuple[Rgb, ImageFormat]:
     return rgb, RawFormat(layout, rows)
 
 
-def decode_compressed(content: bytes, quality: int | None = None) -> tuple[Rgb, ImageFormat]:
+def decode_compressed(
+    content: bytes, quality: int | None = None, oriented: bool = False
+) -> tuple[Rgb, ImageFormat]:
     """RGB (H, W, 3) of a JPEG or PNG image, and its format.
 
-    `quality` is that of JPEG for encoding; None keeps that of the image. Raises
-    UndecodableImageError.
+    `quality` is that of JPEG for encoding; None keeps that of the image. With `oriented`, a JPEG
+    image is turned as its metadata state, which encoding leaves out. Raises UndecodableImageError.
     """
     if content.startswith(_PNG):
         suffix, found = ".png", 0
@@ -142,8 +142,10 @@ def decode_compressed(content: bytes, quality: int | None = None) -> tuple[Rgb, 
         except ValueError as error:
             raise UndecodableImageError(f"{error}; JPEG and PNG are decoded") from error
     _check_size(height, width)
+    # IMREAD_ANYCOLOR turns the image, and drops only the alpha channel, which JPEG has not.
+    mode = cv2.IMREAD_ANYCOLOR if oriented and suffix == ".jpg" else cv2.IMREAD_UNCHANGED
     try:
-        pixels = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+        pixels = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), mode)
     except cv2.error as error:
         raise UndecodableImageError(f"a damaged {suffix[1:]} image") from error
     if pixels is None:

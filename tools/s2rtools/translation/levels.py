@@ -21,7 +21,9 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images, number
 
+OPTIONS = ("statistics", "low", "high", "rows")
 LOW, HIGH = 40.0, 97.0
 """Percentiles of the ground and of the brightest surfaces."""
 ROWS = 0.7
@@ -86,15 +88,20 @@ class LevelsTranslator(Translator):
     @classmethod
     def restore(cls, tensors: Tensors, settings: Settings) -> LevelsTranslator:
         source = tensors["source"].reshape(2, 3) if "source" in tensors else None
-        percentiles = (float(settings["low"]), float(settings["high"]), float(settings["rows"]))
-        return cls(tensors["target"].reshape(2, 3), source, percentiles)
+        low, high, rows = (settings[name] for name in ("low", "high", "rows"))
+        if not all(type(value) in (int, float) for value in (low, high, rows)):
+            raise ValueError(f"percentiles {low}, {high} of {rows}: must be numbers")
+        if not (0 <= low < high <= 100 and 0 < rows <= 1):
+            raise ValueError(f"percentiles {low}, {high} of {rows}: out of range")
+        return cls(tensors["target"].reshape(2, 3), source, (low, high, rows))
 
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Levels of both domains; the options `low` and `high` are percentiles, `rows` a share."""
-    low = _number(settings, "low", LOW, 100)
-    high = _number(settings, "high", HIGH, 100)
-    rows = _number(settings, "rows", ROWS, 1)
+    check_images("levels", OPTIONS, source, target, settings)
+    low = number(settings.options, "low", LOW, 0, 100)
+    high = number(settings.options, "high", HIGH, 0, 100)
+    rows = number(settings.options, "rows", ROWS, 0.001, 1)
     if low >= high:
         raise RequestError(f"low={low:g}: must be below high={high:g}")
     of_image = statistics_option(settings.options) == "image"
@@ -103,21 +110,10 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     return FitResult(LevelsTranslator(target_levels, source_levels, (low, high, rows)))
 
 
-def _number(settings: FitSettings, name: str, default: float, most: float) -> float:
-    text = settings.options.get(name, str(default))
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0 < number <= most:
-        raise RequestError(f"{name}={text}: must be a number above 0, up to {most:g}")
-    return number
-
-
 METHOD = TranslationMethod(
     "levels",
     "two percentiles of each channel",
     LevelsTranslator,
     fit,
-    options=("statistics", "low", "high", "rows"),
+    options=OPTIONS,
 )

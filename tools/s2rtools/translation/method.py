@@ -27,6 +27,8 @@ class Translator(ABC):
     """
 
     method: ClassVar[str]
+    quick: ClassVar[bool] = True
+    """Whether a small image takes milliseconds, so that files are tested on one when read."""
 
     @abstractmethod
     def translate(self, rgb: Rgb) -> Rgb:
@@ -51,7 +53,8 @@ class Translator(ABC):
     def restore(cls, tensors: Tensors, settings: Settings) -> Translator:
         """The translator of `tensors` and `settings`.
 
-        Raises KeyError, TypeError or ValueError where they do not define one.
+        The tensors are finite, of a floating or integer type, in C order. Raises KeyError,
+        IndexError, TypeError or ValueError where they do not define a translator.
         """
 
 

@@ -26,6 +26,9 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
+
+OPTIONS = ("statistics",)
 
 
 def transport(source: Moments, target: Moments, floor: float = VARIANCE_FLOOR) -> Floats:
@@ -80,11 +83,15 @@ class MklTranslator(Translator):
         )
         if target is None:
             raise KeyError("target/mean")
+        for of in (target, source):
+            if of is not None and not np.allclose(of.covariance, of.covariance.T):
+                raise ValueError("a covariance that is not symmetric")
         return cls(target, source)
 
 
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Moments of both domains."""
+    check_images("mkl", OPTIONS, source, target, settings)
     of_image = statistics_option(settings.options) == "image"
     source_moments = None if of_image else moments(source.images)
     return FitResult(MklTranslator(moments(target.images), source_moments))
@@ -92,5 +99,5 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
 
 METHOD = TranslationMethod(
     "mkl", "linear optimal transport of colours (Monge-Kantorovich)", MklTranslator, fit,
-    options=("statistics",),
+    options=OPTIONS,
 )  # fmt: skip

@@ -16,13 +16,14 @@ from torch import Tensor, nn
 from s2rtools.translation.colour_statistics import to_uint8
 from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Settings, Tensors, Translator
-from s2rtools.translation.networks import MIN_EDGE, REDUCTION, Generator, GeneratorSize
+from s2rtools.translation.network_size import MAX_EDGE, GeneratorSize, check_working_size
+from s2rtools.translation.networks import MIN_EDGE, REDUCTION, Generator
 
-MAX_EDGE = 4096
 _GPU_BATCH = 16
 _TIMED_CALLS = 5
 _FASTER = 1.2
 """Speed-up from which bfloat16 is used."""
+_SLOW = 0.2
 
 
 def device() -> torch.device:
@@ -65,8 +66,8 @@ def check_size(size: Any) -> tuple[int, int]:
 class NetworkTranslator(Translator):
     """A network of images that was fitted at a working size (rows, columns).
 
-    Images of the working size pass through the network. Others are resized so that their longer
-    edge is that of the working size, and the upsampled *change* of the network is added to the
+    Images whose longer edge is at most that of the working size pass through the network. Larger
+    ones are reduced to that edge, and the upsampled *change* of the network is added to the
     original image, so that its edges stay sharp.
     """
 
@@ -84,14 +85,13 @@ class NetworkTranslator(Translator):
 
     def translate(self, rgb: Rgb) -> Rgb:
         height, width = rgb.shape[1:3]
-        if (height, width) == self.size:
-            return to_uint8(rgb + self._change(rgb))
         scale = max(self.size) / max(height, width)
+        if scale >= 1:
+            return to_uint8(rgb + self._change(rgb))
         small_size = (max(1, round(height * scale)), max(1, round(width * scale)))
-        how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         translated = np.empty_like(rgb)
         for row, image in enumerate(rgb):
-            small = cv2.resize(image, small_size[::-1], interpolation=how)
+            small = cv2.resize(image, small_size[::-1], interpolation=cv2.INTER_AREA)
             change = self._change(small[None])[0]
             large = cv2.resize(change, (width, height), interpolation=cv2.INTER_LINEAR)
             translated[row] = to_uint8(image + large)
@@ -123,13 +123,23 @@ class NetworkTranslator(Translator):
         """Grey levels of the network's output; both edges fit the network."""
         low = self.precision == torch.bfloat16
         with torch.no_grad(), torch.autocast(device().type, torch.bfloat16, enabled=low):
-            return to_grey_levels(self.network(to_tensor(rgb)))
+            return to_grey_levels(self._forward(to_tensor(rgb)))
+
+    def _forward(self, x: Tensor) -> Tensor:
+        """The network's output for images (B, 3, h, w) in -1 .. 1."""
+        output: Tensor = self.network(x)
+        return output
 
     def use_faster_precision(self, rgb: Rgb) -> None:
         """Use bfloat16 where it is faster and within one grey level in the mean on these images.
 
-        Translators start in float32, whose results differ less between machines.
+        Translators start in float32, whose results differ less between machines. They stay there
+        where the first call takes more than `_SLOW` seconds, because comparing takes twelve.
         """
+        began = time.perf_counter()
+        self.translate(rgb)
+        if time.perf_counter() - began > _SLOW:
+            return
         results, seconds = {}, {}
         for precision in (torch.float32, torch.bfloat16):
             self.precision = precision
@@ -155,8 +165,14 @@ class NetworkTranslator(Translator):
     @classmethod
     def restore(cls, tensors: Tensors, settings: Settings) -> NetworkTranslator:
         size = check_size(settings["size"])
+        # Compared without memory first: settings of a few bytes may declare a huge network.
+        with torch.device("meta"):
+            declared = cls.build(settings["network"])
+        check_tensors(declared, tensors)
+        check_working_size(size, full_size_channels(declared))
         network = cls.build(settings["network"])
-        load_strictly(network, tensors)
+        state = {name: torch.from_numpy(np.array(v)) for name, v in tensors.items()}
+        network.load_state_dict(state)
         return cls(network, size, settings["network"])
 
 
@@ -173,8 +189,14 @@ def _missing(edge: int) -> int:
     return max(MIN_EDGE, math.ceil(edge / REDUCTION) * REDUCTION) - edge
 
 
-def load_strictly(network: nn.Module, tensors: Tensors) -> None:
-    """Copy tensors into the network. Raises ValueError unless names, shapes and types agree."""
+def full_size_channels(network: nn.Module) -> int:
+    """Channels at the size of the image: those of the first convolution."""
+    first = next(layer for layer in network.modules() if isinstance(layer, nn.Conv2d))
+    return first.out_channels
+
+
+def check_tensors(network: nn.Module, tensors: Tensors) -> None:
+    """Raise ValueError unless names, shapes and types are those of the network."""
     expected = network.state_dict()
     if set(expected) != set(tensors):
         wrong = sorted(set(expected) ^ set(tensors))
@@ -182,4 +204,3 @@ def load_strictly(network: nn.Module, tensors: Tensors) -> None:
     for name, value in tensors.items():
         if value.shape != tuple(expected[name].shape) or value.dtype.kind != "f":
             raise ValueError(f"tensor {name} is {value.dtype} {value.shape}")
-    network.load_state_dict({name: torch.from_numpy(np.array(v)) for name, v in tensors.items()})

@@ -8,43 +8,18 @@ trained on two processor cores.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
 
+from s2rtools.translation.network_size import GeneratorSize
+
 REDUCTION = 4
 """Factor by which `Encoder` reduces both edges."""
 MIN_EDGE = 16
-MAX_CHANNELS, MAX_BLOCKS = 128, 16
 
 Kind = TypeVar("Kind")
-
-
-@dataclass(frozen=True, slots=True)
-class GeneratorSize:
-    """Channels at full resolution, residual blocks, and the limit of the change.
-
-    `bound` is the largest change of an image in -1 .. 1; 2 reaches every colour from every colour.
-    Raises ValueError for values out of range.
-    """
-
-    channels: int = 16
-    blocks: int = 4
-    bound: float = 2.0
-
-    def __post_init__(self) -> None:
-        whole = type(self.channels) is int and type(self.blocks) is int
-        if not whole or not 1 <= self.channels <= MAX_CHANNELS:
-            raise ValueError(f"channels {self.channels}: a whole number up to {MAX_CHANNELS}")
-        if not 1 <= self.blocks <= MAX_BLOCKS:
-            raise ValueError(f"blocks {self.blocks}: a whole number up to {MAX_BLOCKS}")
-        if type(self.bound) not in (int, float) or not 0 < self.bound <= 2:
-            raise ValueError(f"bound {self.bound}: a number above 0, at most 2")
-
-    def document(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def initialised(seed: int, build: Callable[[], Kind]) -> Kind:

@@ -18,8 +18,11 @@ from s2rtools.translation.method import (
     TranslationMethod,
     Translator,
 )
+from s2rtools.translation.method_options import check_images
 
+OPTIONS = ("statistics",)
 MAX_GAIN = 4.0
+_BLOCK = 16
 _FLOOR = 0.5
 """Added to both standard deviations, in units of L*a*b*."""
 
@@ -59,14 +62,25 @@ def _mean_and_std(lab: np.ndarray) -> Floats:
     return np.stack([pixels.mean(axis=0, dtype=np.float64), pixels.std(axis=0, dtype=np.float64)])
 
 
+def _set_statistics(images: Rgb) -> Floats:
+    """Mean and standard deviation (2, 3) over all images, in blocks of bounded memory."""
+    sums = np.zeros((2, 3))
+    for start in range(0, len(images), _BLOCK):
+        pixels = to_lab(images[start : start + _BLOCK]).reshape(-1, 3).astype(np.float64)
+        sums += np.stack([pixels.sum(axis=0), np.square(pixels).sum(axis=0)])
+    mean, square = sums / images[..., 0].size
+    return np.stack([mean, np.sqrt(np.maximum(square - mean**2, 0))])
+
+
 def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     """Mean and standard deviation of both domains."""
+    check_images("reinhard", OPTIONS, source, target, settings)
     of_image = statistics_option(settings.options) == "image"
-    source_statistics = None if of_image else _mean_and_std(to_lab(source.images))
-    return FitResult(ReinhardTranslator(_mean_and_std(to_lab(target.images)), source_statistics))
+    source_statistics = None if of_image else _set_statistics(source.images)
+    return FitResult(ReinhardTranslator(_set_statistics(target.images), source_statistics))
 
 
 METHOD = TranslationMethod(
     "reinhard", "mean and spread of each channel in L*a*b*", ReinhardTranslator, fit,
-    options=("statistics",),
+    options=OPTIONS,
 )  # fmt: skip

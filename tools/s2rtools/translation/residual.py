@@ -25,7 +25,7 @@ from s2rtools.translation.adversarial_training import (
     crop_size,
     fooling_loss,
 )
-from s2rtools.translation.colour_statistics import moments
+from s2rtools.translation.colour_statistics import Floats, linear_map, moments
 from s2rtools.translation.fit_checkpoint import FitState
 from s2rtools.translation.fit_loop import (
     Batch,
@@ -35,7 +35,7 @@ from s2rtools.translation.fit_loop import (
     provenance,
     run_fit,
 )
-from s2rtools.translation.image_set import ImageSet
+from s2rtools.translation.image_set import ImageSet, Rgb
 from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
 from s2rtools.translation.method_options import (
     SIZE_OPTIONS,
@@ -45,8 +45,9 @@ from s2rtools.translation.method_options import (
     whole_number,
 )
 from s2rtools.translation.mkl import transport
+from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import NetworkTranslator, placed
-from s2rtools.translation.networks import Generator, GeneratorSize, clipped, initialised
+from s2rtools.translation.networks import Generator, clipped, initialised
 from s2rtools.translation.patch_distance import patch_distance
 
 STEPS = 900
@@ -82,13 +83,24 @@ class ResidualNetwork(nn.Module):
         self.get_buffer("matrix").copy_(torch.from_numpy(matrix))
         self.get_buffer("offset").copy_(torch.from_numpy(offset))
 
+    def colour_map(self) -> tuple[Floats, Floats]:
+        """Matrix (3, 3) and offset (3,) of the linear map for grey levels."""
+        matrix, offset = (
+            self.get_buffer(name).detach().cpu().numpy().astype(np.float64)
+            for name in ("matrix", "offset")
+        )
+        return matrix, 127.5 * (offset + 1 - matrix.sum(axis=1))
+
     def mapped(self, x: Tensor) -> Tensor:
         """Images after the linear map."""
         linear = torch.einsum("ij,bjhw->bihw", self.get_buffer("matrix"), x)
         return (linear + self.get_buffer("offset").view(3, 1, 1)).clamp(-1, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        mapped = self.mapped(x)
+        return self.changed(self.mapped(x))
+
+    def changed(self, mapped: Tensor) -> Tensor:
+        """Images after the linear map plus the share of the generator's change."""
         share = self.get_buffer("share")
         if float(share) == 0:
             return mapped
@@ -96,9 +108,18 @@ class ResidualNetwork(nn.Module):
 
 
 class ResidualTranslator(NetworkTranslator):
-    """The linear map and the network."""
+    """The linear map at the size of the image, then the network at the working size."""
 
     method = "mkl+residual"
+    network: ResidualNetwork
+
+    def translate(self, rgb: Rgb) -> Rgb:
+        matrix, offset = self.network.colour_map()
+        mapped = linear_map(rgb, matrix, offset)
+        return super().translate(mapped) if float(self.network.get_buffer("share")) else mapped
+
+    def _forward(self, x: Tensor) -> Tensor:
+        return self.network.changed(x)
 
     @classmethod
     def build(cls, network_settings: Settings) -> nn.Module:

@@ -17,12 +17,12 @@ from torch import Tensor, nn
 from s2rtools.translation.feature_network import build_features, fitted_features
 from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import FitResult, FitSettings, Settings, TranslationMethod
-from s2rtools.translation.method_options import check_request, number, whole_number
+from s2rtools.translation.method_options import check_request, check_size, number, whole_number
 from s2rtools.translation.network_translator import NetworkTranslator, device
 from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
 
 ITERATIONS = 60
-MAX_ITERATIONS = 1000
+MAX_ITERATIONS = 300
 STEP = 0.02
 """Learning rate of Adam on pixels in -1 .. 1."""
 STYLE_WEIGHT = 5.0
@@ -64,6 +64,7 @@ class StyleTranslator(NetworkTranslator):
     """The optimisation with its feature network and the Gram matrices of the target."""
 
     method = "style"
+    quick = False
 
     @classmethod
     def build(cls, network_settings: Settings) -> nn.Module:
@@ -82,6 +83,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     iterations = whole_number(settings.options, "iterations", ITERATIONS, 1, MAX_ITERATIONS)
     weight = number(settings.options, "weight", STYLE_WEIGHT, 0, 1e6)
     features, facts = fitted_features(source, target, settings)
+    check_size("style", source, features.layers["conv1_1"].out_channels)
     losses = StyleLosses(features).to(device())
     losses.set_style(mean_gram_matrices(features, target))
     network = StyleOptimisation(losses, iterations, weight)

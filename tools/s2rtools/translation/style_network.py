@@ -33,8 +33,9 @@ from s2rtools.translation.method_options import (
     number,
     whole_number,
 )
+from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import GeneratorTranslator, device, placed
-from s2rtools.translation.networks import Generator, GeneratorSize, initialised
+from s2rtools.translation.networks import Generator, initialised
 from s2rtools.translation.style_losses import StyleLosses, mean_gram_matrices, total_variation
 
 STEPS = 800

@@ -9,12 +9,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from msgspec import Struct, field
+from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from s2rstore.errors import RequestError
+import s2rstore
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.translation import METHODS
@@ -25,7 +28,22 @@ from s2rtools.translation.method import Translator
 HEADER = "translator"
 FORMAT = 1
 MAX_BYTES = 256 << 20
+MAX_VALUE = 1e9
+"""Bound of the values of all tensors."""
+MAX_FIT_EDGE = 1 << 16
+"""Bound of the edges of the images of the fit."""
 _DEPTH = "depth_noise/"
+_PROBE = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(1, 16, 16, 3)
+"""An image that every translator can translate."""
+_UNREADABLE = (
+    SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError,
+)  # fmt: skip
+"""Errors of reading tensors and header."""
+_DAMAGE = (
+    KeyError, IndexError, TypeError, ValueError, ArithmeticError, RuntimeError, MemoryError,
+    np.linalg.LinAlgError, cv2.error,
+)  # fmt: skip
+"""Errors of `restore` and of the first image of a damaged translator."""
 
 
 class Header(Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,6 +108,18 @@ def read_translator(path: Path) -> StoredTranslator:
     return decode(read_bytes(path, MAX_BYTES), str(path))
 
 
+def load_translator(text: str, store: Path | None = None) -> StoredTranslator:
+    """The translator of a file, or of a store by its name. Raises RequestError."""
+    path = Path(text)
+    if store is None and not path.suffix and not path.exists():
+        raise RequestError(f"{text}: no such file; a translator's name needs --store")
+    if store is None or path.suffix == ".safetensors":
+        return read_translator(path)
+    with s2rstore.open(store) as opened:
+        sha256 = opened.translator(text).sha256
+    return open_stored(store, sha256)
+
+
 def decode(content: bytes, where: str) -> StoredTranslator:
     """The translator of a file's content; errors begin with `where`."""
     try:
@@ -97,7 +127,7 @@ def decode(content: bytes, where: str) -> StoredTranslator:
         length = int.from_bytes(content[:8], "little")
         metadata = json.loads(content[8 : 8 + length]).get("__metadata__") or {}
         text = metadata[HEADER]
-    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except _UNREADABLE as error:
         raise RequestError(f"{where}: not a translator file; make one with `s2r translate fit`") \
             from error  # fmt: skip
     header = decode_json(text.encode(), Header, where)
@@ -111,17 +141,22 @@ def decode(content: bytes, where: str) -> StoredTranslator:
             f"{where}: version {header.version} of {method.name}, this program has "
             f"{method.version}; fit it again"
         )
-    infinite = [name for name, array in tensors.items() if not np.isfinite(array).all()]
-    if infinite:
-        raise RequestError(f"{where}: {infinite[0]} contains values that are not finite")
+    if not all(1 <= edge <= MAX_FIT_EDGE for edge in header.size):
+        raise RequestError(f"{where}: damaged (size {header.size})")
+    for name, array in tensors.items():
+        _check_values(array, f"{where}: tensor {name!r}")
     noise = {name.removeprefix(_DEPTH): a for name, a in tensors.items() if name.startswith(_DEPTH)}
     plain = {name: array for name, array in tensors.items() if not name.startswith(_DEPTH)}
     plain.pop("empty", None)
     try:
         translator = method.translator.restore(plain, header.settings)
         depth_noise = DepthNoise.restore(noise) if noise else None
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise RequestError(f"{where}: damaged ({type(error).__name__}: {error})") from error
+        if translator.quick:
+            with np.errstate(invalid="raise", over="raise"):
+                translator.translate(_PROBE)
+    except _DAMAGE as error:
+        reason = first_line(error)[:200]
+        raise RequestError(f"{where}: damaged ({type(error).__name__}: {reason})") from error
     return StoredTranslator(
         translator, header.source, header.target, header.size, depth_noise, header.folders
     )
@@ -130,6 +165,14 @@ def decode(content: bytes, where: str) -> StoredTranslator:
 def names_digest(images: ImageSet) -> str:
     """SHA-256 of the names of images, which identifies a folder of images."""
     return hashlib.sha256("\n".join(images.names).encode(errors="surrogateescape")).hexdigest()
+
+
+def _check_values(array: NDArray[Any], what: str) -> None:
+    """Raise RequestError, beginning with `what`, for other values than bounded numbers."""
+    if array.dtype.kind not in "fiu":
+        raise RequestError(f"{what} is of type {array.dtype}, not floating or integer")
+    if array.size and not (array.min() > -MAX_VALUE and array.max() < MAX_VALUE):
+        raise RequestError(f"{what} contains values that are not finite or not below {MAX_VALUE:g}")
 
 
 def stored_path(sha256: str) -> str:

@@ -37,9 +37,9 @@ from s2rtools.translation.method_options import (
     number,
     whole_number,
 )
+from s2rtools.translation.network_size import GeneratorSize
 from s2rtools.translation.network_translator import NetworkTranslator
 from s2rtools.translation.networks import (
-    GeneratorSize,
     LatentDecoder,
     LatentEncoder,
     ResidualBlock,

@@ -18,17 +18,17 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
+from s2rtools.common.image_files import MAX_PIXELS, SUFFIXES
 from s2rtools.datasets import image_instances
 from s2rtools.datasets.csv_rows import read_rows
 from s2rtools.datasets.image_decoding import RgbFile, declared_size
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.scan import MAX_PIXELS, InputIssue, Scan, ScanOptions
+from s2rtools.datasets.scan import InputIssue, Scan, ScanOptions
 
 INDEX = "index.csv"
 IMAGES = "images"
 MASKS = "masks"
 COLUMNS = ("file", "condition")
-SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff", ".ppm", ".pgm")
 
 Listing = dict[str, list[Path]]
 """Image files of each trajectory, in recording order."""
