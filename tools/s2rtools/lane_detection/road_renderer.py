@@ -67,9 +67,7 @@ class Town:
     colours: dict[str, tuple[int, int, int]] = field(default_factory=dict)
 
 
-def build_town(
-    seed: int, layout: int | tuple[str, ...] | None = None, lines: bool = True
-) -> Town:
+def build_town(seed: int, layout: int | tuple[str, ...] | None = None, lines: bool = True) -> Town:
     """A town with random surfaces and objects; without `lines` only asphalt, ground and objects."""
     rng = np.random.default_rng([seed, 17])
     road = road_map(int(rng.integers(1 << 16)) if layout is None else layout)
