@@ -35,12 +35,17 @@ def save(path: Path, value: int = 100) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".ppm"])
 def test_an_image_is_translated_in_its_format(tmp_path, suffix):
     source = save(tmp_path / f"a{suffix}")
     run(source, tmp_path / f"b{suffix}")
     colours = read_image(tmp_path / f"b{suffix}").reshape(-1, 3).mean(axis=0)
     assert np.abs(colours - [140, 100, 60]).max() < 3
+
+
+def test_an_image_is_written_as_grey_pgm(tmp_path):
+    run(save(tmp_path / "a.png"), tmp_path / "b.pgm")
+    assert np.abs(read_image(tmp_path / "b.pgm").astype(int) - 107).max() < 3
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])
@@ -109,7 +114,7 @@ def test_a_bag_is_translated_and_its_other_topics_are_copied(tmp_path, name, kin
     source = write_image_bag(tmp_path / name, grey_images(4), kind, damaged=1)
     target = tmp_path / f"new-{name}"
     seen = []
-    request = BagRequest(see=lambda stamp, rgb: seen.append((stamp, rgb)))
+    request = BagRequest(see=lambda stamp, rgb, translated: seen.append((stamp, rgb)))
     result = apply_to_bag(REDDER, 1.0, source, target, SilentReporter(), request)
     assert (result.translated, result.undecodable) == (4, 1)
     with AnyReader([source]) as old, AnyReader([target]) as new:
