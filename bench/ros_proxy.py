@@ -26,6 +26,7 @@ from bench.support.ros_programs import (
 _WARM_UP = 10.0
 """Seconds before memory is measured for the first time."""
 _START = 120.0
+"""Seconds after which the programs must have started."""
 
 
 def main() -> int:
@@ -46,7 +47,8 @@ def main() -> int:
 
 
 def measure(translator: Path, options: argparse.Namespace) -> dict[str, Any]:
-    """Counts of the proxy, latencies in ms, and its memory in MB after the start and at the end."""
+    """Counts of the proxy, its share of one core, latencies in ms, and its memory in MB after the
+    start and at the end."""
     with tempfile.TemporaryDirectory() as folder:
         network = RosNetwork(Path(folder))
         try:
@@ -55,18 +57,20 @@ def measure(translator: Path, options: argparse.Namespace) -> dict[str, Any]:
             proxy = network.proxy(translator.resolve(), *age)
             listener = network.listener()
             network.camera(CAMERA_TOPIC, "--size", options.size, "--rate", str(options.rate))
-            _wait_for(listener, "image")
+            for name in ("image", "diagnostics"):
+                _wait_for(listener, name)
+            began, cpu = time.monotonic(), _cpu_seconds(proxy)
             time.sleep(min(_WARM_UP, options.seconds / 2))
             first = _memory(proxy)
             peaks = [first]
-            end = time.monotonic() + options.seconds - _WARM_UP
-            while time.monotonic() < end:
+            while time.monotonic() < began + options.seconds:
                 time.sleep(1.0)
                 peaks.append(_memory(proxy))
+            cpu_share = (_cpu_seconds(proxy) - cpu) / (time.monotonic() - began)
             counts = listener.rows("diagnostics")[-1]["diagnostics"]
             return {
                 "translator": translator.name,
-                "cpu_share": _cpu_seconds(proxy) / (options.seconds + _WARM_UP),
+                "cpu_share": round(cpu_share, 3),
                 **{name: counts[name] for name in counts if not name.startswith("setting")},
                 **_percentiles("latency", [row["latency"] for row in listener.rows("latency")]),
                 **_percentiles("camera to listener",

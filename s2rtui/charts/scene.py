@@ -46,32 +46,54 @@ class OverviewRow:
 
 
 @dataclass(frozen=True, slots=True)
-class TranslatorRow:
-    """A translator with its verdict; None where it was not judged.
+class TranslatorGain:
+    """Mean decrease of the real error in metres by a translator, with its 95 % interval.
 
-    `gain` is the mean decrease of a run's error in metres with its 95 % interval.
+    Of `run` with the translator in front of its network, or, where `trained`, of `run` that was
+    trained on translated images, compared with the run that judged it.
     """
+
+    run: str
+    value: float
+    interval: Interval | None = None
+    trained: bool = False
+
+    @property
+    def is_harm(self) -> bool:
+        """Whether the error clearly increases."""
+        return self.interval is not None and self.interval[1] < 0
+
+    @property
+    def text(self) -> str:
+        """`gain +1.20 m (0.84 to 1.57) on vanilla`; no number where the interval holds zero."""
+        name = "training gain" if self.trained else "gain"
+        where = f"{'of' if self.trained else 'on'} {self.run}"
+        if self.interval is None or self.interval[0] <= 0 <= self.interval[1]:
+            return f"no clear {name} {where}"
+        low, high = self.interval
+        return f"{name} {self.value:+.2f} m ({low:.2f} to {high:.2f}) {where}"
+
+
+@dataclass(frozen=True, slots=True)
+class TranslatorRow:
+    """A translator with its verdict, None where it was not judged, and its gains."""
 
     translator: str
     direction: Direction
     accepted: bool | None
-    gain: float | None = None
-    interval: Interval | None = None
-    run: str = ""
+    gains: tuple[TranslatorGain, ...] = ()
 
     @property
     def verdict(self) -> str:
         return {True: "accepted", False: "refused", None: "not judged"}[self.accepted]
 
-    @property
-    def gain_text(self) -> str:
-        """`1.20 m (0.84 to 1.57) on vanilla`; no number where the interval holds zero."""
-        if self.gain is None:
-            return ""
-        if self.interval is None or self.interval[0] <= 0 <= self.interval[1]:
-            return f"no clear gain on {self.run}"
-        low, high = self.interval
-        return f"gain {self.gain:+.2f} m ({low:.2f} to {high:.2f}) on {self.run}"
+    def gain_text(self, run: str) -> str:
+        """The gain on a run, and the other runs that the translator harms; empty if unknown."""
+        parts = [gain.text for gain in self.gains if gain.run == run]
+        harmed = [
+            gain.run for gain in self.gains if gain.is_harm and not gain.trained and gain.run != run
+        ]
+        return "; ".join([*parts, *([f"harms {', '.join(harmed)}"] if harmed else [])])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -72,7 +72,7 @@ class StoredPredictor:
             assert pose is not None
             sides[name] = SimpleNamespace(
                 rgb=side.rgb, depth=side.depth, x=pose.x, y=pose.y, heading=pose.heading,
-                error=pose.error, heading_error=pose.heading_error,
+                error=pose.error, heading_error=pose.heading_error, original=None,
             )  # fmt: skip
         yield SimpleNamespace(iid=iid, side=sides.__getitem__)
 

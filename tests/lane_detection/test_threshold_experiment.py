@@ -97,7 +97,12 @@ def test_report_writes_table_rows_figure_and_words(
     for row in document["arms"]:
         if row["f1_low"] is not None:
             assert 0 <= row["f1_low"] <= row["f1_high"] <= 1
-    assert {each["spared"] for each in document["verdicts"]} <= {True, False, None}
+    by_group = {each["group"]: each for each in document["verdicts"] if each["colour"] == "all"}
+    whole = by_group["all"]
+    assert whole["spared"] is (whole["high"] >= whole["oracle"])
+    assert whole["recordings"] == 2
+    assert by_group["dark"]["recordings"] == 1
+    assert by_group["dark"]["spared"] is None
     assert (out / "figure.png").read_bytes().startswith(b"\x89PNG")
     assert len((out / "arms.csv").read_text().splitlines()) == len(document["arms"]) + 1
     assert "calibration" in (out / "summary.txt").read_text()

@@ -30,7 +30,7 @@ def wait_until(condition: Callable[[], object], what: str) -> None:
     end = time.monotonic() + WAIT
     while not condition():
         assert time.monotonic() < end, f"{what}: not reached"
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
 def shifted(offset: float) -> StoredTranslator:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ import pytest
 import s2rstore
 from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES
+from s2rtools.translation.mkl import MklTranslator
 from s2rtui.cli import main
 from tests.support.image_bags import COMPRESSED, IMAGES, RAW, START, grey_images, write_image_bag
 
@@ -86,6 +89,19 @@ def test_wrong_options_of_the_proxy_end_in_one_line(translator_file, capsys, opt
     assert problem in capsys.readouterr().err
 
 
+def test_a_translator_that_loads_torch_later_computes_in_one_thread(translator_file, monkeypatch):
+    requests, threads = [], []
+    monkeypatch.setattr("s2rtools.ros.ros_environment.find_ros", lambda wanted: 1)
+    monkeypatch.setattr("s2rtools.ros.ros1_node.run", requests.append)
+    monkeypatch.setattr("cv2.setNumThreads", lambda number: None)
+    monkeypatch.setitem(sys.modules, "torch", SimpleNamespace(set_num_threads=threads.append))
+    arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
+    assert main(arguments) == 0
+    threads.clear()
+    requests[0].load(str(translator_file))
+    assert threads == [1]
+
+
 def test_missing_ros_names_the_packages_to_install(translator_file, capsys, monkeypatch):
     monkeypatch.setattr("s2rtools.ros.ros_environment._is_installed", lambda name: False)
     arguments = ["ros", "proxy", "--translator", str(translator_file), "--in", "/a", "--out", "/b"]
@@ -130,3 +146,37 @@ def test_replay_makes_a_store_of_images_and_translations(tmp_path, translator_fi
     assert change[..., 2].mean() < -5
     assert not verify(result)
     assert main(arguments) == 2
+
+
+def test_replay_to_a_store_holds_few_images_at_once(tmp_path, translator_file, monkeypatch):
+    translated, stored, waiting = [], [], []
+    add = FrameCache.add
+
+    def counted(cache, source, frame):
+        stored.append(frame.rgb.shape)
+        return add(cache, source, frame)
+
+    def translate(self, rgb):
+        translated.append(rgb.shape)
+        waiting.append(len(translated) - len(stored) // 2)
+        return rgb
+
+    monkeypatch.setattr(FrameCache, "add", counted)
+    monkeypatch.setattr(MklTranslator, "translate", translate)
+    source = write_image_bag(tmp_path / "a.bag", [np.zeros((48, 640, 3), dtype=np.uint8)] * 40)
+    result = tmp_path / "result.s2r"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
+    assert main(arguments) == 0
+    assert stored == [(24, 320, 3)] * 80
+    assert max(waiting) < 10
+
+
+def test_no_store_is_made_of_a_bag_without_usable_images(tmp_path, translator_file, capsys):
+    source = write_image_bag(tmp_path / "a.bag", [])
+    result = tmp_path / "result.s2r"
+    arguments = ["ros", "replay", str(source), "--translator", str(translator_file)]
+    arguments += ["--out", str(tmp_path / "b.bag"), "--result", str(result)]
+    assert main(arguments) == 2
+    assert "no image could be decoded" in capsys.readouterr().err
+    assert not result.exists()

@@ -48,6 +48,29 @@ class Failing(IdentityTranslator):
         raise FloatingPointError("overflow")
 
 
+class Precise(IdentityTranslator):
+    """Records the shapes of the images on which its precision was chosen."""
+
+    def __init__(self, seconds: float = 0, clock: FakeClock | None = None) -> None:
+        self.shapes: list[tuple[int, ...]] = []
+        self.seconds, self.clock = seconds, clock
+
+    def translate(self, rgb):
+        if self.clock is not None:
+            self.clock.now += self.seconds
+        return rgb
+
+    def use_faster_precision(self, rgb):
+        self.shapes.append(rgb.shape)
+
+
+class FakeClock:
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+
 def load(name: str):
     if name != "second":
         raise RequestError(f"{name}: no such file")
@@ -151,6 +174,51 @@ def test_parameters_change_what_the_next_frame_gets():
     proxy.core.change({"max_age": 0, "jpeg_quality": 80}, load)
     assert proxy.core.settings.max_age is None
     assert proxy.core.settings.jpeg_quality == 80
+
+
+def test_the_precision_of_a_new_translator_is_chosen_before_it_is_used():
+    proxy, new = Proxy(), Precise()
+    proxy.send(grey_frame())
+    before = proxy.core.settings
+    seen = []
+    new.use_faster_precision = lambda rgb: seen.append((rgb.shape, proxy.core.settings is before))
+    stored = replace(shifted(0), translator=new)
+    assert proxy.core.change({"translator": "new"}, lambda name: stored) == ""
+    for _ in range(3):
+        proxy.send(grey_frame())
+    assert seen == [((1, 2, 2, 3), True)]
+    assert proxy.published[-1][1] == bytes([100] * 12)
+
+
+def test_a_new_translator_that_fails_is_refused():
+    proxy, new = Proxy(), Precise()
+    proxy.send(grey_frame())
+    new.use_faster_precision = new.restore
+    stored = replace(shifted(0), translator=new)
+    assert "fails on an image" in proxy.core.change({"translator": "new"}, lambda name: stored)
+    assert proxy.core.settings.name == "first"
+
+
+@pytest.mark.parametrize(("seconds", "times"), [(0.1, 1), (0.3, 0)])
+@pytest.mark.parametrize("given", ["at the start", "before the first frame"])
+def test_the_precision_of_the_first_translator_is_chosen_once_where_it_is_fast(
+    monkeypatch, seconds, times, given
+):
+    clock = FakeClock()
+    monkeypatch.setattr("s2rtools.ros.proxy_core.time", clock)
+    proxy, first = Proxy(), Precise(seconds, clock)
+    stored = replace(shifted(0), translator=first)
+    if given == "at the start":
+        start = replace(proxy.core.settings, translator=stored)
+        proxy.core = ProxyCore(start, lambda: NOW, lambda *each: proxy.published.append(each))
+    else:
+        proxy.core.change({"translator": "new"}, lambda name: stored)
+    assert first.shapes == []
+    for count in range(3):
+        proxy.core.offer(replace(grey_frame(), arrival=clock.now))
+        assert proxy.core.work_once(0)
+        assert len(proxy.published) == count + 1
+    assert first.shapes == [(1, 2, 2, 3)] * times
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,11 @@ def test_damaged_and_foreign_checkpoints_are_rejected(few_frames, tmp_path):
     train(few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file)
     with pytest.raises(RequestError, match="another training"):
         train(few_frames, "vanilla", budget=Budget(steps=1), seed=1, checkpoint=file)
+    translation = [{"name": "translate:T", "value": 1.0, "sha256": "0" * 64}]
+    with pytest.raises(RequestError, match="another training"):
+        train(
+            few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file, adjustments=translation
+        )
     file.write_bytes(file.read_bytes()[:100])
     with pytest.raises(RequestError, match="not a checkpoint"):
         train(few_frames, "vanilla", budget=Budget(steps=1), checkpoint=file)

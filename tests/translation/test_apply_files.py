@@ -114,7 +114,7 @@ def test_a_bag_is_translated_and_its_other_topics_are_copied(tmp_path, name, kin
     source = write_image_bag(tmp_path / name, grey_images(4), kind, damaged=1)
     target = tmp_path / f"new-{name}"
     seen = []
-    request = BagRequest(see=lambda stamp, rgb, translated: seen.append((stamp, rgb)))
+    request = BagRequest(see=lambda stamp, _, rgb: seen.append((stamp, rgb)))
     result = apply_to_bag(REDDER, 1.0, source, target, SilentReporter(), request)
     assert (result.translated, result.undecodable) == (4, 1)
     with AnyReader([source]) as old, AnyReader([target]) as new:

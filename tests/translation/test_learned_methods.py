@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, find_method
+from s2rtools.translation import METHODS, feature_network, find_method
 from s2rtools.translation.adversarial_training import AdversarialLearner
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
@@ -43,7 +43,7 @@ def tiny_settings(name: str, steps: int = 4, **more: str) -> FitSettings:
 
 @pytest.fixture(autouse=True)
 def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("s2rtools.translation.feature_network.TRAINING_STEPS", 20)
+    monkeypatch.setattr(feature_network, "TRAINING_STEPS", 20)
 
 
 @cache

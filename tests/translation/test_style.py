@@ -8,7 +8,7 @@ import torch
 from safetensors.torch import save_file
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import find_method
+from s2rtools.translation import feature_network, find_method
 from s2rtools.translation.feature_network import FeatureNetwork, read_vgg19
 from s2rtools.translation.method import FitSettings
 from s2rtools.translation.network_translator import to_tensor
@@ -18,7 +18,7 @@ from tests.translation.palette_world import counterparts, image_set, unpaired
 
 @pytest.fixture(autouse=True)
 def few_feature_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("s2rtools.translation.feature_network.TRAINING_STEPS", 30)
+    monkeypatch.setattr(feature_network, "TRAINING_STEPS", 30)
     torch.set_num_threads(1)
 
 

@@ -20,8 +20,7 @@ from s2rtools.translation.translator_file import StoredTranslator
 from s2rtools.translator_evaluation import report, task_metrics
 from s2rtools.translator_evaluation.contact_sheet import draw_sheet
 from s2rtools.translator_evaluation.fit_into_store import FitRequest, fit_into_store
-from s2rtools.translator_evaluation.named_translator import NamedTranslator, named_translator
-from s2rtools.translator_evaluation.save_report import save_reports
+from s2rtools.translator_evaluation.named_translator import named_translator
 from s2rtui.cli import main
 from tests.support.copies import copy_store
 from tests.translator_evaluation.scenes import recoloured, rooms
@@ -58,9 +57,7 @@ def negative(root: Path) -> report.TranslatorReport:
     with s2rstore.open(root) as store:
         known = named_translator(store, "mkl")
         stored = StoredTranslator(Negative(), known.source, known.target, known.stored.size)
-        inverting = NamedTranslator(
-            "mkl", stored, known.direction, known.source, known.target, known.fitted
-        )
+        inverting = replace(known, stored=stored)
         (judged,) = report.evaluate(store, [inverting], report.ReportSettings())
     return judged
 
@@ -78,9 +75,15 @@ def test_identity_changes_nothing_and_earns_no_claim(reports):
 
 def test_reports_are_made_on_images_that_no_translator_was_fitted_on(root: Path, reports):
     assert all(judged.held_out for judged in reports.values())
+    assert all("run vanilla is not computed" in "; ".join(r.notes) for r in reports.values())
     with s2rstore.open(root) as store:
-        fitted = named_translator(store, "mkl").fitted
-        assert reports["mkl"].images == len(store.instances) - fitted.size
+        fitted, held_out = (
+            getattr(named_translator(store, "mkl"), part) for part in ("fitted", "held_out")
+        )
+        assert reports["mkl"].images == held_out.size
+        assert not np.isin(held_out, fitted).any()
+        # Two images on each side of the held-out block lie in neither part.
+        assert fitted.size + held_out.size == len(store.instances) - 4
 
 
 def test_errors_stand_beside_those_without_translation_and_of_the_target(reports):
@@ -107,7 +110,7 @@ def test_reports_are_reproducible_apart_from_the_measured_time(root: Path, repor
 def test_a_negative_is_refused_and_can_only_be_forced(root: Path, negative, tmp_path: Path):
     assert "inverted" in "; ".join(negative.verdict.reasons)
     path = copy_store(root, tmp_path / "own.s2r")
-    save_reports(path, [negative])
+    report.save_reports(path, [negative])
     with s2rstore.open(path) as store:
         record = store.translator("mkl")
         assert record.accepted is False
@@ -118,17 +121,44 @@ def test_a_negative_is_refused_and_can_only_be_forced(root: Path, negative, tmp_
     assert add_run(path, "dark", "vanilla", None, None, chain, force=True) == "dark"
 
 
+def test_figures_of_other_runs_stay(root: Path, reports, tmp_path: Path):
+    path = copy_store(root, tmp_path / "own.s2r")
+    judged = reports["mkl"]
+
+    def runs() -> set[tuple[str, str | None]]:
+        with s2rstore.open(path) as store:
+            found = store.execute(
+                "SELECT metric, run FROM translator_metric "
+                "WHERE metric IN ('error_gain', 'cost') AND reference = 'translator'"
+            )
+            return set(found)
+
+    report.save_reports(path, [judged])
+    plain = [row for row in judged.rows if row.run is None]
+    other = [replace(row, run="other") for row in judged.rows if row.run is not None]
+    report.save_reports(path, [replace(judged, run=None, rows=tuple(plain))])
+    assert runs() == {("cost", None), ("error_gain", "vanilla")}
+    report.save_reports(path, [replace(judged, run="other", rows=(*plain, *other))])
+    both = {("cost", None), ("error_gain", "vanilla"), ("error_gain", "other")}
+    assert runs() == both
+    trained = replace(plain[0], metric="trained_error", run="other")
+    report.save_reports(path, [replace(judged, run="vanilla", rows=(*judged.rows, trained))])
+    assert runs() == both
+    report.save_reports(path, [replace(judged, run="other", rows=tuple(plain))])
+    assert runs() == {("cost", None), ("error_gain", "vanilla")}
+
+
 def test_saved_figures_replace_earlier_ones(root: Path, reports, tmp_path: Path):
     path = copy_store(root, tmp_path / "own.s2r")
     for _ in range(2):
-        save_reports(path, list(reports.values()))
+        report.save_reports(path, list(reports.values()))
     query = "SELECT count(*), count(DISTINCT (metric, reference, run)) FROM translator_metric "
     with s2rstore.open(path) as store:
         ((rows, different),) = store.execute(query + "WHERE translator = 'mkl'")
         assert store.translator("mkl").accepted is True
         expected = sum(np.isfinite(row.value) for row in reports["mkl"].rows)
     assert rows == expected
-    assert different >= rows - 1  # rows without a run compare as one group per metric
+    assert different == rows
 
 
 def test_reports_are_json_without_infinite_numbers(reports):
@@ -152,9 +182,12 @@ def test_networks_trained_on_translated_images_are_compared_with_the_run(store_c
         draft.update("run", {"run": "dataaug"}, {"sim_adjustments": json.dumps(chain)})
         draft.set_provenance("model:dataaug", {"recipe": "translated"})
     with s2rstore.open(store_copy) as store:
-        rows = {row.metric: row for row in task_metrics.training_metrics(store, "vanilla", "T")}
-        assert not task_metrics.training_metrics(store, "vanilla", "other")
-        kept = store.run_columns("vanilla").sim.split != 0
+        unseen = np.flatnonzero(store.run_columns("vanilla").sim.split != 0)
+        kept = unseen[::2]
+        found = task_metrics.training_metrics(store, "vanilla", "T", kept)
+        rows = {row.metric: row for row in found}
+        assert not task_metrics.training_metrics(store, "vanilla", "other", kept)
+        assert not task_metrics.training_metrics(store, "dataaug", "T", kept)
         errors = [store.run_columns(run).real.error[kept].mean() for run in ("vanilla", "dataaug")]
     gain = rows["trained_error_gain"]
     assert gain.run == "dataaug"
@@ -186,7 +219,10 @@ def test_the_command_prints_tables_and_writes_sheets(root: Path, tmp_path: Path,
     assert cv2.imread(str(out / "mkl.png")).shape[1] > 600
     assert json.loads((out / "report.json").read_text())[1]["name"] == "mkl"
     with s2rstore.open(path) as store:
-        assert store.translator("mkl").accepted is not None
+        saved = store.execute(
+            "SELECT DISTINCT run FROM translator_metric WHERE metric = 'error_gain'"
+        )
+        assert list(saved) == [("vanilla",)]
 
 
 def write_folder(folder: Path, images: np.ndarray) -> str:

@@ -68,7 +68,9 @@ class OverviewView(View):
         canvas.paste(drawn, 0, 0)
         block = size[0], size[1] - chart[1]
         rows = scene.resources.translators
-        canvas.paste(translators.draw_translators(rows, block, options), 0, chart[1])
+        canvas.paste(
+            translators.draw_translators(rows, scene.state.run, block, options), 0, chart[1]
+        )
         return canvas
 
     def _chart_size(self, scene: Scene, size: Size) -> Size:
@@ -97,9 +99,11 @@ class OverviewView(View):
         mean = _percent(scene.resources.baseline, None)
         accuracies = "; ".join(runs) or "no run"
         text = f"Accuracy of {accuracies}. Baseline (always the mean position): {mean}."
+        run = scene.state.run
         fitted = [
-            f"{row.translator}: {', '.join(part for part in (row.verdict, row.gain_text) if part)}"
-            for row in scene.resources.translators
+            f"{row.translator}: "
+            f"{', '.join(part for part in (row.verdict, row.gain_text(run)) if part)}"
+            for row in translators.ordered(scene.resources.translators, run)
         ]
         return f"{text} Translators: {'; '.join(fitted)}." if fitted else text
 

@@ -7,7 +7,9 @@ import json
 import re
 import shlex
 import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +17,11 @@ from s2rstore.errors import RequestError
 from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
-    from s2rtools.ros.image_spool import ImageSpool
     from s2rtools.translation.image_set import Rgb
+    from s2rtools.translation.translator_file import StoredTranslator
+
+    BagImage = tuple[int, Rgb, Rgb]
+    """Stamp in nanoseconds, image and translated image."""
 
 EXAMPLE = (
     "s2r ros proxy --translator real2sim.safetensors --in /camera/image_raw/compressed "
@@ -110,7 +115,6 @@ def _proxy(options: argparse.Namespace) -> None:
     from s2rtools.ros import ros_environment
     from s2rtools.ros.image_topics import check_topics
     from s2rtools.ros.proxy_settings import ProxyRequest, ProxySettings, parse_age
-    from s2rtools.ros.run_proxy import run_proxy
     from s2rtools.translation.translator_file import load_translator
 
     unknown = [text for text in options.arguments if ":=" not in text]
@@ -118,32 +122,53 @@ def _proxy(options: argparse.Namespace) -> None:
         raise RequestError(f"{unknown[0]}: unknown argument; remappings are FROM:=TO")
     max_age = None if options.max_age is None else parse_age(options.max_age)
     check_topics(options.input, options.output)
-    translator = load_translator(options.translator, options.store)
+
+    def load(name: str) -> StoredTranslator:
+        stored = load_translator(name, options.store)
+        _use_one_thread()
+        return stored
+
+    translator = load(options.translator)
     version = ros_environment.find_ros(options.ros)
     settings = ProxySettings(
         options.translator, translator, options.strength, max_age, options.jpeg_quality
     )
     request = ProxyRequest(
-        options.input, options.output, settings,
-        lambda name: load_translator(name, options.store), options.name, tuple(options.arguments),
-    )  # fmt: skip
-    run_proxy(request, version)
+        options.input, options.output, settings, load, options.name, tuple(options.arguments)
+    )
+    if version == 1:
+        from s2rtools.ros import ros1_node
+
+        ros1_node.run(request)
+    else:
+        from s2rtools.ros import ros2_node
+
+        ros2_node.run(request)
+
+
+def _use_one_thread() -> None:
+    """Compute in the calling thread only, for even latencies beside the robot's other programs.
+
+    A translator may have loaded torch, which then has to be limited, too.
+    """
+    import cv2
+
+    cv2.setNumThreads(1)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
 
 
 def _replay(options: argparse.Namespace) -> None:
-    from s2rtools.ros.image_spool import ImageSpool
-
-    if options.result is not None and options.result.exists():
-        raise RequestError(f"--result {options.result}: exists; choose another name, or remove it")
     if options.result is None:
         _translate_bag(options, None)
-        return
-    with closing(ImageSpool()) as spool:
-        _translate_bag(options, spool)
-        _make_store(options, spool)
+    elif options.result.exists():
+        raise RequestError(f"--result {options.result}: exists; choose another name, or remove it")
+    else:
+        _translate_to_store(options)
 
 
-def _translate_bag(options: argparse.Namespace, spool: ImageSpool | None) -> None:
+def _translate_bag(options: argparse.Namespace, keep: Callable[[BagImage], None] | None) -> None:
+    """Write the bag, and the table of segments if asked; `keep` gets every decoded image."""
     from s2rtools.common.result_files import check_writable
     from s2rtools.ros.segment_table import SegmentTable
     from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
@@ -156,10 +181,10 @@ def _translate_bag(options: argparse.Namespace, spool: ImageSpool | None) -> Non
     def see(stamp: int, original: Rgb, translated: Rgb) -> None:
         if table is not None:
             table.add(stamp, translated)
-        if spool is not None:
-            spool.add(stamp, original, translated)
+        if keep is not None:
+            keep((stamp, original, translated))
 
-    is_seen = table is not None or spool is not None
+    is_seen = table is not None or keep is not None
     request = BagRequest(options.input, options.jpeg_quality, see if is_seen else None)
     with reporter() as progress:
         result = apply_to_bag(
@@ -171,22 +196,32 @@ def _translate_bag(options: argparse.Namespace, spool: ImageSpool | None) -> Non
         print(f"{options.segments}: {table.segments} segments in {table.images} images")
 
 
-def _make_store(options: argparse.Namespace, spool: ImageSpool) -> None:
-    """A store of a bag: its images as domain `camera`, their translations as `translated`."""
-    from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+def _translate_to_store(options: argparse.Namespace) -> None:
+    """Write the bag and make a store of it while its images are translated.
 
-    if not len(spool):
-        raise RequestError(f"{options.bag}: no image could be decoded; no store was made")
+    The images of the bag are domain `camera` of the store, their translations `translated`.
+    """
+    from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+    from s2rtools.ros.callback_items import callback_items
+
     recording = re.sub(r"[^A-Za-z0-9_.+-]", "_", options.bag.stem)[:80].lstrip("_.+-") or "bag"
-    instances = (
-        ImageInstance(recording, {"camera": image, "translated": result}, stamp / 1e9, str(stamp))
-        for stamp, image, result in spool
-    )
-    build_from_images(
-        instances, {"camera": "real", "translated": "sim"}, options.result, recording,
-        shlex.join(["s2r", *sys.argv[1:]]),
-    )  # fmt: skip
-    print(f"{options.result}: {len(spool)} images and their translations")
+    count = 0
+
+    def instances(images: Iterable[BagImage]) -> Iterator[ImageInstance]:
+        nonlocal count
+        for stamp, image, result in images:
+            count += 1
+            pair = {"camera": image, "translated": result}
+            yield ImageInstance(recording, pair, stamp / 1e9, str(stamp))
+        if not count:
+            raise RequestError(f"{options.bag}: no image could be decoded; no store was made")
+
+    with closing(callback_items(partial(_translate_bag, options))) as images:
+        build_from_images(
+            instances(images), {"camera": "real", "translated": "sim"}, options.result, recording,
+            shlex.join(["s2r", *sys.argv[1:]]),
+        )  # fmt: skip
+    print(f"{options.result}: {count} images and their translations")
 
 
 def _simulate(options: argparse.Namespace) -> None:

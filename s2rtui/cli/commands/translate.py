@@ -17,6 +17,7 @@ from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 if TYPE_CHECKING:
     from s2rtools.translator_evaluation.fit_into_store import FitRequest
+    from s2rtools.translator_evaluation.gates import Verdict
 
 _IMAGES = 120
 """Most images on which translators are judged."""
@@ -52,8 +53,8 @@ def _list(options: argparse.Namespace) -> None:
         found = {row.translator: row for row in translator_rows(store)}
         rows = [
             (name, record.method, record.source_domain, record.target_domain, found[name].verdict,
-             found[name].gain_text, "; ".join(record.reasons))
-            for name, record in store.translators.items()
+             "; ".join(gain.text for gain in found[name].gains), "; ".join(record.reasons))
+            for name, record in store.translators.items() if name in found
         ]  # fmt: skip
     names = ("translator", "method", "from", "to", "verdict", "gain", "reasons")
     output.write(names, rows, options)
@@ -154,11 +155,14 @@ def _fit_store(options: argparse.Namespace, methods: tuple[str, ...]) -> list[st
             verdict = fit_into_store(
                 options.store, _request(options, method, name, report), command
             )
-        checked = "not checked: too few images are held out" if verdict is None else "accepted"
-        if verdict is not None and not verdict.passed:
-            checked = f"refused as an adjustment: {'; '.join(verdict.reasons)}"
-        print(f"{options.store}: translator {name} registered, {checked}")
+        print(f"{options.store}: translator {name} registered, {_outcome(verdict)}")
     return names
+
+
+def _outcome(verdict: Verdict | None) -> str:
+    if verdict is None:
+        return "not checked: too few images are held out"
+    return "accepted" if verdict.passed else f"refused: {'; '.join(verdict.reasons)}"
 
 
 def _fit_folders(options: argparse.Namespace, methods: tuple[str, ...]) -> list[Path]:
@@ -177,8 +181,8 @@ def _fit_folders(options: argparse.Namespace, methods: tuple[str, ...]) -> list[
         with reporter() as progress:
             report = percent_callback(progress, f"fit {method}")
             request = _request(options, method, method, report)
-            fit_folders(options.source, options.target, request, file)
-        print(f"{file}: {method} from {options.source} to {options.target}")
+            verdict = fit_folders(options.source, options.target, request, file)
+        print(f"{file}: {method} from {options.source} to {options.target}, {_outcome(verdict)}")
     return files
 
 
@@ -244,7 +248,6 @@ def _report_store(options: argparse.Namespace) -> None:
     from s2rtools.translator_evaluation import contact_sheet, report
     from s2rtools.translator_evaluation.judged_frames import judged_instances
     from s2rtools.translator_evaluation.named_translator import named_translator
-    from s2rtools.translator_evaluation.save_report import save_reports
     from s2rtui.cli.formatting.translator_tables import reports_text
 
     if not options.no_keep:
@@ -267,7 +270,7 @@ def _report_store(options: argparse.Namespace) -> None:
             sheet = contact_sheet.store_sheet(store, translator, chosen, options.seed)
             contact_sheet.write_png(options.out / f"{translator.name}.png", sheet)
     if not options.no_keep:
-        save_reports(options.store, found)
+        report.save_reports(options.store, found)
     text = partial(reports_text, found, options.run)
     _print_report(options, options.out, report.as_json(found), text)
 
@@ -284,13 +287,13 @@ def _report_folders(options: argparse.Namespace) -> None:
     out = _sheet_folder(options)
     content, texts = {}, []
     for file in options.translators:
-        translator = load_translator(file).translator
-        found = report.evaluate_folders(options.source, options.target, translator, options.images)
+        stored = load_translator(file)
+        found = report.evaluate_folders(options.source, options.target, stored, options.images)
         content[Path(file).stem] = report.folder_json(found)
         texts.append(f"{file}\n{folder_text(found)}")
         if out:
             sheet = contact_sheet.folder_sheet(
-                options.source, options.target, translator, options.seed
+                options.source, options.target, stored.translator, options.seed
             )
             contact_sheet.write_png(out / f"{Path(file).stem}.png", sheet)
     _print_report(options, out, content, lambda: "\n\n".join(texts))

@@ -33,6 +33,12 @@ _CONTROLS = (
     ("target", "target against target"),
 )  # fmt: skip
 
+_IMAGES_JUDGED = {
+    True: "judged on images that were held out from the fit",
+    False: "judged on images of the fit: none or too few are held out",
+    None: "perhaps judged on images of the fit: the translator was not fitted on these two folders",
+}
+
 
 def reports_text(reports: Sequence[TranslatorReport], run: str | None) -> str:
     """Tables of translators that were judged on the same images."""
@@ -138,7 +144,8 @@ def folder_text(report: FolderReport) -> str:
         if (metric, "translator") in found
     ]
     return "\n".join((
-        f"{report.images} images: {outcome}\n",
+        f"{report.images} images: {outcome}",
+        f"{_IMAGES_JUDGED[report.held_out]}\n",
         output.table(("content", "value"), content),
         output.table(("distance", "translated", *(title for _, title in _CONTROLS)), distances),
     ))  # fmt: skip

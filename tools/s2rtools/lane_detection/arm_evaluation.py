@@ -29,7 +29,7 @@ from s2rtools.lane_detection.line_detector import (
     colour_masks,
     detect,
 )
-from s2rtools.lane_detection.line_scores import mean_f1, pixel_counts, segment_counts
+from s2rtools.lane_detection.line_scores import agreement, pixel_counts, segment_counts
 from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.road_renderer import Mask
 from s2rtools.lane_detection.threshold_tuning import tune
@@ -124,7 +124,7 @@ class Evaluation:
         )
 
     def stability(self, arm: Arm, images_per_light: int = 24) -> float:
-        """F1 between two masks of the same images that should be equal, over all lights.
+        """Agreement of two masks of the same images that should be equal, over all lights.
 
         The two come from fits on the two halves of the images for fitting of a light; where the
         statistics are those of each image, from the whole image and from its left and right half
@@ -158,7 +158,7 @@ class Evaluation:
                 for index, colour in enumerate(COLOURS):
                     truth = np.where(other[colour], index + 1, 0).astype(np.uint8)
                     counts[index] += pixel_counts(one, truth)[index]
-        return float(mean_f1(counts))
+        return agreement(counts)
 
     def _translated_ranges(self, translator: Translator | None) -> Thresholds:
         if translator not in self._tuned_on:

@@ -62,7 +62,8 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Thresholds with a translator. `seed` distinguishes the fits of a learned method."""
+    """Thresholds, alone or with a translator of a direction; `scope` names the real images of its
+    fit."""
 
     thresholds: str
     source: Source | None = None
@@ -203,7 +204,9 @@ def _key(request: FitRequest, source: ImageSet, target: ImageSet) -> str:
     facts = [method.name, method.version, request.source.options, request.direction, seed, minutes]
     digest = hashlib.sha256(json.dumps(facts).encode())
     for images in (source, target):
+        digest.update(json.dumps(images.images.shape).encode())
         digest.update(np.ascontiguousarray(images.images).tobytes())
+        digest.update(np.ascontiguousarray(images.groups, dtype=np.int64).tobytes())
     return f"{method.name}-{digest.hexdigest()[:16]}"
 
 

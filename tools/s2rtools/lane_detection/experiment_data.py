@@ -3,7 +3,8 @@
 Per light (condition) of the real images:
 
 - Where at least `MIN_UNLABELLED` images are unlabelled, translators are fitted on those, and all
-  labelled images are judged.
+  labelled images are judged. Both may come from the same recording
+  (`Split.lights_fitted_on_judged_recordings`).
 - Else, where there are two recordings (sequences) or more, translators are fitted on every second
   one, and the others are judged.
 - Else all images are judged and translators are fitted on the same images, without their labels.
@@ -70,6 +71,23 @@ class Split:
         """Labelled rows of all lights that may be tuned on for a part."""
         half = [other for other in self.parts if other.half == part.half]
         return np.sort(np.concatenate([other.tuned for other in half]))
+
+    def lights_fitted_on_judged_recordings(self) -> list[str]:
+        """Lights whose translators are fitted on images of the recordings that are judged."""
+        recordings = self.images.sequences
+        return [
+            light
+            for light in self.lights
+            if np.isin(recordings[self.fitted[light]], recordings[self.judged_in(light)]).any()
+        ]
+
+    def lights_fitted_on_judged_images(self) -> list[str]:
+        """Lights whose translators are fitted on the very images that are judged."""
+        return [
+            light
+            for light in self.lights
+            if np.isin(self.fitted[light], self.judged_in(light)).any()
+        ]
 
     def fit_rows(self, light: str, scope: str) -> Rows:
         """Rows for a fit: of this `light`, of `all` lights, or of all `others`."""

@@ -10,23 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from s2rstore.metrics.bootstrap import LEVEL_TEXT, Interval
+from s2rstore.metrics.bootstrap import LEVEL_TEXT, MIN_TRAJECTORIES, Interval
 from s2rtools.lane_detection.line_detector import COLOURS
-from s2rtools.lane_detection.line_scores import mean_f1, precision_recall
+from s2rtools.lane_detection.line_scores import false_pixels_of_absent, mean_f1, precision_recall
 from s2rtools.lane_detection.threshold_experiment import (
     BASELINE,
+    HARD_BELOW,
     ORACLE,
     SIM_TUNED,
     Experiment,
     verdict,
 )
 
-SCHEMA = 1
+SCHEMA = 2
 _BEST_SHOWN = 8
+_ABSENT = "false_pixels_of_absent_colours_per_image"
+_WITHIN = ", intervals within it, not between recordings"
 _CSV = (
     "arm", "label_free", "group", "colour", "f1", "f1_low", "f1_high", "difference_to_default_ai",
-    "difference_low", "difference_high", "gap_closed", "segment_precision", "segment_recall",
-    "invented_per_image", "offset_error_m", "heading_error_rad", "ms_per_frame", "seed_spread",
+    "difference_low", "difference_high", "gap_closed", "false_pixels_of_absent_colours_per_image",
+    "segment_precision", "segment_recall", "invented_per_image", "offset_error_m",
+    "heading_error_rad", "ms_per_frame", "seed_spread",
 )  # fmt: skip
 
 
@@ -47,11 +51,18 @@ def to_document(experiment: Experiment) -> dict[str, Any]:
         "schema": SCHEMA, **experiment.facts, "chosen": experiment.chosen,
         "choice": experiment.choice.candidates,
         "groups": {name: len(rows) for name, rows in experiment.groups.items()},
+        "units": {name: experiment.unit(name) for name in experiment.groups},
+        "true_colours": {name: _true_colours(experiment, name) for name in experiment.groups},
         "verdicts": verdicts, "arms": rows, "skipped": experiment.skipped,
         "words": in_words(experiment),
     }  # fmt: skip
     finite: dict[str, Any] = _finite(document)
     return finite
+
+
+def _true_colours(experiment: Experiment, group: str) -> list[str]:
+    present = experiment.true_colours(group)
+    return [colour for colour, known in zip(COLOURS, present, strict=True) if known]
 
 
 def _row(experiment: Experiment, name: str, group: str, colour: str | None) -> dict[str, Any]:
@@ -61,6 +72,9 @@ def _row(experiment: Experiment, name: str, group: str, colour: str | None) -> d
     segments = scores.segments[rows].sum(axis=0)
     chosen = segments.sum(axis=0) if colour is None else segments[COLOURS.index(colour)]
     known = bool(chosen[3] > 0)
+    counts, present = experiment.counts(name, group), experiment.true_colours(group)
+    asked = np.ones(len(COLOURS), np.bool_) if colour is None else np.array(COLOURS) == colour
+    absent = false_pixels_of_absent(counts[asked], present[asked]) / len(rows)
     precision, recall = precision_recall(chosen)
     pose = scores.pose[rows]
     offset, heading = (
@@ -71,7 +85,7 @@ def _row(experiment: Experiment, name: str, group: str, colour: str | None) -> d
     values = (
         name, scores.label_free, group, colour or "all", of.value, of.low, of.high, change.value,
         change.low, change.high,
-        experiment.gap_closed(name, group) if colour is None else math.nan,
+        experiment.gap_closed(name, group) if colour is None else math.nan, absent,
         float(precision) if known else math.nan, float(recall) if known else math.nan,
         chosen[4] / len(rows) if known else math.nan, offset, heading, scores.milliseconds,
         _seed_spread(scores.by_seed),
@@ -122,17 +136,22 @@ def to_table(experiment: Experiment) -> str:
     """A table per group: F1 and intervals, differences, gap closed, segments, pose, time."""
     lines = []
     for group, rows in experiment.groups.items():
-        blocks = experiment.blocks(group).unit_count
-        lines.append(f"\n{group}: {len(rows)} images, {blocks} independent blocks")
+        colours = ", ".join(_true_colours(experiment, group))
+        lines.append(
+            f"\n{group}: {len(rows)} images; lines: {colours}; resampled: {experiment.unit(group)}"
+            f"{_WITHIN if experiment.recordings(group) < 2 else ''}"
+        )
         lines.append(
             f"{'arm':<44} {'F1 (' + LEVEL_TEXT + ')':<19} {'to default+ai':<22} "
-            f"{'gap':>5} {'prec.':>5} {'rec.':>5} {'inv.':>5} {'pose':>11} {'ms':>5}"
+            f"{'gap':>5} {'abs.':>5} {'prec.':>5} {'rec.':>5} {'inv.':>5} {'pose':>11} {'ms':>5}"
         )
         lines += [_line(experiment, name, group) for name in shown_arms(experiment)]
     lines.append(
-        "\ngap: share of the gap from simulation-tuned to per-light oracle thresholds that is "
-        "closed; prec., rec.: of segments; inv.: invented segments per image; pose: median error "
-        "in mm and degrees; *: chosen without labels"
+        "\nF1: mean over the colours that have true lines in the group; gap: share of the gap from "
+        "simulation-tuned to per-light oracle thresholds that is closed; abs.: false pixels per "
+        "image of colours without true lines in the group; prec., rec.: of segments; inv.: "
+        "invented segments per image; pose: median error in mm and degrees; *: chosen "
+        "without labels"
     )
     return "\n".join(lines).lstrip("\n")
 
@@ -148,7 +167,8 @@ def _line(experiment: Experiment, name: str, group: str) -> str:
         pose = f"{1000 * row['offset_error_m']:.0f} {math.degrees(row['heading_error_rad']):.1f}"
     return (
         f"{mark}{name[:43]:<43} {_interval(of):<19} {_interval(change, '+'):<22} "
-        f"{_number(row['gap_closed']):>5} {_number(row['segment_precision']):>5} "
+        f"{_number(row['gap_closed']):>5} "
+        f"{_number(row[_ABSENT], 1):>5} {_number(row['segment_precision']):>5} "
         f"{_number(row['segment_recall']):>5} {_number(row['invented_per_image'], 1):>5} "
         f"{pose:>11} {_number(row['ms_per_frame'], 1):>5}"
     )
@@ -166,33 +186,74 @@ def _interval(of: Interval, sign: str = "") -> str:
 
 
 def in_words(experiment: Experiment) -> str:
-    """The answer as sentences, one per group and colour."""
-    sentences = [
-        f"Chosen without labels, on simulated lights: {experiment.chosen}.",
-    ]
-    for group in experiment.groups:
-        of = verdict(experiment, group)
-        if of["spared"] is None:
-            sentences.append(f"{group}: too few recordings for an interval.")
-            continue
-        f1, oracle = f"{of['f1']:.2f} [{of['low']:.2f}, {of['high']:.2f}]", f"{of['oracle']:.2f}"
-        answer = "calibration spared" if of["spared"] else "calibration needed"
-        change = experiment.difference(experiment.chosen, BASELINE, group)
-        sentence = (
-            f"{group}: {answer}; mean F1 {f1} without labels, {oracle} with thresholds tuned on "
-            f"these images, {_interval(change, '+')} to the default thresholds with anti-instagram."
+    """The answer as sentences, one per group, and what limits it."""
+    sentences = [f"Chosen without labels, on simulated lights: {experiment.chosen}."]
+    sentences += [_answer(experiment, group) for group in experiment.groups]
+    return "\n".join(sentences + _limits(experiment))
+
+
+def _answer(experiment: Experiment, group: str) -> str:
+    of = verdict(experiment, group)
+    f1 = _interval(Interval(of["low"], of["f1"], of["high"]))
+    with_labels = f"{of['oracle']:.2f} with thresholds tuned on these images"
+    change = _interval(experiment.difference(experiment.chosen, BASELINE, group), "+")
+    if of["recordings"] < 2:
+        return (
+            f"{group}: one recording: no interval between recordings, no verdict; mean F1 {f1} "
+            f"(interval within the recording) without labels, {with_labels}."
         )
-        if of["labels_that_win"]:
-            sentence += f" Calibration wins from {of['labels_that_win']} labelled images per light."
-        else:
-            sentence += " No tested number of labelled images is better by more than its interval."
-        colours = [
-            f"{colour} {'spared' if each['spared'] else 'needed'}"
-            for colour in COLOURS
-            if (each := verdict(experiment, group, colour))["spared"] is not None
-        ]
-        sentences.append(f"{sentence} By colour: {', '.join(colours)}.")
-    return "\n".join(sentences)
+    if of["spared"] is None:
+        return f"{group}: no interval, no verdict; mean F1 {f1} without labels, {with_labels}."
+    sentence = (
+        f"{group}: calibration {'spared' if of['spared'] else 'needed'}; mean F1 {f1} without "
+        f"labels, {with_labels}, {change} to the default thresholds with anti-instagram; intervals "
+        f"from {of['unit']}."
+    )
+    if of["labels_that_win"]:
+        sentence += f" Calibration wins from {of['labels_that_win']} labelled images per light."
+    elif of["labels_tested"]:
+        tested = ", ".join(str(count) for count in of["labels_tested"])
+        sentence += f" Of {tested} labelled images per light, none is better beyond its interval."
+    else:
+        sentence += " No number of labelled images was tested: too few are labelled."
+    colours = [
+        f"{colour} {'spared' if each['spared'] else 'needed'}"
+        for colour in COLOURS
+        if (each := verdict(experiment, group, colour))["spared"] is not None
+    ]
+    return f"{sentence} By colour: {', '.join(colours)}."
+
+
+def _limits(experiment: Experiment) -> list[str]:
+    """Sentences about what the intervals and groups do not cover."""
+    facts, sentences = experiment.facts, []
+    shared, same = facts["fitted_on_judged_recordings"], facts["fitted_on_judged_images"]
+    if shared:
+        sentences.append(
+            f"Translators of one light and of all lights are fitted on images of the judged "
+            f"recordings, without labels, in {', '.join(shared)}: in other recordings they may be "
+            "worse."
+        )
+    if same:
+        sentences.append(f"They are fitted on the judged images themselves in {', '.join(same)}.")
+    if "hard lights" in experiment.groups:
+        sentences.append(
+            f"Hard lights are those in which {BASELINE} stays below {HARD_BELOW:g} on the judged "
+            f"images: there the difference to {BASELINE} is stated too high, in ordinary lights "
+            "too low."
+        )
+    several = [group for group in experiment.groups if experiment.recordings(group) > 1]
+    if not all(experiment.blocks(group).by_trajectory for group in several):
+        sentences.append(
+            f"Below {MIN_TRAJECTORIES} recordings pieces of them are resampled: such intervals are "
+            "too narrow where recordings differ."
+        )
+    if any(len(scores.by_seed) > 1 for scores in experiment.scores.values()):
+        sentences.append(
+            "Intervals hold the fits of learned methods and the draws of labelled images fixed; "
+            "the spread between them stands apart, as seed_spread."
+        )
+    return sentences
 
 
 def figure_png(experiment: Experiment) -> bytes:
@@ -217,7 +278,10 @@ def figure_png(experiment: Experiment) -> bytes:
         axis.axvline(
             experiment.f1(ORACLE, group).value, color="#999999", linewidth=1, dashes=(4, 2)
         )
-        axis.set_title(f"{group} ({len(experiment.groups[group])} images)", fontsize=9)
+        axis.set_title(
+            f"{group} ({len(experiment.groups[group])} images; {experiment.unit(group)})",
+            fontsize=9,
+        )
         axis.set_xlim(-0.02, 1.02)
         axis.set_xlabel(f"mean pixel F1, {LEVEL_TEXT} interval", fontsize=8)
         axis.tick_params(labelsize=7)

@@ -130,11 +130,6 @@ def anti_instagram(rgb: Rgb, share: float = 0.7, percentile: float = 40.0) -> Rg
     return np.clip(np.rint((rgb - black) * (255 / (255 - black))), 0, 255).astype(np.uint8)
 
 
-def colour_mask(rgb: Rgb, colour_range: HsvRange) -> Bools:
-    """Pixels of an image (H, W, 3) inside a range."""
-    return colour_range.contains(np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)))
-
-
 def colour_masks(rgb: Rgb, thresholds: Thresholds) -> dict[str, Bools]:
     """Masks (H, W) of an image (H, W, 3) by colour."""
     hsv = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))

@@ -30,21 +30,45 @@ def pixel_counts(masks: dict[str, Bools], truth: Mask) -> Floats:
     return counts
 
 
+def true_colours(counts: Floats) -> Bools:
+    """Which colours (colours,) have true pixels anywhere in counts (..., colours, 3)."""
+    true = counts[..., 0] + counts[..., 2]
+    return np.asarray(true.reshape(-1, true.shape[-1]).sum(axis=0) > 0)
+
+
 def f1(counts: Floats) -> Floats:
-    """F1 (...) of counts (..., 3); NaN where there is neither a line nor a detection."""
+    """F1 (...) of counts (..., 3); NaN where there is no true pixel."""
     total = 2 * counts[..., 0] + counts[..., 1] + counts[..., 2]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 0, 2 * counts[..., 0] / total, np.nan)
+    known = counts[..., 0] + counts[..., 2] > 0
+    return np.where(known, 2 * counts[..., 0] / np.where(known, total, 1), np.nan)
 
 
-def mean_f1(counts: Floats) -> Floats:
-    """Mean over the colours of F1 (...) of counts (..., colours, 3); colours without lines and
-    detections are left out."""
-    values = f1(counts)
-    known = np.isfinite(values)
-    total = np.where(known, values, 0).sum(axis=-1)
-    number = known.sum(axis=-1)
-    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+def mean_f1(counts: Floats, colours: Bools | None = None) -> Floats:
+    """Mean of F1 (...) over some `colours` (colours,) of counts (..., colours, 3).
+
+    None is the colours of `true_colours`. Which colours count follows from the truth alone, so that
+    it is the same for all detectors that are compared; false detections of the other colours are
+    counted by `false_pixels_of_absent`. NaN where one of the colours has no true pixel, as in a
+    bootstrap sample without it.
+    """
+    chosen = true_colours(counts) if colours is None else colours
+    if not chosen.any():
+        return np.full(counts.shape[:-2], np.nan)
+    return np.asarray(f1(counts)[..., chosen].mean(axis=-1))
+
+
+def false_pixels_of_absent(counts: Floats, colours: Bools) -> float:
+    """False pixels in counts (colours, 3) of colours that are not among the true `colours`; NaN
+    where all are."""
+    return float(counts[~colours, 1].sum()) if not colours.all() else float("nan")
+
+
+def agreement(counts: Floats) -> float:
+    """Dice coefficient of two sets of masks, from the summed counts (colours, 3) of one against the
+    other: the mean over the colours that either of them has. NaN where both are empty."""
+    total = 2 * counts[:, 0] + counts[:, 1] + counts[:, 2]
+    known = total > 0
+    return float((2 * counts[known, 0] / total[known]).mean()) if known.any() else float("nan")
 
 
 def segment_counts(segments: dict[str, Segments], truth: Mask) -> Floats:

@@ -3,13 +3,14 @@
 Label-free arms (default and simulation-tuned thresholds, each alone and with every translator) are
 compared on labelled real images with thresholds that are tuned on labels. One label-free arm is
 chosen without any label of the real images, by its mean F1 on simulated images in simulated
-lights (`choose_arm`). Intervals are block bootstraps over recordings; differences are
-paired: both arms are computed from the same resampled blocks.
+lights (`choose_arm`). Intervals are block bootstraps over recordings, below
+`MIN_TRAJECTORIES` recordings over pieces of them; differences are paired: both arms are computed
+from the same resampled blocks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -41,8 +42,8 @@ from s2rtools.lane_detection.experiment_data import (
     simulated_lights,
     split_images,
 )
-from s2rtools.lane_detection.line_detector import COLOURS, Thresholds, anti_instagram
-from s2rtools.lane_detection.line_scores import f1, mean_f1
+from s2rtools.lane_detection.line_detector import COLOURS, Bools, Thresholds, anti_instagram
+from s2rtools.lane_detection.line_scores import f1, mean_f1, true_colours
 from s2rtools.lane_detection.road_images import RoadImages
 from s2rtools.lane_detection.threshold_tuning import tune
 
@@ -107,6 +108,26 @@ class Experiment:
     def chosen(self) -> str:
         return self.choice.arm.name
 
+    def recordings(self, group: str) -> int:
+        """Number of recordings of a group."""
+        return len(set(self.sequences[self.groups[group]].tolist()))
+
+    def unit(self, group: str) -> str:
+        """What is resampled for the intervals of a group."""
+        recordings, blocks = self.recordings(group), self.blocks(group)
+        if blocks.by_trajectory:
+            return f"{recordings} recordings"
+        pieces = f"{blocks.unit_count} piece{'s' if blocks.unit_count > 1 else ''}"
+        return f"{pieces} of {'one recording' if recordings == 1 else f'{recordings} recordings'}"
+
+    def true_colours(self, group: str) -> Bools:
+        """Which colours (colours,) have true pixels in a group; the same for all arms."""
+        return true_colours(next(iter(self.scores.values())).pixels[self.groups[group]])
+
+    def counts(self, name: str, group: str) -> Floats:
+        """Pixel counts (colours, 3) of an arm, summed over a group."""
+        return np.asarray(self.scores[name].pixels[self.groups[group]].sum(axis=0))
+
     def blocks(self, group: str) -> Blocks:
         """Blocks of recordings of a group."""
         codes = np.unique(self.sequences[self.groups[group]], return_inverse=True)[1]
@@ -123,7 +144,10 @@ class Experiment:
         return np.tensordot(drawn, sums, axes=1)
 
     def f1(self, name: str, group: str, colour: str | None = None) -> Interval:
-        """F1 of an arm on a group: of a colour, or the mean over the colours."""
+        """F1 of an arm on a group: of a colour, or the mean over the group's true colours.
+
+        Bootstrap samples without a pixel of one of these colours are left out.
+        """
         return self._interval({name: 1.0}, group, colour, (0.0, 1.0))
 
     def difference(self, name: str, other: str, group: str, colour: str | None = None) -> Interval:
@@ -136,14 +160,13 @@ class Experiment:
         self, weights: Mapping[str, float], group: str, colour: str | None,
         ends: tuple[float, float],
     ) -> Interval:  # fmt: skip
-        blocks = self.blocks(group)
+        blocks, colours = self.blocks(group), self.true_colours(group)
         value, replicates = 0.0, np.zeros(DEFAULT_SETTINGS.replicates)
         for name, weight in weights.items():
-            counts = self.scores[name].pixels[self.groups[group]].sum(axis=0)
-            value += weight * _score(counts, colour).item()
+            value += weight * _score(self.counts(name, group), colour, colours).item()
             if blocks.unit_count >= 2:
                 resampled = self._replicates(name, group, blocks)
-                replicates = replicates + weight * _score(resampled, colour)
+                replicates = replicates + weight * _score(resampled, colour, colours)
         replicates = replicates[np.isfinite(replicates)]
         if blocks.unit_count < 2 or not np.isfinite(value) or not replicates.size:
             return Interval.unknown(value)
@@ -153,16 +176,17 @@ class Experiment:
     def gap_closed(self, name: str, group: str, oracle: str = ORACLE) -> float:
         """(F - F_sim) / (F_oracle - F_sim) with the thresholds tuned on simulation as F_sim; NaN
         where the oracle is hardly better."""
+        colours = self.true_colours(group)
         of, sim, best = (
-            _score(self.scores[each].pixels[self.groups[group]].sum(axis=0), None).item()
+            _score(self.counts(each, group), None, colours).item()
             for each in (name, SIM_TUNED, oracle)
         )
         return (of - sim) / (best - sim) if best - sim > _MIN_GAP else float("nan")
 
 
-def _score(counts: Floats, colour: str | None) -> Floats:
+def _score(counts: Floats, colour: str | None, colours: Bools) -> Floats:
     if colour is None:
-        return np.asarray(mean_f1(counts))
+        return mean_f1(counts, colours)
     return np.asarray(f1(counts[..., COLOURS.index(colour), :]))
 
 
@@ -204,7 +228,9 @@ def run_experiment(
     lights = real.conditions[split.judged]
     facts = {
         "judged": len(split.judged), "lights": split.lights,
-        "unlabelled": int(sum(len(rows) for rows in split.fitted.values())),
+        "fitted_images": int(sum(len(rows) for rows in split.fitted.values())),
+        "fitted_on_judged_recordings": split.lights_fitted_on_judged_recordings(),
+        "fitted_on_judged_images": split.lights_fitted_on_judged_images(),
         "sim": len(sim), "seeds": settings.seeds, "minutes": settings.minutes,
     }  # fmt: skip
     groups = _groups(lights, scores[BASELINE])
@@ -262,6 +288,14 @@ def choose_arm(
             results[arm].append(by_light)
             progress.advance(1)
     by_light_of = {arm: np.nanmean(values, axis=0) for arm, values in results.items()}
+    evaluation = Evaluation(real, sim, TranslatorCache(None), tuned)
+    return pick_arm(by_light_of, evaluation.stability)
+
+
+def pick_arm(by_light_of: Mapping[Arm, Floats], stability: Callable[[Arm], float]) -> Choice:
+    """The arm that `choose_arm` describes, from the F1 (lights,) of each arm on simulated lights;
+    `stability` is asked only for arms near the best. Simulation-tuned thresholds alone take part.
+    """
     alone = by_light_of[Arm(SIM_TUNED)]
     ordinary = alone >= _ORDINARY
     means = {arm: float(np.nanmean(values)) for arm, values in by_light_of.items()}
@@ -272,14 +306,17 @@ def choose_arm(
     ]
     best = max(means[arm] for arm in harmless)
     near = [arm for arm in harmless if means[arm] >= best - _INDISTINCT]
-    evaluation = Evaluation(real, sim, TranslatorCache(None), tuned)
-    chosen = max(near, key=lambda arm: (evaluation.stability(arm), means[arm]))
-    ranked = sorted(arms, key=lambda arm: -means[arm])
+    chosen = max(near, key=lambda arm: (stability(arm), means[arm]))
+    ranked = sorted(means, key=lambda arm: -means[arm])
     return Choice(chosen, {arm.name: means[arm] for arm in ranked})
 
 
 def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
-    """All judged rows, those of each light, and those of ordinary and of hard lights."""
+    """All judged rows, those of each light, and those of ordinary and of hard lights.
+
+    Hard lights are known by the baseline's F1 on the same rows: by chance alone its F1 in them is
+    too low, and the difference of another arm to it too high; in ordinary lights the reverse.
+    """
     groups = {"all": np.arange(len(lights))}
     hard = np.zeros(len(lights), dtype=np.bool_)
     for light in sorted(set(lights.tolist())):
@@ -299,23 +336,29 @@ def verdict(
 ) -> dict[str, Any]:
     """Whether the chosen arm spares the calibration on a group.
 
-    `spared` where the interval of the arm's F1 reaches the oracle's estimate. `labels_that_win` is
-    the smallest number of labelled images per light whose paired difference to the arm is above
-    zero, None where no tested number is.
+    `spared` where the interval of the arm's F1 reaches the oracle's estimate; None below two
+    recordings, and where there is no interval. `labels_tested` are the numbers of labelled images
+    per light that were tried, `labels_that_win` is the smallest of them whose paired difference to
+    the arm is above zero; None where there is none, and below two recordings.
     """
     name = name or experiment.chosen
     of, oracle = experiment.f1(name, group, colour), experiment.f1(ORACLE, group, colour)
-    wins = None
-    for count in LABEL_COUNTS:
-        labelled = f"{count} labelled (per light)"
-        if labelled not in experiment.scores:
-            continue
-        if experiment.difference(labelled, name, group, colour).low > 0:
-            wins = count
-            break
+    between = experiment.recordings(group) >= 2
+    tested = {
+        count: labelled
+        for count in LABEL_COUNTS
+        if (labelled := f"{count} labelled (per light)") in experiment.scores
+    }
+    winning = [
+        count
+        for count, labelled in tested.items()
+        if between and experiment.difference(labelled, name, group, colour).low > 0
+    ]
     return {
         "arm": name, "group": group, "colour": colour or "all", "f1": of.value,
         "low": of.low, "high": of.high, "oracle": oracle.value,
-        "spared": bool(of.high >= oracle.value) if np.isfinite(of.high) else None,
-        "labels_that_win": wins, "gap_closed": experiment.gap_closed(name, group),
+        "recordings": experiment.recordings(group), "unit": experiment.unit(group),
+        "spared": bool(of.high >= oracle.value) if between and np.isfinite(of.high) else None,
+        "labels_tested": list(tested), "labels_that_win": min(winning, default=None),
+        "gap_closed": experiment.gap_closed(name, group),
     }  # fmt: skip

@@ -24,10 +24,14 @@ from s2rtools.translation.image_codec import (
     decode_compressed,
     decode_raw,
 )
+from s2rtools.translation.image_set import Rgb
 from s2rtools.translation.method import Translator, blend
+from s2rtools.translation.translator_file import StoredTranslator
 
 SILENCE = 5.0
 """Seconds without a frame after which the diagnostics warn."""
+_SLOW = 0.2
+"""Latency in seconds from which on the worker does not try another precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +86,8 @@ class ProxyCore:
         self._counts, self._lock = Counts(), threading.Lock()
         self._last_frame = time.monotonic()
         self._last_error = self._setting_error = ""
-        self._prepared: Translator | None = None
+        self._last_image: Rgb | None = None  # (1, H, W, 3)
+        self._unprepared: Translator | None = settings.translator.translator
 
     @property
     def counts(self) -> Counts:
@@ -97,11 +102,20 @@ class ProxyCore:
 
     def change(self, parameters: Mapping[str, Any], load: LoadTranslator) -> str:
         """Apply changed ROS parameters; returns the errors of wrong values, which change
-        nothing."""
+        nothing.
+
+        Frames are translated as before until a new translator is loaded and its precision chosen.
+        """
+
+        def load_prepared(name: str) -> StoredTranslator:
+            stored = load(name)
+            self._prepare(name, stored.translator)
+            return stored
+
         errors = []
         for name, value in parameters.items():
             try:
-                self.settings = self.settings.changed({name: value}, load)
+                self.settings = self.settings.changed({name: value}, load_prepared)
             except RequestError as error:
                 errors.append(first_line(error))
         self._setting_error = "; ".join(errors)
@@ -124,7 +138,8 @@ class ProxyCore:
             self._count("too_old")
             return True
         try:
-            self._publish(frame, self._translated(frame, settings))
+            content = self._translated(frame, settings)
+            self._publish(frame, content)
         except UndecodableImageError as error:
             self._count("undecodable")
             self._last_error = f"undecodable image: {first_line(error)}"
@@ -138,7 +153,33 @@ class ProxyCore:
             if frame.stamp > 0:
                 self._age.add(self._ros_time() - frame.stamp)
             self._report_latency(seconds)
+            if content is not None and seconds < _SLOW:
+                self._prepare_first(settings)
         return True
+
+    def _prepare_first(self, settings: ProxySettings) -> None:
+        """Choose the precision of a translator that was loaded before the first frame."""
+        if settings.translator.translator is self._unprepared:
+            self._unprepared = None
+            try:
+                self._prepare(settings.name, settings.translator.translator)
+            except RequestError as error:
+                self._last_error = first_line(error)
+
+    def _prepare(self, name: str, translator: Translator) -> None:
+        """Choose the precision of a translator on the last image, if there is one.
+
+        Raises RequestError if the translator fails.
+        """
+        if self._last_image is None:
+            self._unprepared = translator
+            return
+        try:
+            translator.use_faster_precision(self._last_image)
+        except Exception as error:  # whatever a translator raises, the node must go on
+            raise RequestError(
+                f"translator {name}: fails on an image ({first_line(error)}); choose another"
+            ) from error
 
     def close(self) -> None:
         """End the wait of the worker."""
@@ -169,13 +210,10 @@ class ProxyCore:
             rgb, image_format = decode_compressed(frame.content, settings.jpeg_quality)
         else:
             rgb, image_format = decode_raw(frame.content, frame.layout)
+        self._last_image = rgb[None]
         if not settings.enabled or settings.strength == 0:
             return None
-        translator = settings.translator.translator
-        if translator is not self._prepared:
-            translator.use_faster_precision(rgb[None])
-            self._prepared = translator
-        translated = translator.translate(rgb[None])
+        translated = settings.translator.translator.translate(rgb[None])
         return image_format.encode(np.asarray(blend(rgb[None], translated, settings.strength)[0]))
 
     def _count(self, name: str) -> None:

@@ -76,7 +76,7 @@ def train_into_store(
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
         chain = _translation(store, recipe, request, domains[0])
         frames = _frames(store, size, {domains[0]: chain})
-        checkpoint = _checkpoint(store, request, start)
+        checkpoint = _checkpoint(store, request, start, chain)
     result = train(
         frames,
         request.recipe,
@@ -87,6 +87,7 @@ def train_into_store(
         start_splits=start_splits,
         report=report,
         checkpoint=checkpoint,
+        adjustments=chain,
     )
     _publish(root, name, result, domains, chain, command)
     checkpoint.unlink(missing_ok=True)
@@ -141,9 +142,14 @@ def _adjusted_frames(
     return apply_chain(images["rgb"], depth, valid, chains.get(domain.domain, ()), store.path)
 
 
-def _checkpoint(store: Store, request: TrainingRequest, start: LoadedModel | None) -> Path:
-    """Path of this request's checkpoint in the user's cache folder."""
-    facts = [store.dataset.hash, repr(request), start.sha256 if start else None]
+def _checkpoint(
+    store: Store, request: TrainingRequest, start: LoadedModel | None, chain: list[dict[str, Any]]
+) -> Path:
+    """Path of this request's checkpoint in the user's cache folder.
+
+    `chain` holds the hash of the translator: another store may have another one of the same name.
+    """
+    facts = [store.dataset.hash, repr(request), start.sha256 if start else None, chain]
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache / "s2rtui" / "training"

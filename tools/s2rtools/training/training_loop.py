@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,18 +78,21 @@ def train(
     start_splits: Splits | None = None,
     report: ReportProgress | None = None,
     checkpoint: Path | None = None,
+    adjustments: Sequence[Mapping[str, Any]] = (),
 ) -> TrainingResult:
     """Train by a recipe; the same seed and number of steps give the same weights.
 
     `start` is the model to train further, with its splits. With `checkpoint` the state is saved
-    there every few seconds and a later call continues from it. Raises RequestError for unknown
-    names, a missing start and too few images.
+    there every few seconds and a later call continues from it. `adjustments` of the
+    `frames` are among the facts of the checkpoint. Raises RequestError for unknown names, a missing
+    start and too few images.
     """
     chosen = find_recipe(recipe)
     if chosen.needs_start and start is None:
         raise RequestError(f"recipe {recipe}: needs a trained model to begin with; name its run")
     splits = _splits(frames, chosen, start_splits)
-    trainer = _Trainer(frames, chosen, splits, architecture, budget or Budget(), seed, start)
+    trainer = _Trainer(frames, chosen, splits, architecture, budget or Budget(), seed, start,
+                       adjustments)  # fmt: skip
     trainer.run(report or (lambda fraction, loss, seconds: None), checkpoint)
     network = trainer.network.eval().requires_grad_(False)
     metrics = evaluate_splits(network, trainer.convention, frames, splits)
@@ -128,7 +131,9 @@ class _Trainer:
         budget: Budget,
         seed: int,
         start: LoadedModel | None,
+        adjustments: Sequence[Mapping[str, Any]],
     ) -> None:
+        self.adjustments = json.dumps(list(adjustments), sort_keys=True) if adjustments else None
         self.frames, self.recipe, self.budget, self.seed = frames, recipe, budget, seed
         self.domains = [
             name for kind in recipe.learns_from for name, domain in frames.domains.items()
@@ -242,6 +247,7 @@ class _Trainer:
             "domains": ",".join(self.domains),
             "training_images": len(self.rows),
             "start": None if self.start is None else self.start.sha256,
+            "adjustments": self.adjustments,
         }
 
     def provenance(self) -> dict[str, str]:

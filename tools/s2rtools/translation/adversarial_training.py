@@ -22,6 +22,8 @@ from s2rtools.translation.networks import PatchDiscriminator, luminance_image
 POOL = 50
 """Earlier translations that a discriminator sees again."""
 BETAS = (0.5, 0.999)
+MAX_GRADIENT = 1.0
+"""Norm to which the gradient of all generators, and that of all discriminators, is clipped."""
 DISCRIMINATOR_CHANNELS = 24
 CROP_PIXELS = 64 * 96
 
@@ -141,4 +143,6 @@ class AdversarialLearner(Learner):
         optimizer = self.state.optimizers[name]
         optimizer.zero_grad()
         loss.backward()
+        for group in optimizer.param_groups:
+            nn.utils.clip_grad_norm_(group["params"], MAX_GRADIENT)
         optimizer.step()

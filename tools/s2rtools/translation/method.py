@@ -105,6 +105,7 @@ class TranslationMethod:
     """A method of the registry `translation.METHODS`.
 
     `fit(source, target, settings)` raises RequestError for unknown options and too few images.
+    `uses_pairs`: the fit can use that images of both domains show the same scenes.
     `learned` methods train a network; the others compute statistics and ignore the budget.
     `version` is increased when a change of the code changes the images of a stored translator.
     """
@@ -116,3 +117,4 @@ class TranslationMethod:
     learned: bool = False
     options: tuple[str, ...] = ()
     version: int = 1
+    uses_pairs: bool = False

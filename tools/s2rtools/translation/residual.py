@@ -248,5 +248,5 @@ def _choose_share(
 
 METHOD = TranslationMethod(
     "mkl+residual", "linear map and a small network with a bounded change", ResidualTranslator, fit,
-    learned=True, options=OPTIONS,
+    learned=True, options=OPTIONS, uses_pairs=True,
 )  # fmt: skip

@@ -22,6 +22,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.translation import METHODS
 from s2rtools.translation.depth_noise import DepthNoise
+from s2rtools.translation.image_set import ImageSet
 from s2rtools.translation.method import Translator
 
 HEADER = "translator"
@@ -49,7 +50,8 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True):
     """The header of a translator file.
 
     `source` and `target` are names of domains or folders; `size` is the size of the images of the
-    fit, rows and columns.
+    fit, rows and columns. `folders` identifies the files of the folders of the fit, as
+    `names_digest`.
     """
 
     format: int
@@ -59,17 +61,22 @@ class Header(Struct, frozen=True, forbid_unknown_fields=True):
     target: str
     size: tuple[int, int]
     settings: dict[str, Any] = field(default_factory=dict)
+    folders: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredTranslator:
-    """A translator as it is stored; `depth_noise` is None where depth passes through."""
+    """A translator as it is stored; `depth_noise` is None where depth passes through.
+
+    `folders` holds the `names_digest` of source and target, None for a fit in a store.
+    """
 
     translator: Translator
     source: str
     target: str
     size: tuple[int, int]
     depth_noise: DepthNoise | None = None
+    folders: tuple[str, str] | None = None
 
     @property
     def method(self) -> str:
@@ -85,6 +92,8 @@ def encode(stored: StoredTranslator) -> bytes:
         "source": stored.source, "target": stored.target, "size": stored.size,
         "settings": translator.settings(),
     }  # fmt: skip
+    if stored.folders is not None:
+        header["folders"] = stored.folders
     tensors = {name: np.asarray(array, order="C") for name, array in translator.tensors().items()}
     if stored.depth_noise is not None:
         noise = stored.depth_noise.tensors()
@@ -148,7 +157,14 @@ def decode(content: bytes, where: str) -> StoredTranslator:
     except _DAMAGE as error:
         reason = first_line(error)[:200]
         raise RequestError(f"{where}: damaged ({type(error).__name__}: {reason})") from error
-    return StoredTranslator(translator, header.source, header.target, header.size, depth_noise)
+    return StoredTranslator(
+        translator, header.source, header.target, header.size, depth_noise, header.folders
+    )
+
+
+def names_digest(images: ImageSet) -> str:
+    """SHA-256 of the names of images, which identifies a folder of images."""
+    return hashlib.sha256("\n".join(images.names).encode(errors="surrogateescape")).hexdigest()
 
 
 def _check_values(array: NDArray[Any], what: str) -> None:

@@ -20,24 +20,31 @@ from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
-from s2rstore.records import DIRECTIONS, Direction
+from s2rstore.records import DIRECTIONS, SIDES, Direction
 from s2rtools.models.model_registration import check_name_free
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import find_domain
-from s2rtools.translation import find_method, fit_split
+from s2rtools.translation import METHODS, find_method, fit_split
 from s2rtools.translation.depth_noise import DepthNoise, measure
-from s2rtools.translation.image_set import fit_size, from_folder, from_store
-from s2rtools.translation.method import FitResult, FitSettings, ReportProgress, Translator
+from s2rtools.translation.image_set import ImageSet, fit_size, from_folder, from_store
+from s2rtools.translation.method import (
+    FitResult,
+    FitSettings,
+    ReportProgress,
+    TranslationMethod,
+    Translator,
+)
 from s2rtools.translation.translator_file import (
     StoredTranslator,
     encode,
+    names_digest,
     stored_path,
 )
 from s2rtools.translator_evaluation.content_summary import measure_content
 from s2rtools.translator_evaluation.gates import Verdict, judge
 
-_FITTED, _HELD_OUT = 0, 2
-"""Codes of `records.SPLITS`: train and test."""
+MAX_FITTED = 2000
+"""Most images of a domain that a translator is fitted on; of more, evenly spaced ones."""
 _NOISE_FRAMES = 64
 _CHECKED_IMAGES, _MIN_CHECKED = 64, 8
 
@@ -66,6 +73,7 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
     method = find_method(request.method)
     if request.direction not in DIRECTIONS:
         raise RequestError(f"--direction {request.direction}: one of {', '.join(DIRECTIONS)}")
+    _check_uses_pairs(method, request.settings)
     check_writable(root)
     with s2rstore.open(root) as store:
         if name in store.translators:
@@ -73,15 +81,18 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
         source, target = _domains(store, request)
         if request.depth_noise:
             store.require_poses("--depth-noise")
+        if request.settings.paired:
+            store.require_poses("--paired")
         checkpoint = _checkpoint(store, request)
         size = fit_size(store.dataset.frame_height, store.dataset.frame_width, request.long_edge)
-        codes = split_codes(store)
-        iids = np.flatnonzero(codes == _FITTED)
+        codes = _split_codes(store, source, target)
+        iids = np.flatnonzero(codes == fit_split.FITTED)
         settings = replace(request.settings, checkpoint=checkpoint)
         fitted = method.fit(
             from_store(store, source, iids, size), from_store(store, target, iids, size), settings
         )
-        verdict = _check_content(store, fitted.translator, source, target, codes, size)
+        held_out = [_checked_images(store, name, codes, size) for name in (source, target)]
+        verdict = _check_content(fitted.translator, *held_out)
         noise = _measure_depth_noise(store, source, target, iids) if request.depth_noise else None
     stored = StoredTranslator(fitted.translator, source, target, size, noise)
     publish(root, name, stored, request, fitted, codes, verdict, command)
@@ -89,32 +100,61 @@ def fit_into_store(root: Path, request: FitRequest, command: str) -> Verdict | N
     return verdict
 
 
+def _check_uses_pairs(method: TranslationMethod, settings: FitSettings) -> None:
+    if settings.paired and not method.uses_pairs:
+        able = ", ".join(name for name, each in METHODS.items() if each.uses_pairs)
+        raise RequestError(f"--paired: {method.name} does not use pairs; methods that do: {able}")
+
+
+def _checked_images(
+    store: Store, domain: str, codes: NDArray[np.int8], size: tuple[int, int]
+) -> ImageSet | None:
+    """Held-out images of a domain at the size of the fit; None where too few are held out."""
+    iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.HELD_OUT))
+    if len(iids) < _MIN_CHECKED:
+        return None
+    return from_store(store, domain, _evenly_spaced(iids, _CHECKED_IMAGES), size)
+
+
 def _check_content(
-    store: Store, translator: Translator, source: str, target: str, codes: NDArray[np.int8],
-    size: tuple[int, int],
-) -> Verdict | None:  # fmt: skip
-    """Judge the content of held-out images at the size of the fit, evenly spaced."""
-    images = []
-    for domain in (source, target):
-        iids = np.flatnonzero(store.imaged(domain) & (codes == _HELD_OUT))
-        if len(iids) < _MIN_CHECKED:
-            return None
-        chosen = np.unique(np.linspace(0, len(iids) - 1, _CHECKED_IMAGES).astype(int))
-        images.append(from_store(store, domain, iids[chosen], size))
-    before, look = images
+    translator: Translator, before: ImageSet | None, look: ImageSet | None
+) -> Verdict | None:
+    """Judge the content of held-out images; None where there are too few."""
+    if before is None or look is None:
+        return None
     return judge(measure_content(before.images, translator.translate(before.images), look.images))
 
 
-def split_codes(store: Store) -> NDArray[np.int8]:
-    """Codes (N,) into `records.SPLITS`: train for the fit, test for judging."""
-    held_out = fit_split.held_out(store.instances.trajectory)
-    return np.where(held_out, _HELD_OUT, _FITTED).astype(np.int8)
+def _evenly_spaced(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most `most` of the rows."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
 
 
-def fitted_instances(store: Store, name: str) -> NDArray[np.bool_]:
-    """Mask (N,) of the instances that a translator was fitted on."""
+def _split_codes(store: Store, source: str, target: str) -> NDArray[np.int8]:
+    """Codes (N,) of `fit_split`, with at most `MAX_FITTED` images of each domain for the fit."""
+    codes = fit_split.split_codes(store.instances.trajectory)
+    used = np.zeros(len(codes), dtype=np.bool_)
+    for domain in (source, target):
+        iids = np.flatnonzero(store.imaged(domain) & (codes == fit_split.FITTED))
+        used[_evenly_spaced(iids, MAX_FITTED)] = True
+    codes[(codes == fit_split.FITTED) & ~used] = fit_split.UNSEEN
+    return codes
+
+
+def stored_split(store: Store, name: str) -> NDArray[np.int8]:
+    """Codes (N,) of `fit_split` with which a translator was fitted.
+
+    Raises RequestError for a translator without them.
+    """
     encoded = store.provenance(f"translator:{name}").get("split")
-    return np.asarray(decode_split(encoded, len(store.instances)) == _FITTED)
+    if encoded is None:
+        raise RequestError(
+            f"translator {name}: {store.path} does not record which images it was fitted on; fit "
+            "it again"
+        )
+    return decode_split(encoded, len(store.instances))
 
 
 def publish(
@@ -165,32 +205,58 @@ def publish(
         draft.set_provenance(f"translator:{name}", facts)
 
 
-def fit_folders(
-    source: Path, target: Path, request: FitRequest, out: Path, groups: Sequence[str] = ()
-) -> None:
-    """Fit on two folders of images and write a translator file. Raises RequestError."""
+def fit_folders(source: Path, target: Path, request: FitRequest, out: Path) -> Verdict | None:
+    """Fit on two folders of images, check the content of held-out images and write the file.
+
+    Images are held out as in a store; each subfolder counts as one recording. Returns the verdict,
+    None where too few images are held out. Raises RequestError, also for `paired` folders whose
+    file names differ.
+    """
     if out.exists():
         raise RequestError(f"{out}: exists already; choose another name")
     method = find_method(request.method)
+    _check_uses_pairs(method, request.settings)
     images = from_folder(source, long_edge=request.long_edge)
     look = from_folder(target, images.size)
+    if request.settings.paired and images.names != look.names:
+        name = min(set(images.names) ^ set(look.names))
+        raise RequestError(f"--paired: {name} is not in both {source} and {target}")
     checkpoint = out.with_name(f".{out.name}.checkpoint") if method.learned else None
-    fitted = method.fit(images, look, replace(request.settings, checkpoint=checkpoint))
-    stored = StoredTranslator(fitted.translator, source.name, target.name, images.size)
+    fitted = method.fit(
+        _rows_of_fit(images, fit_split.FITTED, MAX_FITTED),
+        _rows_of_fit(look, fit_split.FITTED, MAX_FITTED),
+        replace(request.settings, checkpoint=checkpoint),
+    )
+    held_out = [_rows_of_fit(each, fit_split.HELD_OUT, _CHECKED_IMAGES) for each in (images, look)]
+    enough = all(len(each) >= _MIN_CHECKED for each in held_out)
+    verdict = _check_content(fitted.translator, *held_out) if enough else None
+    folders = names_digest(images), names_digest(look)
+    stored = StoredTranslator(
+        fitted.translator, source.name, target.name, images.size, folders=folders
+    )
     out.parent.mkdir(parents=True, exist_ok=True)
     atomic_writes.write_file(out, encode(stored))
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
+    return verdict
+
+
+def _rows_of_fit(images: ImageSet, code: int, most: int) -> ImageSet:
+    """At most `most` of the images with a code of `fit_split`, evenly spaced."""
+    rows = np.flatnonzero(fit_split.split_codes(images.groups) == code)
+    return images.rows(_evenly_spaced(rows, most))
 
 
 def _domains(store: Store, request: FitRequest) -> tuple[str, str]:
     """Source and target domain."""
-    if request.domains is None:
-        sim, real = find_domain(store, "sim", None), find_domain(store, "real", None)
-    else:
-        sim, real = (store.domain(name).domain for name in request.domains)
+    sim, real = request.domains or (find_domain(store, side, None) for side in SIDES)
     if sim == real:
         raise RequestError(f"--domains {sim},{real}: name two different domains")
+    for side, name in zip(SIDES, (sim, real), strict=True):
+        if (kind := store.domain(name).kind) != side:
+            raise RequestError(
+                f"--domains {sim},{real}: {name} is a {kind} domain; name them as SIM,REAL"
+            )
     return (sim, real) if request.direction == "sim2real" else (real, sim)
 
 

@@ -65,13 +65,13 @@ def judged_instances(
 ) -> JudgedInstances:
     """The instances for one of several translators that are judged together.
 
-    None of the translators was fitted on them, so that they are compared on the same images. Where
-    fewer than `MIN_IMAGES` are held out, all instances are judged. Of more than `max_images` whole
+    All of the translators hold them out, so that they are compared on the same images. Where fewer
+    than `MIN_IMAGES` are held out, all instances are judged. Of more than `max_images` whole
     blocks are drawn by `seed`. Raises RequestError for a domain with too few images.
     """
-    fitted = np.zeros(len(store.instances), dtype=np.bool_)
+    usable = np.ones(len(store.instances), dtype=np.bool_)
     for each in translators:
-        fitted[each.fitted] = True
+        usable &= np.isin(np.arange(len(usable)), each.held_out)
     chosen, held_out = [], True
     for domain in (translator.source, translator.target):
         imaged = store.imaged(domain)
@@ -80,7 +80,7 @@ def judged_instances(
                 f"{store.path}: domain {domain} has {imaged.sum()} images; judging needs "
                 f"{MIN_IMAGES}"
             )
-        iids = np.flatnonzero(imaged & ~fitted)
+        iids = np.flatnonzero(imaged & usable)
         if iids.size < MIN_IMAGES:
             iids, held_out = np.flatnonzero(imaged), False
         chosen.append(_drawn(store, iids, max_images, seed))

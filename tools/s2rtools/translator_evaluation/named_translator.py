@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import Direction, Side
+from s2rtools.translation import fit_split
 from s2rtools.translation.translator_file import StoredTranslator, open_stored
-from s2rtools.translator_evaluation.fit_into_store import fitted_instances
+from s2rtools.translator_evaluation.fit_into_store import stored_split
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedTranslator:
     """A translator from images of domain `source` to the look of domain `target`.
 
-    `fitted` are the iids whose images were used for its fit.
+    `fitted` are the iids whose images were used for its fit, `held_out` those that judge it.
     """
 
     name: str
@@ -26,6 +27,7 @@ class NamedTranslator:
     source: str
     target: str
     fitted: NDArray[np.int64]
+    held_out: NDArray[np.int64]
 
     @property
     def side(self) -> Side:
@@ -35,12 +37,13 @@ class NamedTranslator:
 
 def named_translator(store: Store, name: str) -> NamedTranslator:
     """A translator of a store. Raises RequestError if it is unknown, missing or damaged."""
-    record = store.translator(name)
+    record, split = store.translator(name), stored_split(store, name)
     return NamedTranslator(
         name,
         open_stored(store.path, record.sha256),
         record.direction,
         record.source_domain,
         record.target_domain,
-        np.flatnonzero(fitted_instances(store, name)),
+        np.flatnonzero(split == fit_split.FITTED),
+        np.flatnonzero(split == fit_split.HELD_OUT),
     )

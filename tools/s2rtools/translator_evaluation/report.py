@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -12,21 +14,26 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.gap.report import plain
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
-from s2rtools.translation.image_set import Rgb, from_folder, resize
+from s2rtools.translation import fit_split
+from s2rtools.translation.image_set import ImageSet, Rgb, from_folder, resize
 from s2rtools.translation.method import Translator
+from s2rtools.translation.translator_file import StoredTranslator, names_digest
 from s2rtools.translator_evaluation import content_metrics, distance_metrics, task_metrics
 from s2rtools.translator_evaluation.content_summary import ContentMetrics, measure_content
 from s2rtools.translator_evaluation.distance_metrics import Distance, Features
 from s2rtools.translator_evaluation.gates import Verdict, judge
 from s2rtools.translator_evaluation.image_structure import Floats
 from s2rtools.translator_evaluation.judged_frames import (
+    MIN_IMAGES,
     JudgedFrames,
     instance_blocks,
     judged_instances,
@@ -62,7 +69,8 @@ class MetricRow:
 class TranslatorReport:
     """How a translator was judged on `images` images.
 
-    `held_out` tells whether none of them was used for the fit; `notes` are for the reader.
+    `run` is the run whose network judged the task, or None. `held_out` tells whether none of the
+    images was used for the fit; `notes` are for the reader.
     """
 
     name: str
@@ -70,6 +78,7 @@ class TranslatorReport:
     direction: str
     source: str
     target: str
+    run: str | None
     images: int
     held_out: bool
     verdict: Verdict
@@ -150,8 +159,9 @@ class _Judge:
                 task = task_metrics.run_time_metrics(
                     self.store, self.run, self.translator, self.backend, frames
                 )
-            name = self.translator.name
-            task += task_metrics.training_metrics(self.store, self.run.run, name)
+            task += task_metrics.training_metrics(
+                self.store, self.run.run, self.translator.name, self.translator.held_out
+            )
         cost = milliseconds_per_image(self.translator.stored.translator, frames.source[0])
         rows = (
             _content_rows(content)
@@ -165,6 +175,7 @@ class _Judge:
             direction=self.translator.direction,
             source=self.translator.source,
             target=self.translator.target,
+            run=None if self.run is None else self.run.run,
             images=len(frames.iids),
             held_out=held_out,
             verdict=judge(content),
@@ -243,37 +254,58 @@ def milliseconds_per_image(translator: Translator, image: Rgb) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FolderReport:
-    """How a translator was judged on folders, which have no poses: content and colours."""
+    """How a translator was judged on folders, which have no poses: content and colours.
+
+    `held_out` tells whether none of the images was used for the fit, None where it is not known.
+    """
 
     images: int
+    held_out: bool | None
     verdict: Verdict
     content: ContentMetrics
     rows: tuple[MetricRow, ...]
 
 
 def evaluate_folders(
-    source: Path, target: Path, translator: Translator, max_images: int = MAX_IMAGES
+    source: Path, target: Path, stored: StoredTranslator, max_images: int = MAX_IMAGES
 ) -> FolderReport:
     """Judge a translator on evenly spaced images of two folders.
 
+    Of the folders that it was fitted on, only held-out images are judged where there are enough.
     Raises RequestError for folders without images.
     """
-    before, look = _read_folder(source, max_images), _read_folder(target, max_images)
+    images = from_folder(source), from_folder(target)
+    held_out, rows = _held_out_rows(images, stored)
+    before, look = (
+        each.images[chosen[np.unique(np.linspace(0, len(chosen) - 1, max_images).astype(int))]]
+        for each, chosen in zip(images, rows, strict=True)
+    )
     if min(len(before), len(look)) < 4:
         raise RequestError(f"{source}, {target}: judging needs at least 4 images of each")
-    translated = translator.translate(before)
+    translated = stored.translator.translate(before)
     content = measure_content(before, translated, look)
     distances = distance_metrics.folder_distances(
         translated, before, resize(look, (before.shape[1], before.shape[2]))
     )
-    cost = milliseconds_per_image(translator, before[0])
-    rows = _content_rows(content) + [_distance_row(distance, None) for distance in distances]
-    rows.append(MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms"))
-    return FolderReport(len(before), judge(content), content, tuple(rows))
+    cost = milliseconds_per_image(stored.translator, before[0])
+    figures = _content_rows(content) + [_distance_row(distance, None) for distance in distances]
+    figures.append(MetricRow("cost", "translator", None, cost, np.nan, np.nan, "ms"))
+    return FolderReport(len(before), held_out, judge(content), content, tuple(figures))
 
 
-def _read_folder(folder: Path, max_images: int) -> Rgb:
-    return from_folder(folder, max_images=max_images).images
+def _held_out_rows(
+    images: tuple[ImageSet, ImageSet], stored: StoredTranslator
+) -> tuple[bool | None, list[NDArray[np.intp]]]:
+    """Whether the rows to judge are held out (None: not known), and the rows of both folders."""
+    everything = [np.arange(len(each)) for each in images]
+    if stored.folders != tuple(names_digest(each) for each in images):
+        return None, everything
+    rows = [
+        np.flatnonzero(fit_split.split_codes(each.groups) == fit_split.HELD_OUT) for each in images
+    ]
+    if min(map(len, rows)) < MIN_IMAGES:
+        return False, everything
+    return True, rows
 
 
 def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
@@ -284,3 +316,46 @@ def as_json(reports: Sequence[TranslatorReport]) -> list[dict[str, Any]]:
 def folder_json(report: FolderReport) -> dict[str, Any]:
     """A report on folders as JSON data; non-finite values are null."""
     return dict(plain(asdict(report)))
+
+
+def save_reports(root: Path, reports: Sequence[TranslatorReport]) -> None:
+    """Save the figures of each translator in the store's index, and whether it is accepted.
+
+    Earlier figures of the same run and of no run are replaced; those of other runs, and of networks
+    trained on translated images, stay unless they are measured again.
+    """
+    with edit(root) as draft:
+        for report in reports:
+            new = [_index_row(report.name, row) for row in report.rows if math.isfinite(row.value)]
+            measured = {(row["metric"], row["reference"], row["run"]) for row in new}
+            columns = ", ".join(_INDEX_COLUMNS)
+            kept = draft.rows(
+                f"SELECT {columns} FROM translator_metric WHERE translator = ?", [report.name]
+            )
+            draft.delete("translator_metric", translator=report.name)
+            for values in kept:
+                row = dict(zip(_INDEX_COLUMNS, values, strict=True))
+                again = (row["metric"], row["reference"], row["run"]) in measured
+                own = row["run"] in (None, report.run) and not row["metric"].startswith("trained_")
+                if not (again or own):
+                    draft.insert_row("translator_metric", row)
+            for row in new:
+                draft.insert_row("translator_metric", row)
+            verdict = report.verdict
+            draft.update(
+                "translator",
+                {"translator": report.name},
+                {"accepted": verdict.passed, "reasons": json.dumps(list(verdict.reasons))},
+            )
+            facts = {"judged_images": report.images, "judged_held_out": report.held_out}
+            draft.set_provenance(f"translator:{report.name}", facts)
+
+
+_INDEX_COLUMNS = ("translator", "metric", "reference", "run", "value", "low", "high", "unit")
+
+
+def _index_row(name: str, row: MetricRow) -> dict[str, Any]:
+    """A row of table `translator_metric`; unknown bounds are None."""
+    low, high = (bound if math.isfinite(bound) else None for bound in (row.low, row.high))
+    values = (name, row.metric, row.reference, row.run, row.value, low, high, row.unit)
+    return dict(zip(_INDEX_COLUMNS, values, strict=True))

@@ -129,7 +129,11 @@ def untrained_rows(store: Store, run: Run, iids: Iids) -> tuple[NDArray[np.intp]
     """
     everything = np.arange(len(iids))
     if run.key is None:
-        return everything, None
+        note = (
+            f"run {run.run} is not computed: its network may have been trained on some of these "
+            "poses"
+        )
+        return everything, note
     rows = np.flatnonzero(run_metrics.held_out(store, run.run)[iids])
     if rows.size < MIN_IMAGES:
         return everything, f"the network of run {run.run} was trained on most of these poses"
@@ -178,12 +182,12 @@ def run_time_metrics(
     return rows
 
 
-def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
+def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[TaskMetric]:
     """Errors in reality of runs whose network was trained on images translated by `name`.
 
     `trained_error` is the mean real error of such a run, `trained_error_gain` the real error of
-    `run` minus it, paired on the instances that both networks were not trained on. Empty where no
-    such run was computed.
+    `run` minus it, paired on the instances that both networks were not trained on, of those
+    that the translator's fit held out (iids). Empty where no such run was computed.
     """
     rows: list[TaskMetric] = []
     if store.run(run).key is None:
@@ -191,9 +195,10 @@ def training_metrics(store: Store, run: str, name: str) -> list[TaskMetric]:
     for record in store.runs.values():
         used = [translator_name(str(step["name"])) for step in record.sim_adjustments]
         recipe = store.provenance(f"model:{record.model}").get("recipe")
-        if recipe != RECIPE or name not in used or record.key is None:
+        if record.run == run or recipe != RECIPE or name not in used or record.key is None:
             continue
         keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
+        keep &= np.isin(np.arange(len(keep)), held_out)
         recording = store.instances.trajectory[keep]
         plain, trained = (
             store.run_columns(each).real.error[keep].astype(np.float64)
