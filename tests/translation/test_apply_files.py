@@ -35,12 +35,17 @@ def save(path: Path, value: int = 100) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".ppm"])
 def test_an_image_is_translated_in_its_format(tmp_path, suffix):
     source = save(tmp_path / f"a{suffix}")
     run(source, tmp_path / f"b{suffix}")
     colours = read_image(tmp_path / f"b{suffix}").reshape(-1, 3).mean(axis=0)
     assert np.abs(colours - [140, 100, 60]).max() < 3
+
+
+def test_an_image_is_written_as_grey_pgm(tmp_path):
+    run(save(tmp_path / "a.png"), tmp_path / "b.pgm")
+    assert np.abs(read_image(tmp_path / "b.pgm").astype(int) - 107).max() < 3
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg"])

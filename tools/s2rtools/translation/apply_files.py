@@ -161,11 +161,13 @@ def _translate_file(translator: Translator, strength: float, source: Path, targe
         rgb = read_image(source)
     except RequestError as error:
         raise UndecodableImageError(str(error)) from error
-    bgr = cv2.cvtColor(_translated(translator, strength, rgb), cv2.COLOR_RGB2BGR)
+    grey = target.suffix.lower() == ".pgm"
+    colours = cv2.COLOR_RGB2GRAY if grey else cv2.COLOR_RGB2BGR
+    pixels = cv2.cvtColor(_translated(translator, strength, rgb), colours)
     settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
     if kinds[1] != "jpeg":
         settings = []
-    target.write_bytes(cv2.imencode(target.suffix, bgr, settings)[1].tobytes())
+    target.write_bytes(cv2.imencode(target.suffix, pixels, settings)[1].tobytes())
 
 
 def _translated(translator: Translator, strength: float, rgb: Rgb) -> Rgb:

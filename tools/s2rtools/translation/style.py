@@ -83,7 +83,7 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     iterations = whole_number(settings.options, "iterations", ITERATIONS, 1, MAX_ITERATIONS)
     weight = number(settings.options, "weight", STYLE_WEIGHT, 0, 1e6)
     features, facts = fitted_features(source, target, settings)
-    check_size("style", source, features.layers["conv1_1"].out_channels)
+    check_size("style", source, features.widths()["conv1_1"])
     losses = StyleLosses(features).to(device())
     losses.set_style(mean_gram_matrices(features, target))
     network = StyleOptimisation(losses, iterations, weight)
