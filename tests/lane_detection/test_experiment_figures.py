@@ -43,14 +43,17 @@ def experiment(
     names = np.repeat([f"r{number}" for number in range(recordings)], images)
     defaults = {"default": 0.5, "default+ai": 0.5, "sim": 0.5, "sim+ai": 0.5}
     all_arms = {**defaults, "oracle per light": 1.0, **arms}
-    facts = {"fitted_on_judged_recordings": [], "fitted_on_judged_images": []}
+    facts = {
+        "fitted_on_judged_recordings": [], "fitted_on_judged_images": [],
+        "lights_with_plausible_detections": [],
+    }  # fmt: skip
     return Experiment(
         np.full(count, "day"), names,
         {
             name: scores(name, TRUE * np.broadcast_to(share, count), absent_red)
             for name, share in all_arms.items()
         },
-        Choice(Arm("sim+ai"), {}), {"all": np.arange(count)}, facts,
+        Choice(Arm("sim+ai"), Arm("sim+ai"), {}), {"all": np.arange(count)}, facts,
     )  # fmt: skip
 
 
@@ -226,7 +229,8 @@ def test_the_choice_is_the_best_mean_that_does_no_harm_in_ordinary_lights() -> N
         arm("levels"): np.array([0.94, 0.5]),
     }
     choice = pick_arm(results, lambda _: 1.0)
-    assert choice.arm == arm("mkl")
+    assert choice.unguarded == arm("mkl")
+    assert choice.arm == replace(arm("mkl"), guarded=True)
     assert list(choice.candidates) == [
         "reinhard (light) > sim", "mkl (light) > sim", "levels (light) > sim", "sim",
     ]  # fmt: skip
@@ -241,7 +245,7 @@ def test_stability_decides_between_arms_of_nearly_the_best_mean_only() -> None:
         arm("levels"): np.array([0.9, 0.70]),
     }
     stability = {arm("mkl"): 0.6, arm("reinhard"): 0.8, arm("levels"): 1.0}
-    assert pick_arm(results, stability.__getitem__).arm == arm("reinhard")
+    assert pick_arm(results, stability.__getitem__).unguarded == arm("reinhard")
 
 
 def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path: Path) -> None:

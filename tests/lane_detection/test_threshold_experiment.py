@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from s2rstore.errors import RequestError
-from s2rtools.lane_detection.arm_evaluation import Evaluation
+from s2rtools.lane_detection.arm_evaluation import PLAUSIBLE_FACTOR, Evaluation, is_plausible
 from s2rtools.lane_detection.experiment_arms import (
+    BASELINE,
     Arm,
     TranslatorCache,
     arms_of,
@@ -72,6 +73,34 @@ def test_levels_recover_the_dark_without_labels(rendered: RoadImages, tmp_path: 
     again = Evaluation(split, sim, TranslatorCache(tmp_path), sim_thresholds(sim))
     repeated = again.arm(next(arm for arm in arms if arm.thresholds == "sim" and arm.source))
     assert np.array_equal(through.pixels, repeated.pixels)
+
+
+def test_a_guarded_arm_translates_only_where_plain_detections_are_implausible(
+    rendered: RoadImages,
+) -> None:
+    sim = rendered.rows(rendered.conditions == "day")
+    split = split_images(rendered)
+    evaluation = Evaluation(split, sim, TranslatorCache(None), sim_thresholds(sim))
+    arm = next(arm for arm in arms_of(parse_sources("levels"), 1) if arm.source is not None)
+    names = (BASELINE, arm.name, replace(arm, guarded=True).name)
+    assert names[2] == f"{BASELINE} | {arm.name}"
+    plain, translated, guarded = (
+        evaluation.arm(each).pixels for each in (Arm(BASELINE), arm, replace(arm, guarded=True))
+    )
+    plausible = evaluation.plausible_lights()
+    assert "dark" not in plausible
+    for light in split.lights:
+        rows = np.searchsorted(split.judged, split.judged_in(light))
+        expected = plain if light in plausible else translated
+        assert np.array_equal(guarded[rows], expected[rows])
+
+
+def test_shares_of_pixels_are_plausible_within_a_factor() -> None:
+    assert is_plausible(0.02, 0.02)
+    assert is_plausible(0.02 * PLAUSIBLE_FACTOR * 0.99, 0.02)
+    assert not is_plausible(0.02 * PLAUSIBLE_FACTOR * 1.01, 0.02)
+    assert not is_plausible(0.02 / PLAUSIBLE_FACTOR * 0.99, 0.02)
+    assert not is_plausible(0.0, 0.02)
 
 
 @pytest.mark.parametrize("text", ["magic", "mkl:colour=red", "levels:low", "missing.safetensors"])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rtools.lane_detection.experiment_arms import (
+    BASELINE,
     Arm,
     FitRequest,
     TranslatorCache,
@@ -43,6 +44,10 @@ CAMERA = FisheyeCamera().scaled(DETECTOR_SIZE[1] / FisheyeCamera().width)
 _TIMED_IMAGES = 12
 _TUNING_IMAGES = 120
 """Translated simulated images that ranges are tuned on, about."""
+PLAUSIBLE_FACTOR = 4.0
+"""Factor between the detected share of a colour and that of the simulation that is plausible."""
+_COMMON_COLOURS = ("white", "yellow")
+"""Colours that are in view on most roads; red marks stop lines alone."""
 _DRAWS = 2
 """Draws of k labelled images per seed."""
 
@@ -62,6 +67,11 @@ class Scores:
     by_seed: list[Floats] = field(default_factory=list)
 
 
+def is_plausible(detected: float, expected: float) -> bool:
+    """Whether two shares of pixels differ by at most a factor of `PLAUSIBLE_FACTOR`."""
+    return expected / PLAUSIBLE_FACTOR <= detected <= expected * PLAUSIBLE_FACTOR
+
+
 class Evaluation:
     """Evaluates arms on the judged images of a split, with translators from a cache."""
 
@@ -78,6 +88,7 @@ class Evaluation:
         self.split, self.sim, self.cache, self.tuned = split, sim, cache, dict(tuned)
         self.minutes, self.seeds, self.pixels_only = minutes, seeds, pixels_only
         self._tuned_on: dict[Translator | None, Thresholds] = {}
+        self._plausible: dict[str, bool] = {}
 
     @cached_property
     def _sim_labelled(self) -> RoadImages:
@@ -98,14 +109,15 @@ class Evaluation:
         pieces = []
         elapsed: list[float] = []
         for light in split.lights:
-            translator = self._translator(arm, light, seed)
+            used = Arm(BASELINE) if arm.guarded and self._is_plausible(light) else arm
+            translator = self._translator(used, light, seed)
             rows = split.judged_in(light)
             images = split.images.images[rows]
-            if arm.direction == "sim2real":
+            if used.direction == "sim2real":
                 thresholds = self._translated_ranges(translator)
                 seen, kind = images, "sim"
             else:
-                thresholds, kind = thresholds_of(arm.thresholds, self.tuned), arm.thresholds
+                thresholds, kind = thresholds_of(used.thresholds, self.tuned), used.thresholds
                 seen = prepared(kind, translated(translator, images))
                 elapsed += [] if self.pixels_only else _times(translator, kind, thresholds, images)
             pieces.append((rows, self._scores(rows, seen, thresholds)))
@@ -122,6 +134,28 @@ class Evaluation:
         return self.cache.get(
             FitRequest(arm.source, arm.direction, seed, self.minutes), source, target
         )
+
+    def plausible_lights(self) -> list[str]:
+        """The lights in which `BASELINE` detects about as much white and yellow as there is in the
+        simulation."""
+        return [light for light in self.split.lights if self._is_plausible(light)]
+
+    def _is_plausible(self, light: str) -> bool:
+        """Whether the detected share of each colour on the images for fitting is within a factor of
+        `PLAUSIBLE_FACTOR` of its true share in the simulation. No label is read."""
+        if light not in self._plausible:
+            images = self._images(self.split.fit_rows(light, "light"))
+            ranges = thresholds_of(BASELINE, self.tuned)
+            seen = [colour_masks(image, ranges) for image in prepared(BASELINE, images)]
+            labels = self.sim.masks[self.sim.labelled]
+            self._plausible[light] = bool(seen) and all(
+                is_plausible(
+                    float(np.mean([masks[colour].astype(bool).mean() for masks in seen])),
+                    float((labels == COLOURS.index(colour) + 1).mean()),
+                )
+                for colour in _COMMON_COLOURS
+            )
+        return self._plausible[light]
 
     def stability(self, arm: Arm, images_per_light: int = 24) -> float:
         """Agreement of two masks of the same images that should be equal, over all lights.

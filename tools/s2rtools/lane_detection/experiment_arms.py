@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -33,6 +33,7 @@ Scope = Literal["image", "light", "all", "others", "file"]
 
 THRESHOLD_KINDS = ("default", "default+ai", "sim")
 """Duckietown's ranges, the same after the anti-instagram map, and ranges tuned on simulation."""
+BASELINE = "default+ai"
 SUFFIX = ".safetensors"
 _OF_IMAGE = ("grayworld", "fda")
 """Methods whose fit uses the target images alone."""
@@ -63,15 +64,19 @@ class Source:
 @dataclass(frozen=True, slots=True)
 class Arm:
     """Thresholds, alone or with a translator of a direction; `scope` names the real images of its
-    fit."""
+    fit. A `guarded` arm is `BASELINE` in lights in which the detections of that are plausible.
+    """
 
     thresholds: str
     source: Source | None = None
     direction: Direction = "none"
     scope: Scope = "image"
+    guarded: bool = False
 
     @property
     def name(self) -> str:
+        if self.guarded:
+            return f"{BASELINE} | {replace(self, guarded=False).name}"
         if self.source is None:
             return self.thresholds
         if self.direction == "sim2real":

@@ -188,6 +188,12 @@ def _interval(of: Interval, sign: str = "") -> str:
 def in_words(experiment: Experiment) -> str:
     """The answer as sentences, one per group, and what limits it."""
     sentences = [f"Chosen without labels, on simulated lights: {experiment.chosen}."]
+    plain = experiment.facts["lights_with_plausible_detections"]
+    if experiment.choice.arm.guarded and plain:
+        sentences.append(
+            f"In {', '.join(plain)} {BASELINE} detects a plausible amount of white and yellow, so "
+            "nothing is translated there."
+        )
     sentences += [_answer(experiment, group) for group in experiment.groups]
     return "\n".join(sentences + _limits(experiment))
 

@@ -11,7 +11,7 @@ from the same resampled blocks.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -31,6 +31,7 @@ from s2rstore.metrics.bootstrap import (
 from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.experiment_arms import (
+    BASELINE,
     Arm,
     Source,
     TranslatorCache,
@@ -49,7 +50,6 @@ from s2rtools.lane_detection.threshold_tuning import tune
 
 Floats = NDArray[np.float64]
 
-BASELINE = "default+ai"
 SIM_TUNED = "sim"
 ORACLE = "oracle per light"
 LABEL_COUNTS = (1, 2, 3, 4, 8)
@@ -85,10 +85,11 @@ class ExperimentSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """The label-free arm that was chosen, with the mean F1 of all candidates on simulated lights,
-    best first."""
+    """The label-free arm that was chosen, the same without its guard, and the mean F1 of all
+    candidates on simulated lights, best first."""
 
     arm: Arm
+    unguarded: Arm
     candidates: dict[str, float]
 
 
@@ -203,8 +204,7 @@ def run_experiment(
         split, sim, cache, sim_thresholds(sim), settings.minutes, settings.seeds
     )
     arms = arms_of(list(settings.sources), len(split.lights))
-    if choice.arm not in arms:
-        arms.append(choice.arm)
+    arms += [arm for arm in (choice.unguarded, choice.arm) if arm not in arms]
     progress.begin("arms", len(arms) + 2 + 2 * len(LABEL_COUNTS))
     scores: dict[str, Scores] = {}
     skipped: dict[str, str] = {}
@@ -231,6 +231,7 @@ def run_experiment(
         "fitted_images": int(sum(len(rows) for rows in split.fitted.values())),
         "fitted_on_judged_recordings": split.lights_fitted_on_judged_recordings(),
         "fitted_on_judged_images": split.lights_fitted_on_judged_images(),
+        "lights_with_plausible_detections": evaluation.plausible_lights(),
         "sim": len(sim), "seeds": settings.seeds, "minutes": settings.minutes,
     }  # fmt: skip
     groups = _groups(lights, scores[BASELINE])
@@ -263,6 +264,9 @@ def choose_arm(
     one is taken whose masks of unlabelled real images depend least on what is in view
     (`Evaluation.stability`). Learned methods and files take no part: they would need a fit per
     simulated light.
+
+    A chosen translator is guarded (`Arm.guarded`): where the plain detector works, as far as this
+    can be known without labels, no translator can help much, and it may harm.
     """
     tuned = sim_thresholds(sim)
     sources = [each for each in settings.sources if not each.learned and each.file is None]
@@ -308,7 +312,8 @@ def pick_arm(by_light_of: Mapping[Arm, Floats], stability: Callable[[Arm], float
     near = [arm for arm in harmless if means[arm] >= best - _INDISTINCT]
     chosen = max(near, key=lambda arm: (stability(arm), means[arm]))
     ranked = sorted(means, key=lambda arm: -means[arm])
-    return Choice(chosen, {arm.name: means[arm] for arm in ranked})
+    guarded = chosen if chosen.source is None else replace(chosen, guarded=True)
+    return Choice(guarded, chosen, {arm.name: means[arm] for arm in ranked})
 
 
 def _groups(lights: NDArray[np.str_], baseline: Scores) -> dict[str, Rows]:
