@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, feature_network, find_method
+from s2rtools.translation import METHODS, feature_network, find_method, fit_loop
 from s2rtools.translation.adversarial_training import AdversarialLearner
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
@@ -102,7 +102,7 @@ def test_a_fit_continues_after_an_interrupt_inside_a_step(
 
     update = AdversarialLearner._update
     settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
-    monkeypatch.setattr("s2rtools.translation.fit_loop.CHECKPOINT_SECONDS", saved_every_seconds)
+    monkeypatch.setattr(fit_loop, "CHECKPOINT_SECONDS", saved_every_seconds)
     with monkeypatch.context() as patch:
         patch.setattr(AdversarialLearner, "_update", interrupted)
         with pytest.raises(KeyboardInterrupt):
