@@ -11,6 +11,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from s2rstore.errors import RequestError
+from s2rtools.translation import apply_files
 from s2rtools.translation.apply_bag import BagRequest, apply_to_bag
 from s2rtools.translation.apply_files import apply_to_files
 from s2rtools.translation.colour_statistics import Moments
@@ -71,7 +72,7 @@ def test_a_folder_leaves_out_files_that_are_too_large(tmp_path, suffix, monkeypa
     save(tmp_path / "in/a.png")
     (tmp_path / f"in/b{suffix}").write_bytes(huge_png())
     (tmp_path / "in/c.jpg").write_bytes(bytes(2000))
-    monkeypatch.setattr("s2rtools.translation.apply_files.MAX_IMAGE_BYTES", 1500)
+    monkeypatch.setattr(apply_files, "MAX_IMAGE_BYTES", 1500)
     result = run(tmp_path / "in", tmp_path / "out")
     assert result.summary() == "1 image translated, 2 undecodable"
 

@@ -11,7 +11,13 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, feature_network, find_method, fit_loop
+from s2rtools.translation import (
+    METHODS,
+    feature_network,
+    find_method,
+    fit_loop,
+    network_translator,
+)
 from s2rtools.translation.adversarial_training import AdversarialLearner
 from s2rtools.translation.method import FitResult, FitSettings
 from s2rtools.translation.translator_file import StoredTranslator, decode, encode
@@ -311,7 +317,7 @@ def test_sizes_and_pairs_that_do_not_match_are_refused():
 def test_the_precision_of_slow_translators_is_not_compared(monkeypatch):
     translator, images = tiny_fit("cut").translator, counterparts(1)[0]
     calls = []
-    monkeypatch.setattr("s2rtools.translation.network_translator._SLOW", 0.0)
+    monkeypatch.setattr(network_translator, "_SLOW", 0.0)
     monkeypatch.setattr(type(translator), "translate", lambda self, rgb: calls.append(1))
     translator.use_faster_precision(images)
     assert len(calls) == 1
