@@ -13,6 +13,9 @@ from s2rtui.charts.view import View
 from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
 
+_IMAGE_ROWS = 16
+"""Rows in which the images and the table of errors fit."""
+
 
 class AdjustView(View):
     name = "adjust"
@@ -72,8 +75,10 @@ class AdjustView(View):
         return canvas
 
     def _rows(self, scene: Scene, height: int) -> int:
-        """Number of rows of sliders, at most half of the height."""
-        return max(1, min(len(self.lines(scene)), height // 2))
+        """Number of rows of sliders: at most half of the height, less where the errors below them
+        would not fit, but at least a third."""
+        most = max(height // 3, min(height // 2, height - _IMAGE_ROWS))
+        return max(1, min(len(self.lines(scene)), most))
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         lines = self.lines(scene)

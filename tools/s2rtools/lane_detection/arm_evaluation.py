@@ -141,8 +141,11 @@ class Evaluation:
         return [light for light in self.split.lights if self._is_plausible(light)]
 
     def _is_plausible(self, light: str) -> bool:
-        """Whether the detected share of each colour on the images for fitting is within a factor of
-        `PLAUSIBLE_FACTOR` of its true share in the simulation. No label is read."""
+        """Whether `BASELINE` detects a plausible amount of each common colour in a light.
+
+        `is_plausible` compares the detected share of the pixels of the images for fitting, which
+        need no labels, with the true share in the simulation.
+        """
         if light not in self._plausible:
             images = self._images(self.split.fit_rows(light, "light"))
             ranges = thresholds_of(BASELINE, self.tuned)

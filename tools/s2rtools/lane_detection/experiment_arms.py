@@ -236,6 +236,6 @@ def thresholds_of(kind: str, tuned: Mapping[str, Thresholds]) -> Thresholds:
 def fit_sets(
     arm: Arm, real: RoadImages, sim: RoadImages
 ) -> tuple[ImageSet, ImageSet]:  # fmt: skip
-    """Source and target images of an arm's fit."""
+    """The source images and the target images on which the translator of an arm is fitted."""
     sets = real.image_set(), sim.image_set()
     return sets if arm.direction == "real2sim" else (sets[1], sets[0])

@@ -28,7 +28,7 @@ from s2rtools.translation.image_set import Rgb
 
 Floats = NDArray[np.float64]
 Box = list[list[int]]
-"""Lower and upper bin, both included, of hue, saturation and value."""
+"""The first and the last bin, both included, for each of hue, saturation and value."""
 
 TOLERANCE = 0.005
 STEPS = (2, 4, 4)

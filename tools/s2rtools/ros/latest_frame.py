@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class LatestFrame(Generic[T]):
-    """A queue of one: `put` replaces a frame that was not yet taken."""
+    """Holds the newest frame: `put` replaces a frame that was not taken yet."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()

@@ -13,7 +13,7 @@ from s2rtools.translation.translator_file import StoredTranslator
 LoadTranslator = Callable[[str], StoredTranslator]
 
 NO_LIMIT = 0.0
-"""Value of the ROS parameter `max_age` that turns the limit off."""
+"""The value of the ROS parameter `max_age` that means no limit."""
 INPUT_QUALITY = 0
 """Value of the ROS parameter `jpeg_quality` that keeps the quality of the input."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import threading
+from contextlib import suppress
 from typing import Any
 
 from s2rtools.ros.image_topics import (
@@ -27,10 +28,10 @@ def run(request: ProxyRequest) -> None:
     rclpy.init(args=list(request.arguments), signal_handler_options=signals)
     node = rclpy.create_node(request.node_name)
     proxy = Ros2Proxy(request, node)
+    ended = (KeyboardInterrupt, ros_module("rclpy.executors").ExternalShutdownException)
     try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ros_module("rclpy.executors").ExternalShutdownException):
-        pass
+        with suppress(*ended):
+            rclpy.spin(node)
     finally:
         proxy.stop()
         node.destroy_node()

@@ -23,11 +23,11 @@ RULE = (
 
 
 def split_codes(groups: NDArray[np.integer[Any]]) -> NDArray[np.int8]:
-    """Codes (N,) into `records.SPLITS` of images in recording order: train for the fit, test for
-    judging, unseen for neither. `groups` (N,) are recordings.
+    """Assign images in recording order to the fit or to judging; `groups` (N,) are recordings.
 
-    Blocks are contiguous, and the images beside a held-out block are left out, because neighbouring
-    images look alike. At least one block of each recording of two blocks is held out; a shorter
+    Returns codes (N,) into `records.SPLITS`: train for the fit, test for judging, unseen for
+    neither. Blocks are contiguous, and the images beside a held-out block are left out, because
+    neighbouring images look alike. At least one block of each recording of two blocks is held out; a shorter
     recording is used for the fit.
     """
     codes = np.full(len(groups), FITTED, dtype=np.int8)

@@ -22,7 +22,7 @@ _TINY = 1e-12
 
 
 def gram_matrix(activations: Tensor) -> Tensor:
-    """Mean products (B, C, C) of the channels of activations (B, C, h, w) over all places."""
+    """Gram matrices (B, C, C) of activations (B, C, h, w): mean products of two channels."""
     flat = activations.flatten(2)
     return flat @ flat.transpose(1, 2) / flat.shape[2]
 

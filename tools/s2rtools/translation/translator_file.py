@@ -121,7 +121,7 @@ def load_translator(text: str, store: Path | None = None) -> StoredTranslator:
 
 
 def decode(content: bytes, where: str) -> StoredTranslator:
-    """The translator of a file's content; errors begin with `where`."""
+    """Read a translator from the content of a file; error messages begin with `where`."""
     try:
         tensors = load(content)
         length = int.from_bytes(content[:8], "little")
