@@ -27,8 +27,8 @@ def split_codes(groups: NDArray[np.integer[Any]]) -> NDArray[np.int8]:
 
     Returns codes (N,) into `records.SPLITS`: train for the fit, test for judging, unseen for
     neither. Blocks are contiguous, and the images beside a held-out block are left out, because
-    neighbouring images look alike. At least one block of each recording of two blocks is held out; a shorter
-    recording is used for the fit.
+    neighbouring images look alike. At least one block of each recording of two blocks is held out;
+    a shorter recording is used for the fit.
     """
     codes = np.full(len(groups), FITTED, dtype=np.int8)
     for group in np.unique(groups):
