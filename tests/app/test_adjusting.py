@@ -24,6 +24,7 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session
 from tests.support.silent_reporter import SilentReporter
+from tests.support.unloaded_modules import unload_modules
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -210,9 +211,7 @@ async def test_a_failed_save_shows_an_error(
 async def test_the_panel_explains_how_to_install_torch(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("s2rtools.")]:
-        if name.split(".")[1] not in ("adjust", "rendering", "world"):
-            monkeypatch.delitem(sys.modules, name)
+    unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     for name in [name for name in sys.modules if name.split(".")[0] == "torch"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
@@ -295,8 +294,7 @@ def test_the_live_model_uses_the_generation_of_the_session(computed: Path, tmp_p
 async def test_the_panel_explains_how_to_install_the_tools(
     tiny_store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.split(".")[0] == "s2rtools"]:
-        monkeypatch.delitem(sys.modules, name)
+    unload_modules(monkeypatch, lambda name: name.startswith("s2rtools."))
     monkeypatch.setitem(sys.modules, "s2rtools", None)
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:

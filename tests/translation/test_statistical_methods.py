@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.translation import METHODS, find_method
+from s2rtools.translation import METHODS, find_method, reinhard
 from s2rtools.translation.colour_statistics import from_lab, moments, to_lab
 from s2rtools.translation.histogram import cumulative
 from s2rtools.translation.image_set import ImageSet, fit_size
@@ -192,7 +192,8 @@ def test_reinhard_computes_statistics_of_many_images_in_blocks():
     largest = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "s2rtools.translation.reinhard.to_lab",
+            reinhard,
+            "to_lab",
             lambda block: (largest.append(len(block)), to_lab(block))[1],
         )
         fit("reinhard", images, images)
