@@ -13,9 +13,11 @@ from s2rstore.errors import RequestError
 from s2rtools.lane_detection.arm_evaluation import PLAUSIBLE_FACTOR, Evaluation, is_plausible
 from s2rtools.lane_detection.experiment_arms import (
     BASELINE,
+    FIT_SCOPES,
     Arm,
     TranslatorCache,
     arms_of,
+    parse_scopes,
     parse_sources,
 )
 from s2rtools.lane_detection.experiment_data import split_images
@@ -56,6 +58,15 @@ def test_unlabelled_images_are_preferred_for_fitting(rendered: RoadImages) -> No
 def test_images_without_labels_cannot_be_judged(rendered: RoadImages) -> None:
     with pytest.raises(RequestError, match="labelled"):
         split_images(replace(rendered, labelled=np.zeros(len(rendered), dtype=bool)))
+
+
+def test_translators_are_fitted_on_the_images_of_the_named_scopes() -> None:
+    sources = parse_sources("mkl,fda")
+    assert {arm.scope for arm in arms_of(sources, 2) if arm.source} == {*FIT_SCOPES, "image"}
+    named = arms_of(sources, 2, parse_scopes("others, light"))
+    assert {arm.scope for arm in named if arm.source} == {"light", "others", "image"}
+    with pytest.raises(RequestError, match="scope 'day': one of light, all, others"):
+        parse_scopes("day")
 
 
 def test_levels_recover_the_dark_without_labels(rendered: RoadImages, tmp_path: Path) -> None:

@@ -21,12 +21,14 @@ def one_thread():
     torch.set_num_threads(threads)
 
 
-# Steps and the share of the identity's distance to the true counterparts that is to be reached.
+# Steps, learning rate and the share of the identity's distance to the true counterparts that is to
+# be reached.
 @pytest.mark.parametrize(
-    ("name", "steps", "share"), [("cyclegan", 100, 0.8), ("cut", 150, 0.9), ("unit", 100, 0.95)]
+    ("name", "steps", "rate", "share"),
+    [("cyclegan", 100, "1e-3", 0.8), ("cut", 150, "5e-4", 0.9), ("unit", 100, "1e-3", 0.95)],
 )
-def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, share):
-    settings = FitSettings(seed=0, steps=steps, options=SIZE)
+def test_adversarial_methods_come_closer_to_the_true_counterpart(name, steps, rate, share):
+    settings = FitSettings(seed=0, steps=steps, options={**SIZE, "rate": rate})
     translator = find_method(name).fit(*unpaired(), settings).translator
     first, second = counterparts()
     assert difference(translator.translate(first), second) < share * difference(first, second)

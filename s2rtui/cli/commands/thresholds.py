@@ -59,6 +59,9 @@ def _add_report(parser: argparse.ArgumentParser) -> None:
     add("--translators", metavar="NAME,...",
         help="methods (NAME or NAME:OPTION=VALUE) and translator files, or `all` methods "
         "(default: the methods that need no training)")  # fmt: skip
+    add("--scopes", metavar="SCOPE,...",
+        help="real images on which translators are fitted: of the judged `light`, of `all` lights, "
+        "of all `others` (default: each of the three)")  # fmt: skip
     add("--seeds", type=int, default=3,
         help="fits per learned method, and draws of labelled images (default 3)")  # fmt: skip
     add("--minutes", type=float, metavar="M", help="time per fit of a learned method")
@@ -146,7 +149,7 @@ def _report(options: argparse.Namespace) -> int:
 
     from s2rtools.common.result_files import write_all
     from s2rtools.lane_detection import experiment_report as report
-    from s2rtools.lane_detection.experiment_arms import parse_sources
+    from s2rtools.lane_detection.experiment_arms import parse_scopes, parse_sources
     from s2rtools.lane_detection.road_images import read_road_images
     from s2rtools.lane_detection.threshold_experiment import ExperimentSettings, run_experiment
 
@@ -155,6 +158,7 @@ def _report(options: argparse.Namespace) -> int:
     if options.minutes is not None and not (math.isfinite(options.minutes) and options.minutes > 0):
         raise RequestError(f"--minutes {options.minutes}: must be above 0")
     sources = tuple(parse_sources(options.translators))
+    scopes = parse_scopes(options.scopes)
     cache = None
     if options.out is not None:
         try:
@@ -164,7 +168,7 @@ def _report(options: argparse.Namespace) -> int:
         cache = options.out / "translators"
     sim = read_road_images(options.sim, options.crop)
     real = read_road_images(options.real, options.crop)
-    settings = ExperimentSettings(options.seeds, options.minutes, cache, sources)
+    settings = ExperimentSettings(options.seeds, options.minutes, cache, sources, scopes)
     with reporter() as progress:
         experiment = run_experiment(sim, real, settings, progress)
     document = report.to_document(experiment)

@@ -31,6 +31,8 @@ from s2rtools.translation.translator_file import (
 Direction = Literal["none", "real2sim", "sim2real"]
 Scope = Literal["image", "light", "all", "others", "file"]
 
+FIT_SCOPES: tuple[Scope, ...] = ("light", "all", "others")
+"""Real images of a fit: of the judged light, of all lights, of all other lights."""
 THRESHOLD_KINDS = ("default", "default+ai", "sim")
 """Duckietown's ranges, the same after the anti-instagram map, and ranges tuned on simulation."""
 BASELINE = "default+ai"
@@ -121,8 +123,20 @@ def _parse_source(text: str) -> Source:
     return Source(text, name, tuple(options))
 
 
-def arms_of(sources: list[Source], lights: int) -> list[Arm]:
-    """Arms without labels of real images: every threshold alone, then each translator."""
+def parse_scopes(text: str | None) -> tuple[Scope, ...]:
+    """Scopes of a comma-separated list, all by default. Raises RequestError for unknown ones."""
+    names = list(FIT_SCOPES) if text is None else [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in FIT_SCOPES:
+            raise RequestError(f"scope {name!r}: one of {', '.join(FIT_SCOPES)}")
+    return tuple(scope for scope in FIT_SCOPES if scope in names)
+
+
+def arms_of(
+    sources: list[Source], lights: int, fit_scopes: tuple[Scope, ...] = FIT_SCOPES
+) -> list[Arm]:
+    """Arms without labels of real images: every threshold alone, then each translator, fitted on
+    the images of each of `fit_scopes`; with a single light, on those of that light."""
     arms = [Arm(kind) for kind in THRESHOLD_KINDS]
     arms.append(Arm("sim+ai"))
     for source in sources:
@@ -131,7 +145,7 @@ def arms_of(sources: list[Source], lights: int) -> list[Arm]:
         elif source.of_image:
             scopes = ("image",)
         else:
-            scopes = ("light", "all", "others") if lights > 1 else ("light",)
+            scopes = fit_scopes if lights > 1 else ("light",)
         for scope in scopes:
             arms += [Arm(kind, source, "real2sim", scope) for kind in THRESHOLD_KINDS]
         if not source.of_image and source.file is None:

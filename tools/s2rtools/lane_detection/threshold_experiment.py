@@ -32,7 +32,9 @@ from s2rtools.lane_detection.arm_evaluation import Evaluation, Scores
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.experiment_arms import (
     BASELINE,
+    FIT_SCOPES,
     Arm,
+    Scope,
     Source,
     TranslatorCache,
     arms_of,
@@ -75,12 +77,14 @@ class Progress(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ExperimentSettings:
-    """Seeds of learned fits and of draws, minutes per learned fit, and a folder for translators."""
+    """Seeds of learned fits and of draws, minutes per learned fit, a folder for translators, the
+    translators, and the real images on which they are fitted."""
 
     seeds: int = 3
     minutes: float | None = None
     cache: Path | None = None
     sources: tuple[Source, ...] = ()
+    scopes: tuple[Scope, ...] = FIT_SCOPES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,7 +207,7 @@ def run_experiment(
     evaluation = Evaluation(
         split, sim, cache, sim_thresholds(sim), settings.minutes, settings.seeds
     )
-    arms = arms_of(list(settings.sources), len(split.lights))
+    arms = arms_of(list(settings.sources), len(split.lights), settings.scopes)
     arms += [arm for arm in (choice.unguarded, choice.arm) if arm not in arms]
     progress.begin("arms", len(arms) + 2 + 2 * len(LABEL_COUNTS))
     scores: dict[str, Scores] = {}

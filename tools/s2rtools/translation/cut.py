@@ -39,7 +39,7 @@ STEPS = 4000
 """About 5 minutes on one core for images of 80 x 160 (0.07 s a step)."""
 BATCH = 1
 LEARNING_RATE = 5e-4
-OPTIONS = (*SIZE_OPTIONS, "batch", "contrast", "luminance")
+OPTIONS = (*SIZE_OPTIONS, "batch", "rate", "contrast", "luminance")
 TEMPERATURE = 0.07
 PATCHES = 64
 PROJECTION = 64
@@ -127,10 +127,11 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
         "luminance": number(options, "luminance", 0.0, 0, 100),
     }
     batch = whole_number(options, "batch", BATCH, 1, 64)
+    rate = number(options, "rate", LEARNING_RATE, 1e-7, 1.0)
     crop = crop_size(source)
     learner = initialised(settings.seed, lambda: CutLearner(size, crop, **weights))
     sampler = BatchSampler(source, target, crop, batch, settings.seed)
-    plan = FitPlan("cut", STEPS, LEARNING_RATE, {**size.document(), **weights})
+    plan = FitPlan("cut", STEPS, rate, {**size.document(), **weights})
     progress = run_fit(learner, sampler, plan, settings)
     translator = CutTranslator(learner.generator, source.size, size.document())
     return FitResult(translator, progress.history, provenance(progress, sampler, plan))

@@ -194,6 +194,7 @@ def _facts(sampler: BatchSampler, plan: FitPlan, settings: FitSettings) -> dict[
         "paired": settings.paired,
         "crop": list(sampler.crop),
         "batch": sampler.batch,
+        "learning_rate": plan.learning_rate,
         "images": digest.hexdigest(),
         **plan.facts,
     }

@@ -51,7 +51,7 @@ STEPS = 3000
 """About 4 minutes on one core for images of 80 x 160 (0.09 s a step)."""
 BATCH = 1
 LEARNING_RATE = 1e-3
-OPTIONS = (*SIZE_OPTIONS, "batch", "kl", "reconstruction", "cycle", "luminance")
+OPTIONS = (*SIZE_OPTIONS, "batch", "rate", "kl", "reconstruction", "cycle", "luminance")
 DEFAULT_SIZE = GeneratorSize(blocks=2)
 """Blocks of each encoder and decoder, in addition to the shared ones."""
 
@@ -145,10 +145,11 @@ def fit(source: ImageSet, target: ImageSet, settings: FitSettings) -> FitResult:
     defaults = {"kl": 0.01, "reconstruction": 10.0, "cycle": 10.0, "luminance": 0.5}
     weights = {name: number(options, name, value, 0, 1000) for name, value in defaults.items()}
     batch = whole_number(options, "batch", BATCH, 1, 64)
+    rate = number(options, "rate", LEARNING_RATE, 1e-7, 1.0)
     crop = crop_size(source)
     learner = initialised(settings.seed, lambda: UnitLearner(size, crop, weights))
     sampler = BatchSampler(source, target, crop, batch, settings.seed)
-    plan = FitPlan("unit", STEPS, LEARNING_RATE, {**size.document(), **weights})
+    plan = FitPlan("unit", STEPS, rate, {**size.document(), **weights})
     progress = run_fit(learner, sampler, plan, settings)
     names = ("source_encoder", "source_decoder", "target_decoder")
     network = UnitNetwork(*(learner.generators[name] for name in names))
