@@ -24,6 +24,7 @@ from s2rstore.records import (
     Domain,
     Intrinsics,
     Model,
+    Part,
     Room,
     Run,
     Trajectory,
@@ -203,6 +204,16 @@ class IndexCatalog:
         return self.domains[name]
 
     @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """In order of their instances; one part where nothing was appended."""
+        (count,) = self.execute("SELECT count(*) FROM instance")[0]
+        rows = self._rows("part")
+        row_check.check_parts(self._index, rows, int(count))
+        if not rows:
+            return (Part(0, 0, int(count), self.dataset.hash),)
+        return tuple(Part(**row) for row in rows)
+
+    @cached_property
     def models(self) -> dict[str, Model]:
         rows = self._rows("model")
         row_check.check_models(self._index, rows)
@@ -302,9 +313,16 @@ class IndexCatalog:
             grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
         return grouped
 
-    def arrays(self, run: str) -> list[ArrayRecord]:
-        """The published arrays of a run."""
+    def array_parts(self, run: str) -> list[ArrayRecord]:
+        """The published arrays of a run, one for each part of the data set that is computed."""
         return list(self._array_records.get(self.run(run).run, ()))
+
+    def arrays(self, run: str) -> list[ArrayRecord]:
+        """What is published of a run: the first array of each kind, side and mode."""
+        records: dict[tuple[str, str | None, str | None], ArrayRecord] = {}
+        for record in sorted(self.array_parts(run), key=lambda record: record.first_iid):
+            records.setdefault((record.kind, record.side, record.mode), record)
+        return list(records.values())
 
 
 def _is_map(column: str) -> bool:

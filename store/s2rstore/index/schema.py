@@ -154,6 +154,17 @@ TABLES: tuple[Table, ...] = (
         ("valid_depth_fraction", "DOUBLE", "share of stored pixels with a valid depth"),
     ),
     table_of(
+        "part",
+        "instances that were ingested together, in order; without rows all instances are one part",
+        "part",
+        ("part", "INTEGER", "number, 0 .. P-1"),
+        ("first_iid", "INTEGER", "instance with which the part begins"),
+        ("instances", "INTEGER", "number of instances"),
+        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration; of part 0, the data set"),
+        ("added_at", "VARCHAR", "UTC, ISO 8601; NULL = not recorded"),
+        optional=True,
+    ),
+    table_of(
         "model",
         "networks that runs use",
         "model",
@@ -214,8 +225,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "zarr_array",
-        "published arrays; value = (stored - zero) * scale",
-        "run kind side mode",
+        "published arrays, one for each part of the data set; value = (stored - zero) * scale",
+        "run kind side mode path",
         ("run", "VARCHAR", "run"),
         ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids, rendered frames"),
         ("side", "VARCHAR", "sim or real; NULL = both share it"),
@@ -228,6 +239,7 @@ TABLES: tuple[Table, ...] = (
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
         ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
+        ("first_iid", "INTEGER", "first instance that it covers; NULL = 0", True),
     ),
     table_of(
         "translator",

@@ -219,7 +219,7 @@ class _Verification:
 
     def _check_arrays(self) -> None:
         for run in self.store.runs:
-            for record in self.store.arrays(run):
+            for record in self.store.array_parts(run):
                 is_covered = record.metadata_sha256 is not None
                 if not is_covered:
                     self.uncovered["the metadata of computed arrays"] = None
