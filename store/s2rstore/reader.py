@@ -211,7 +211,7 @@ class Store(IndexCatalog):
                     "index; run `s2r verify`"
                 )
             first_iids[columns.trajectory_names[code]] = start
-        return first_iids
+        return dict(sorted(first_iids.items(), key=lambda item: item[1]))
 
     def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
         """A trajectory's images of one kind, `rgb` or `depth`, of one domain.

@@ -12,6 +12,8 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 
+from s2rstore.files import layout
+
 _MARK = ".building-"
 _BUILDER = re.compile(r"(?:(?P<host>.+)-)?(?P<process>\d+)")
 
@@ -67,3 +69,13 @@ def is_running(process: int) -> bool:
 
 def _host() -> str:
     return re.sub(r"[^A-Za-z0-9.-]", "_", socket.gethostname()) or "localhost"
+
+
+def appending_folder(root: Path) -> Path:
+    """Where this process writes the frames of new trajectories, inside the store at `root`."""
+    return building_folder(root / layout.FRAMES)
+
+
+def appending_folders(root: Path) -> list[BuildingFolder]:
+    """The folders in which processes write frames for the store at `root`, or have left them."""
+    return building_folders(root / layout.FRAMES)

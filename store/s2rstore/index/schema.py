@@ -63,7 +63,12 @@ TABLES: tuple[Table, ...] = (
         "the one environment that this store holds",
         "name",
         ("name", "VARCHAR", "name of the environment"),
-        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration"),
+        (
+            "hash",
+            "VARCHAR",
+            "SHA-256 over poses, frames and calibration; with several rows in table part: SHA-256 "
+            "over their hashes, joined in order",
+        ),
         ("bounds_x0", "DOUBLE", "left edge of the floor plan, m"),
         ("bounds_y0", "DOUBLE", "edge of the floor plan with the smaller y, m"),
         ("bounds_x1", "DOUBLE", "right edge of the floor plan, m"),
@@ -83,7 +88,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "trajectory",
-        "recordings, in the order of their instances",
+        "recordings; their instances follow one another",
         "trajectory",
         ("trajectory", "VARCHAR", "name"),
         ("recorded_at", "VARCHAR", "when it was recorded, as the source states it"),
@@ -127,7 +132,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "instance",
-        "one row per ground-truth pose, or per image without poses, in (trajectory, seq) order",
+        "one row per ground-truth pose or image, in order of part, trajectory and seq",
         "iid",
         ("iid", "INTEGER", "identity, 0 .. N-1"),
         ("trajectory", "VARCHAR", "recording"),
@@ -160,7 +165,7 @@ TABLES: tuple[Table, ...] = (
         ("part", "INTEGER", "number, 0 .. P-1"),
         ("first_iid", "INTEGER", "instance with which the part begins"),
         ("instances", "INTEGER", "number of instances"),
-        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration; of part 0, the data set"),
+        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration of its instances"),
         ("added_at", "VARCHAR", "UTC, ISO 8601; NULL = not recorded"),
         optional=True,
     ),
