@@ -199,8 +199,9 @@ class Run:
 class ArrayRecord:
     """One published Zarr array of a run, for the instances from `first_iid` on.
 
-    `side` is None where both sides share it. Real value = (stored - zero) * scale. `path` is relative to `runs.zarr`. `metadata_sha256` is
-    that of its `zarr.json`, None in stores that version 0.1.0 wrote.
+    `side` is None where both sides share it. Real value = (stored - zero) * scale. `path` is
+    relative to `runs.zarr`. `metadata_sha256` is that of its `zarr.json`, None in stores that
+    version 0.1.0 wrote.
     """
 
     run: str
