@@ -109,7 +109,8 @@ def run_fit(
     With `settings.checkpoint`, the state is saved every few seconds, at the end and after an
     interrupt between two steps; an interrupt inside a step keeps the last saved state. A fit with
     a checkpoint of the same fit continues there, one with that of another fit starts again. A
-    continued fit of a number of steps gives the same result as an uninterrupted one. Raises RequestError where the loss is not finite.
+    continued fit of a number of steps gives the same result as an uninterrupted one. Raises
+    RequestError where the loss is not finite.
     """
     facts = _facts(sampler, plan, settings)
     path = settings.checkpoint
