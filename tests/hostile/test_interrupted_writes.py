@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -26,11 +28,19 @@ UNUSED_PROCESS_ID = 2**22 + 1
 """A process id beyond the default maximum of Linux."""
 
 
+def leave_building_folder(store: Path) -> Path:
+    """A folder that version 0.1.0 left two days ago."""
+    folder = store.with_name(f".{store.name}.building-{UNUSED_PROCESS_ID}")
+    (folder / "frames.zarr").mkdir(parents=True)
+    for path in (folder / "frames.zarr", folder):
+        os.utime(path, (time.time() - 2 * 86_400,) * 2)
+    return folder
+
+
 def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
     for path in LEFTOVERS:
         (store_copy / path).write_bytes(b"half")
-    building = store_copy.with_name(f".{store_copy.name}.building-{UNUSED_PROCESS_ID}")
-    (building / "frames.zarr").mkdir(parents=True)
+    building = leave_building_folder(store_copy)
     report = check(store_copy)
     assert report.damages == ()
     for path in (*LEFTOVERS, building.name):
@@ -43,8 +53,7 @@ def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
 
 
 def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> None:
-    building = tmp_path / f".s.s2r.building-{UNUSED_PROCESS_ID}"
-    (building / "frames.zarr").mkdir(parents=True)
+    building = leave_building_folder(tmp_path / "s.s2r")
     assert prune(tmp_path / "s.s2r").paths == (f"../{building.name}",)
     assert not building.exists()
 
