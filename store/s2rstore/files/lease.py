@@ -74,7 +74,7 @@ class _Content(msgspec.Struct, frozen=True):
     holder: ProcessIdentity
     since: _TIME
     heartbeat: _TIME
-    beats: Annotated[int, msgspec.Meta(ge=0)]
+    beats: Annotated[int, msgspec.Meta(ge=0, le=2**62)]
 
     def encode(self) -> bytes:
         return msgspec.json.encode(self).ljust(SIZE - 1) + b"\n"

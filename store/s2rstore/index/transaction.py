@@ -124,6 +124,7 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             old = safe_files.checked_path(root, base.index) if base else None
             _begin(connection, beside, old)
             yield IndexTransaction(connection)
+            check_leases()  # a new holder of the lock has removed this index
             rows = connection.execute("SELECT hash FROM dataset").fetchall()
             locked_connection.detach_new(connection, "draft")
             connection.close()
