@@ -13,6 +13,7 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors import run_units
@@ -56,6 +57,21 @@ def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> N
     building = leave_building_folder(tmp_path / "s.s2r")
     assert prune(tmp_path / "s.s2r").paths == (f"../{building.name}",)
     assert not building.exists()
+
+
+@pytest.mark.parametrize("name", ["7", "0123456789abcdef"], ids=["of 0.2.0", "of this version"])
+def test_unfinished_histories_are_removed_unless_one_is_being_written(
+    store_copy: Path, name: str
+) -> None:
+    history = store_copy / "history" / "gap.duckdb"
+    history.parent.mkdir(exist_ok=True)
+    leftover = history.with_name(f".gap.duckdb.{name}.new")
+    leftover.write_bytes(b"half")
+    with file_lock(history):
+        assert prune(store_copy).paths == ()
+    assert leftover.exists()
+    assert prune(store_copy).paths == (f"history/{leftover.name}",)
+    assert not leftover.exists()
 
 
 def test_errors_of_the_current_file_are_explained(store_copy: Path) -> None:
