@@ -65,6 +65,8 @@ class Timing:
 
 
 TIMING = Timing()
+COMPUTE_TIMING = Timing(limit=300.0)
+"""For processes that compute: compiled code may hold the interpreter lock, and so the heartbeat."""
 
 
 class _Content(msgspec.Struct, frozen=True):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, lease
-from s2rstore.files.lease import TIMING, Lease, ReportLine, Timing
+from s2rstore.files.lease import COMPUTE_TIMING, TIMING, Lease, ReportLine, Timing
 from s2rstore.files.lock_file import LockFile
 
 
@@ -29,7 +29,7 @@ def compute_lock(
     root: Path,
     timeout: float = 0.0,
     report_line: ReportLine = lambda line: None,
-    timing: Timing = TIMING,
+    timing: Timing = COMPUTE_TIMING,
 ) -> AbstractContextManager[Lease]:
     """Hold the compute lock; StoreBusyError names the process that holds it already.
 
