@@ -348,6 +348,17 @@ def test_locks_of_earlier_releases_are_respected(
         pass
 
 
+def test_a_lease_is_released_on_a_full_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> bool:
+        raise OSError(28, "No space left on device")
+
+    with compute_lock(tmp_path):
+        monkeypatch.setattr(LockFile, "create", refuse)
+    assert names(tmp_path) == set()
+
+
 def test_a_read_only_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> int:
         raise OSError(30, "Read-only file system")

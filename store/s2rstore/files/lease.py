@@ -135,8 +135,12 @@ class Lease:
             self.check()
             with _explained(self._what):
                 found = self._file.read()
-                if found is not None and _end(self._file, found, observer):
-                    return
+                try:
+                    is_removed = found is not None and _end(self._file, found, observer)
+                except OSError:  # no claim can be made on a full disk
+                    is_removed = self._file.remove_content(self._content.encode())
+            if is_removed:
+                return
             self._timing.pause(0.02)
 
     def _beat(self) -> None:
