@@ -89,6 +89,7 @@ def _compute_run(
 
     Raises StoreBusyError when the compute lock, held as `lease`, was taken over.
     """
+    lease.check()
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
