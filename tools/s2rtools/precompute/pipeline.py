@@ -14,6 +14,7 @@ import numpy as np
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
+from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -67,13 +68,13 @@ def precompute(
         if kind not in HEATMAP_KINDS:
             raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
     kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
-    with locks.compute_lock(root):
+    with locks.compute_lock(root, report_line=reporter.say) as lease:
         with s2rstore.open(root) as store:
             store.require_poses("precompute")
             names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
             raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
-        return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
+        return [name for name in names if _compute_run(root, name, kinds, options, reporter, lease)]
 
 
 def _compute_run(
@@ -82,8 +83,13 @@ def _compute_run(
     kinds: Sequence[str],
     options: PrecomputeOptions,
     reporter: ProgressReporter,
+    lease: Lease,
 ) -> bool:
-    """Bring one run up to date; True if a new generation was published."""
+    """Bring one run up to date; True if a new generation was published.
+
+    Raises StoreBusyError when the compute lock, held as `lease`, was taken over.
+    """
+    lease.check()
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
@@ -101,9 +107,10 @@ def _compute_run(
         second = [projection, *map_stages(store, forward, heatmaps)]
         third = [outlier_stage(store, forward, projection)]
     for group in (frames, [forward, *heatmaps], second, third):
-        _compute_stages(root, group, backend["name"], options, reporter)
+        lease.check()
+        _compute_stages(root, group, backend["name"], options, reporter, lease)
     stages = [forward, *heatmaps, *second, *third, *frames]
-    published = publish_run(root, name, stages, backend)
+    published = publish_run(root, name, stages, backend, lease.check)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 
@@ -126,6 +133,7 @@ def _compute_stages(
     backend: str,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
+    lease: Lease,
 ) -> None:
     for stage in stages:
         stage.create(root)
@@ -139,3 +147,4 @@ def _compute_stages(
     opener = partial(UnitComputer, backend, options.trust)
     for unit in run_units(root, units, opener, workers):
         reporter.advance(len(unit.rows))
+        lease.raise_if_lost()
