@@ -14,6 +14,7 @@ import numpy as np
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
+from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -71,13 +72,13 @@ def precompute(
         if kind not in HEATMAP_KINDS:
             raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
     kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
-    with locks.compute_lock(root):
+    with locks.compute_lock(root, report_line=reporter.say) as lease:
         with s2rstore.open(root) as store:
             store.require_poses("precompute")
             names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
             raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
-        return [name for name in names if _compute_run(root, name, kinds, options, reporter)]
+        return [name for name in names if _compute_run(root, name, kinds, options, reporter, lease)]
 
 
 def _compute_run(
@@ -86,8 +87,13 @@ def _compute_run(
     kinds: Sequence[str],
     options: PrecomputeOptions,
     reporter: ProgressReporter,
+    lease: Lease,
 ) -> bool:
-    """Bring one run up to date; True if a new generation was published."""
+    """Bring one run up to date; True if a new generation was published.
+
+    Raises StoreBusyError when the compute lock, held as `lease`, was taken over.
+    """
+    lease.check()
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
         with s2rstore.open(root) as store:
             record = store.run(name)
@@ -100,10 +106,11 @@ def _compute_run(
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         groups = _stage_groups(store, run, model, backend, allowed, options.refit)
     for group in groups:
-        _compute_stages(root, group, backend["name"], options, reporter)
+        lease.check()
+        _compute_stages(root, group, backend["name"], options, reporter, lease)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
-    published = publish_run(root, name, stages, backend)
+    published = publish_run(root, name, stages, backend, lease.check)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
 
@@ -171,6 +178,7 @@ def _compute_stages(
     backend: str,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
+    lease: Lease,
 ) -> None:
     for stage in stages:
         stage.create(root)
@@ -184,3 +192,4 @@ def _compute_stages(
     opener = partial(UnitComputer, backend, options.trust)
     for unit in run_units(root, units, opener, workers):
         reporter.advance(len(unit.rows))
+        lease.raise_if_lost()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -27,10 +27,17 @@ _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
 
-def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str, Any]) -> bool:
+def publish_run(
+    root: Path,
+    run: str,
+    stages: Sequence[Stage],
+    backend: dict[str, Any],
+    check: Callable[[], None] = lambda: None,
+) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
-    Arrays of other heatmap kinds stay listed as long as they belong to the same predictions.
+    `check` is called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as
+    they belong to the same predictions.
     """
     specs = [spec for stage in stages for spec in stage.specs]
     key = _run_key(specs)
@@ -47,7 +54,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
-    with edit(root) as draft:
+    with edit(root, check) as draft:
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
         for table, rows in columns:
