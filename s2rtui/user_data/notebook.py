@@ -188,10 +188,10 @@ class Notebook:
     def _change(self, change: Callable[[Notes], Notes]) -> None:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with file_lock(self.path, _LOCK_SECONDS):
+            with file_lock(self.path, _LOCK_SECONDS) as lease:
                 notes = change(self._read())
                 content = notes.selections, notes.remarks, notes.history, notes.unread
-                write_file(self.path, notebook_schema.encode(self._hash, *content))
+                write_file(self.path, notebook_schema.encode(self._hash, *content), lease.check)
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -11,8 +12,11 @@ import time
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from s2rstore.errors import RequestError
+from s2rstore.files import process_identity
+from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.layout import read_current
 from s2rtui.cli import main
 from tests.support import pairs
@@ -63,6 +67,60 @@ def test_leftovers_of_a_possibly_running_process_are_kept_and_reported(
     error = capsys.readouterr().err
     assert f"process {process_id}" in error
     assert f"rm -r {building}" in error
+
+
+def leave_folder(name: str, days: float = 0.0) -> Path:
+    """A building folder with a file's folder, both last changed `days` ago."""
+    folder = Path(name)
+    (folder / "frames.zarr").mkdir(parents=True)
+    for path in (folder / "frames.zarr", folder):
+        os.utime(path, (time.time() - days * 86_400,) * 2)
+    return folder
+
+
+def abandoned(store: Path) -> set[str]:
+    return {folder.path.name for folder in building_folders(store) if folder.is_abandoned}
+
+
+def test_the_name_of_a_building_folder_identifies_its_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the number of a process is used again, by any host, boot or container."""
+    store = tmp_path / "s.s2r"
+    own, ended = process_identity.this_process(), ended_process_id()
+    identities = {
+        "running": own,
+        "ended": structs.replace(own, process=ended),
+        "reused": structs.replace(own, start=own.start - 1),
+        "container": structs.replace(own, process=ended, namespace="pid:[1]"),
+        "boot": structs.replace(own, process=ended, boot="another"),
+        "host": structs.replace(own, process=ended, host="another-host-7"),
+    }
+    for days in (0.0, 2.0):
+        folders = {}
+        for name, identity in identities.items():
+            with monkeypatch.context() as patch:
+                patch.setattr(process_identity, "this_process", lambda found=identity: found)
+                folders[name] = leave_folder(str(building_folder(store)), days)
+        expected = {"ended", "reused"} | ({"container", "boot"} if days else set())
+        assert abandoned(store) == {folders[name].name for name in expected}
+        builders = {folder.path: folder.builder for folder in building_folders(store)}
+        assert builders[folders["host"]] == f"process {ended} on another-host-7"
+        assert builders[folders["running"]] == f"process {os.getpid()} on {own.host}"
+        for folder in folders.values():
+            shutil.rmtree(folder)
+
+
+def test_a_folder_without_a_host_is_abandoned_after_a_day_without_changes(tmp_path: Path) -> None:
+    store = tmp_path / "s.s2r"
+    folder = leave_folder(f"{tmp_path}/.s.s2r.building-{ended_process_id()}", days=2.0)
+    assert abandoned(store) == {folder.name}
+    (folder / "frames.zarr" / "new").touch()
+    assert abandoned(store) == set()
+
+
+def test_two_ingests_of_one_process_build_in_separate_folders(tmp_path: Path) -> None:
+    assert building_folder(tmp_path / "s.s2r") != building_folder(tmp_path / "s.s2r")
 
 
 def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], Path]:

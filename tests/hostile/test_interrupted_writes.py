@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors import run_units
@@ -26,11 +29,19 @@ UNUSED_PROCESS_ID = 2**22 + 1
 """A process id beyond the default maximum of Linux."""
 
 
+def leave_building_folder(store: Path) -> Path:
+    """A folder that version 0.1.0 left two days ago."""
+    folder = store.with_name(f".{store.name}.building-{UNUSED_PROCESS_ID}")
+    (folder / "frames.zarr").mkdir(parents=True)
+    for path in (folder / "frames.zarr", folder):
+        os.utime(path, (time.time() - 2 * 86_400,) * 2)
+    return folder
+
+
 def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
     for path in LEFTOVERS:
         (store_copy / path).write_bytes(b"half")
-    building = store_copy.with_name(f".{store_copy.name}.building-{UNUSED_PROCESS_ID}")
-    (building / "frames.zarr").mkdir(parents=True)
+    building = leave_building_folder(store_copy)
     report = check(store_copy)
     assert report.damages == ()
     for path in (*LEFTOVERS, building.name):
@@ -43,10 +54,24 @@ def test_leftovers_are_reported_and_removed(store_copy: Path) -> None:
 
 
 def test_prune_removes_an_unfinished_ingest_without_a_store(tmp_path: Path) -> None:
-    building = tmp_path / f".s.s2r.building-{UNUSED_PROCESS_ID}"
-    (building / "frames.zarr").mkdir(parents=True)
+    building = leave_building_folder(tmp_path / "s.s2r")
     assert prune(tmp_path / "s.s2r").paths == (f"../{building.name}",)
     assert not building.exists()
+
+
+@pytest.mark.parametrize("name", ["7", "0123456789abcdef"], ids=["of 0.2.0", "of this version"])
+def test_unfinished_histories_are_removed_unless_one_is_being_written(
+    store_copy: Path, name: str
+) -> None:
+    history = store_copy / "history" / "gap.duckdb"
+    history.parent.mkdir(exist_ok=True)
+    leftover = history.with_name(f".gap.duckdb.{name}.new")
+    leftover.write_bytes(b"half")
+    with file_lock(history):
+        assert prune(store_copy).paths == ()
+    assert leftover.exists()
+    assert prune(store_copy).paths == (f"history/{leftover.name}",)
+    assert not leftover.exists()
 
 
 def test_errors_of_the_current_file_are_explained(store_copy: Path) -> None:

@@ -11,11 +11,12 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
+import duckdb
 import pytest
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.gap_history import reader as history
-from s2rstore.gap_history import schema
+from s2rstore.gap_history import schema, writer
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rtools.nightly.run import nightly
@@ -25,8 +26,6 @@ from tests.support.nights import Week, day
 
 
 def test_missing_values_are_null_and_every_column_is_commented(recorded_week: Week) -> None:
-    import duckdb
-
     with duckdb.connect(str(recorded_week.config.history), read_only=True) as connection:
         for table in schema.TABLES:
             for column in table.columns:
@@ -121,9 +120,38 @@ def test_a_killed_writer_loses_at_most_the_current_night(
     assert len(history.read(week.config.history).of_configuration("lab")) == expected_nights
     assert week.night(2, new_log=False).night.night == day(2)
     assert len(history.read(week.config.history).of_configuration("lab")) == 2
-    assert {path.name for path in week.config.history.parent.iterdir()} == {
-        "gap.duckdb", ".gap.duckdb.lock",
-    }  # fmt: skip
+    assert {path.name for path in week.config.history.parent.iterdir()} == {"gap.duckdb"}
+
+
+def test_a_night_whose_lock_was_taken_over_is_not_recorded(
+    week: Week, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    week.night(1)
+    before = files(week.config)
+    add = writer._add
+
+    def add_and_lose_the_lock(added: writer.Rows, connection: duckdb.DuckDBPyConnection) -> None:
+        add(added, connection)
+        lock = week.config.history.with_name(".gap.duckdb.lock")
+        lock.unlink()
+        lock.write_text("another holder")
+
+    monkeypatch.setattr(writer, "_add", add_and_lose_the_lock)
+    with pytest.raises(StoreBusyError, match="run the command again"):
+        week.night(2)
+    assert files(week.config) == before
+
+
+def test_temporary_links_of_killed_processes_are_removed(week: Week) -> None:
+    leftovers = [week.config.reports / f".latest.{digit * 16}" for digit in "0a"]
+    unrelated = week.config.reports / ".latest.txt"
+    week.config.reports.mkdir(parents=True, exist_ok=True)
+    leftovers[0].symlink_to("2026-01-01")
+    (leftovers[1] / "folder").mkdir(parents=True)
+    unrelated.touch()
+    week.night(1)
+    assert not any(path.exists() or path.is_symlink() for path in leftovers)
+    assert unrelated.exists()
 
 
 def test_readers_see_complete_nights_during_writes(week: Week) -> None:
@@ -172,8 +200,6 @@ def test_two_simultaneous_runs_add_one_night(week: Week) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"no database", None])
 def test_an_invalid_history_file_is_rejected(tmp_path: Path, content: bytes | None) -> None:
-    import duckdb
-
     path = tmp_path / "h.duckdb"
     if content is None:
         duckdb.connect(str(path)).close()

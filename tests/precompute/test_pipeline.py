@@ -14,7 +14,7 @@ import pytest
 import torch
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import layout
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
@@ -176,6 +176,29 @@ def _start_and_kill(path: Path, tmp_path: Path, number: int) -> None:
 
 def _ledger_lines(path: Path) -> int:
     return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
+
+
+class _TakingReporter(SilentReporter):
+    """Removes the lock of the running precompute when it reports its first work."""
+
+    def __init__(self, lock: Path) -> None:
+        super().__init__()
+        self._lock = lock
+
+    def begin(self, what: str, total: int) -> None:
+        self._lock.unlink(missing_ok=True)
+
+
+def test_a_precompute_that_lost_its_lock_publishes_nothing(
+    trained_store: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(trained_store, path)
+    before = layout.read_current(path)
+    reporter = _TakingReporter(path / "ledger" / "compute.lock")
+    with pytest.raises(StoreBusyError, match="compute lock was removed"):
+        precompute(path, reporter, ["vanilla"], PrecomputeOptions(()))
+    assert layout.read_current(path) == before
 
 
 def test_invalid_requests_list_the_valid_values(trained_store: Path) -> None:

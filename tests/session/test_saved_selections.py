@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from s2rstore.errors import RequestError
+from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
 from s2rtui.session import Session, navigation, shared_selection, undo_history
 from s2rtui.user_data import notebook
-from s2rtui.user_data.notebook import Notebook, SavedSelection
+from s2rtui.user_data.notebook import Notebook, Notes, SavedSelection
 from tests.support.shared_lines import shared_line
 
 
@@ -204,12 +204,30 @@ def test_waiting_for_a_lock_times_out(session: Session, monkeypatch: pytest.Monk
     assert session.notes.remarks[3].note == "first"
 
 
-def test_a_file_system_without_locks_is_reported(
+def test_a_lock_that_cannot_be_made_is_reported(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail_to_lock(*_: object) -> None:
-        raise OSError(errno.ENOLCK, "No locks available")
+    def fail_to_create(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(fcntl, "flock", fail_to_lock)
-    with pytest.raises(RequestError, match="cannot be locked"):
+    monkeypatch.setattr(LockFile, "create", fail_to_create)
+    with pytest.raises(RequestError, match="lock cannot be opened"):
         session.writable_notebook.note(3, "first")
+
+
+def test_a_notebook_whose_lock_was_taken_over_is_not_written(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.writable_notebook.note(3, "first")
+    path = session.writable_notebook.path
+    read = Notebook._read
+
+    def read_while_the_lock_is_taken(self: Notebook) -> Notes:
+        path.with_name(f".{path.name}.lock").write_text("another holder")
+        return read(self)
+
+    monkeypatch.setattr(Notebook, "_read", read_while_the_lock_is_taken)
+    before = path.read_bytes()
+    with pytest.raises(RequestError, match="writing lock was taken over"):
+        session.writable_notebook.note(3, "second")
+    assert path.read_bytes() == before

@@ -12,6 +12,7 @@ import os
 import re
 import secrets
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,26 +21,34 @@ from s2rstore.files.safe_files import NO_FOLLOW, errors_of, parent_folder
 
 PARTIAL = ".partial"
 
-# The names that this version gives to unfinished files, and those that version 0.1.0 gave.
+# The names that this version gives to unfinished files, and those that versions up to 0.2.0 gave.
 _PARTIAL_NAME = re.compile(
     r".*\.partial|\.building-.*|\.(CURRENT\.json|compacted\.jsonl|[0-9a-f]{64}\.\w+)\.\d+"
-    r"|\..*\.duckdb\.\d+\.new(\.wal)?",
+    r"|\..*\.duckdb\.[0-9a-f]+\.new(\.wal)?",
     re.DOTALL,
 )
 
 Content = bytes | bytearray | memoryview
 
 
-def write(root: Path, relative: str | Path, content: Content, durable: bool = True) -> None:
+def write(
+    root: Path,
+    relative: str | Path,
+    content: Content,
+    durable: bool = True,
+    check: Callable[[], None] = lambda: None,
+) -> None:
     """Write a file below `root`; missing folders are made.
 
-    Without `durable` the content reaches the disk with a later `sync`. Raises OSError that names
+    Without `durable` the content reaches the disk with a later `sync`. `check` is called directly
+    before the old file is replaced; what it raises leaves the old file. Raises OSError that names
     the file.
     """
     path = root / relative
     with parent_folder(root, relative, create=True) as (parent, name):
         partial = _write_partial(path, parent, content, durable)
         try:
+            check()
             with errors_of(path):
                 os.replace(partial, name, src_dir_fd=parent, dst_dir_fd=parent)
                 if durable:
@@ -50,10 +59,14 @@ def write(root: Path, relative: str | Path, content: Content, durable: bool = Tr
             raise
 
 
-def write_file(path: Path, content: Content) -> None:
-    """Write a file outside a store, in a folder that exists and may be reached by links."""
+def write_file(path: Path, content: Content, check: Callable[[], None] = lambda: None) -> None:
+    """Write a file outside a store, in a folder that exists and may be reached by links.
+
+    `check` is called directly before the old file is replaced, as in `write`.
+    """
     partial = write_partial(path, content)
     try:
+        check()
         with errors_of(path):
             partial.replace(path)
     except BaseException:

@@ -1,44 +1,53 @@
 """The hidden folder beside a store in which ingest builds it; killed ingests leave it behind.
 
-Its name holds host and process, so that nobody removes it while it is being built. Version 0.1.0
-named the process alone.
+Its name states which process builds it: host, process id, a hash of boot and namespace of process
+ids, start time, and random digits, so that two ingests never share one. A folder is abandoned
+
+- when its process was started under the present boot and namespace, and has certainly ended;
+- when its name states this host and another boot or namespace, and nothing in it has changed for a
+  day: another machine may have the same name;
+- when its name states this host and a process id alone (version 0.2.0), and no such process runs;
+- when its name states a process id alone (version 0.1.0), no such process runs here, and nothing in
+  it has changed for a day.
+
+The folder of another host is never abandoned: whether it is in use cannot be known here.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
-import socket
+import secrets
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore.files import layout
+from s2rstore.files import layout, process_identity
+from s2rstore.files.process_identity import ProcessIdentity, host_name, is_running
 
 _MARK = ".building-"
-_BUILDER = re.compile(r"(?:(?P<host>.+)-)?(?P<process>\d+)")
+_BUILDER = re.compile(
+    r"(?:(?P<host>.+?)-)?(?P<process>\d{1,10})"
+    r"(?:-(?P<boot>[0-9a-f]{8})-(?P<start>\d{1,18})-[0-9a-f]{16})?"
+)
+_DAY = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingFolder:
-    """A folder with its builder; `host` is None where the name does not state it."""
+    """A folder with its builder, for messages, and whether nobody builds in it any more."""
 
     path: Path
-    host: str | None
-    process: int
-
-    @property
-    def is_of_this_host(self) -> bool:
-        return self.host == _host()
-
-    @property
-    def is_abandoned(self) -> bool:
-        """Whether its process, of this host or of none that is known, runs no more."""
-        return self.host in (None, _host()) and not is_running(self.process)
+    builder: str
+    is_abandoned: bool
 
 
 def building_folder(target: Path) -> Path:
-    """Where this process builds the store `target`."""
-    return target.with_name(f".{target.name}{_MARK}{_host()}-{os.getpid()}")
+    """A new path at which this process can build the store `target`."""
+    own = process_identity.this_process()
+    builder = f"{own.host}-{own.process}-{_boot_hash(own)}-{own.start}-{secrets.token_hex(8)}"
+    return target.with_name(f".{target.name}{_MARK}{builder}")
 
 
 def building_folders(target: Path) -> list[BuildingFolder]:
@@ -52,23 +61,38 @@ def building_folders(target: Path) -> list[BuildingFolder]:
     for path in paths:
         named = path.name.startswith(start) and _BUILDER.fullmatch(path.name.removeprefix(start))
         if named and path.is_dir() and not path.is_symlink():
-            folders.append(BuildingFolder(path, named["host"], int(named["process"])))
+            on_host = "" if named["host"] is None else f" on {named['host']}"
+            builder = f"process {named['process']}{on_host}"
+            folders.append(BuildingFolder(path, builder, _is_abandoned(path, named)))
     return folders
 
 
-def is_running(process: int) -> bool:
-    """Whether this machine has a process of that number."""
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
+def _is_abandoned(path: Path, named: re.Match[str]) -> bool:
+    own, host, process = process_identity.this_process(), named["host"], int(named["process"])
+    if host not in (None, own.host):
         return False
-    except PermissionError:
-        return True
-    return process > 0
+    if named["boot"] is None:
+        has_ended = process == os.getpid() or not is_running(process)
+        return has_ended and (host is not None or _is_unchanged_for_a_day(path))
+    if own.boot and own.namespace and named["boot"] == _boot_hash(own):
+        builder = ProcessIdentity(
+            host_name(), own.boot, own.namespace, process, int(named["start"])
+        )
+        return process_identity.has_ended(builder)
+    return _is_unchanged_for_a_day(path)
 
 
-def _host() -> str:
-    return re.sub(r"[^A-Za-z0-9.-]", "_", socket.gethostname()) or "localhost"
+def _boot_hash(identity: ProcessIdentity) -> str:
+    return hashlib.sha256(f"{identity.boot} {identity.namespace}".encode()).hexdigest()[:8]
+
+
+def _is_unchanged_for_a_day(path: Path) -> bool:
+    """Whether no file was added to the folder, or any folder below it, for a day."""
+    try:
+        newest = max(os.stat(folder).st_mtime for folder, _, _ in os.walk(path))
+    except (OSError, ValueError):
+        return False
+    return time.time() - newest > _DAY
 
 
 def appending_folder(root: Path) -> Path:

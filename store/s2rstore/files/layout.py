@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -69,10 +70,13 @@ def read_current(root: Path) -> Current:
     return current
 
 
-def write_current(root: Path, current: Current) -> None:
-    """Make `current` the published generation, atomically and durably."""
+def write_current(root: Path, current: Current, check: Callable[[], None] = lambda: None) -> None:
+    """Make `current` the published generation, atomically and durably.
+
+    `check` is called directly before that; what it raises leaves the present generation.
+    """
     content = msgspec.json.format(msgspec.json.encode(current)) + b"\n"
-    atomic_writes.write(root, CURRENT, content)
+    atomic_writes.write(root, CURRENT, content, check=check)
 
 
 def checked_hash(text: object, what: str) -> str:

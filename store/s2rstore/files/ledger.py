@@ -1,6 +1,7 @@
 """The ledger: one JSON line per finished work unit; nothing else proves that a unit is done.
 
-Each process appends to a separate file, so that no two processes share one. Lines that a killed
+Each process appends to a separate file with a random name, so that no two processes, also of two
+hosts, share one. Lines that a killed
 process left unfinished do not count.
 """
 
@@ -8,7 +9,6 @@ from __future__ import annotations
 
 import io
 import os
-import socket
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +17,7 @@ import msgspec
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files.process_identity import host_name, process_token
 
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
 _MAX_LINE = 65_536
@@ -84,7 +85,7 @@ class Ledger:
     def add_entries(self, entries: Iterable[LedgerEntry]) -> None:
         """Record files that are complete and durable."""
         lines = map(_line, entries)
-        own = f"{layout.LEDGER}/{socket.gethostname()}-{os.getpid()}.jsonl"
+        own = f"{layout.LEDGER}/{host_name()}-{process_token()}.jsonl"
         atomic_writes.append_lines(self._root, own, "".join(lines).encode())
         atomic_writes.sync(self._root, own)
 

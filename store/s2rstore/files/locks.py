@@ -1,76 +1,73 @@
-"""Advisory locks between the processes that write one store.
+"""Locks between the processes, also of several hosts, that write one store.
 
 `publish` is held for the seconds that a new generation takes; `compute` for as long as a process
-fills `runs.zarr`. A file that is replaced as a whole has a separate lock. Readers take none.
+fills `runs.zarr`. A file that is replaced as a whole has a separate lock. Readers take none. The
+locks are leases (`s2rstore.files.lease`): call `check` of the lease directly before a step that
+readers see.
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
-import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from functools import partial
 from pathlib import Path
 
-from s2rstore.errors import RequestError, StoreBusyError
-from s2rstore.files import layout, safe_files
+from s2rstore.errors import RequestError
+from s2rstore.files import layout, lease
+from s2rstore.files.lease import COMPUTE_TIMING, TIMING, Lease, ReportLine, Timing
+from s2rstore.files.lock_file import LockFile
 
 
-def publish_lock(root: Path, timeout: float = 120.0) -> AbstractContextManager[None]:
+def publish_lock(
+    root: Path, timeout: float = 120.0, timing: Timing = TIMING
+) -> AbstractContextManager[Lease]:
     """Wait up to `timeout` seconds for other publishers; StoreBusyError after that."""
-    return _store_lock(root, "publish", timeout)
+    return _held(_store_file(root, "publish"), f"{root}: the publish lock", timeout, timing)
 
 
-def compute_lock(root: Path, timeout: float = 0.0) -> AbstractContextManager[None]:
-    """Hold the compute lock; StoreBusyError names the process that holds it already."""
-    return _store_lock(root, "compute", timeout)
+def compute_lock(
+    root: Path,
+    timeout: float = 0.0,
+    report_line: ReportLine = lambda line: None,
+    timing: Timing = COMPUTE_TIMING,
+) -> AbstractContextManager[Lease]:
+    """Hold the compute lock; StoreBusyError names the process that holds it already.
+
+    A holder without a recent heartbeat is observed for the limit of `timing`; `report_line` gets a
+    line that says so.
+    """
+    file, what = _store_file(root, "compute"), f"{root}: the compute lock"
+    return _held(file, what, timeout, timing, observe=True, report_line=report_line)
 
 
-def file_lock(path: Path, timeout: float = 120.0) -> AbstractContextManager[None]:
+def file_lock(
+    path: Path, timeout: float = 120.0, timing: Timing = TIMING
+) -> AbstractContextManager[Lease]:
     """Wait up to `timeout` seconds for other writers of this file; StoreBusyError after that."""
     with suppress(OSError):
         path.parent.mkdir(exist_ok=True)
-    lock = path.with_name(f".{path.name}.lock")
-    return _held(partial(safe_files.open_lock, lock), path, "writing", timeout)
+    lock = LockFile(path.with_name(f".{path.name}.lock"))
+    return _held(lock, f"{path}: the writing lock", timeout, timing)
 
 
-def _store_lock(root: Path, name: str, timeout: float) -> AbstractContextManager[None]:
-    lock = f"{layout.LEDGER}/{name}.lock"
-    open_lock = partial(safe_files.open_regular, root, lock, os.O_RDWR | os.O_CREAT)
-    return _held(open_lock, root, name, timeout)
+def _store_file(root: Path, name: str) -> LockFile:
+    return LockFile(root / layout.LEDGER / f"{name}.lock", root)
 
 
 @contextmanager
-def _held(open_lock: Callable[[], int], path: Path, name: str, timeout: float) -> Iterator[None]:
+def _held(
+    file: LockFile,
+    what: str,
+    timeout: float,
+    timing: Timing,
+    observe: bool = False,
+    report_line: ReportLine = lambda line: None,
+) -> Iterator[Lease]:
+    held = lease.acquire(file, what, timeout, timing, observe, report_line)
     try:
-        descriptor = open_lock()
-    except OSError as error:
-        message = f"{path}: the {name} lock cannot be opened ({error.strerror})"
-        raise RequestError(message) from error
-    try:
-        _wait(descriptor, path, name, timeout)
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _wait(descriptor: int, path: Path, name: str, timeout: float) -> None:
-    deadline = time.monotonic() + timeout
-    while True:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return
-        except BlockingIOError:
-            if time.monotonic() >= deadline:
-                holder = os.pread(descriptor, 200, 0).decode(errors="replace") or "another process"
-                raise StoreBusyError(
-                    f"{path}: {holder} holds the {name} lock; wait for it, or stop it"
-                ) from None
-            time.sleep(0.05)
-        except OSError as error:  # a file system without locks
-            raise RequestError(f"{path}: cannot be locked ({error.strerror})") from error
+        yield held
+    except BaseException:
+        with suppress(RequestError):  # the first error is the one to report
+            held.release()
+        raise
+    held.release()

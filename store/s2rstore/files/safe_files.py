@@ -144,7 +144,20 @@ def open_regular(root: Path, relative: str | Path, flags: int) -> int:
     """
     path = root / relative
     with parent_folder(root, relative, create=bool(flags & os.O_CREAT)) as (parent, _):
-        return _checked_descriptor(open_descriptor(path, flags | _FILE_FLAGS, parent), path)
+        return open_regular_at(path, flags, parent)
+
+
+def open_regular_at(path: Path, flags: int, folder: int | None) -> int:
+    """A descriptor of a regular file in an open folder, or of the whole path without one.
+
+    Raises LinkError where the file itself is a link, RequestError for any other kind of file.
+    """
+    try:
+        return _checked_descriptor(open_descriptor(path, flags | _FILE_FLAGS, folder), path)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise LinkError(path) from error
+        raise
 
 
 def _checked_descriptor(descriptor: int, path: Path) -> int:
@@ -256,20 +269,6 @@ def walk(root: Path, relative: str | Path = "") -> Iterator[FolderEntry]:
                 if entry.path.count("/") > _MAX_DEPTH:
                     raise RequestError(f"{root / entry.path}: folders nested too deeply; remove it")
                 waiting.append(entry.path)
-
-
-def open_lock(path: Path) -> int:
-    """A descriptor of a lock file outside a store, which is created where it is missing.
-
-    Its folder may be reached by links.
-    """
-    flags = os.O_RDWR | os.O_CREAT | _FILE_FLAGS
-    try:
-        return _checked_descriptor(os.open(path, flags, 0o666), path)
-    except OSError as error:
-        if error.errno == errno.ELOOP:
-            raise LinkError(path) from error
-        raise
 
 
 def error_text(error: OSError) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import datetime
 import math
-import os
+import secrets
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -22,30 +22,37 @@ from s2rstore.gap_history import reader, schema
 from s2rstore.index import locked_connection
 from s2rstore.index.schema import Table
 
+Check = Callable[[], None]
 Change = Callable[[duckdb.DuckDBPyConnection], None]
 Rows = dict[str, list[dict[str, Any]]]
 """Rows to add, by table; each row maps column names to values."""
 
 
-def append(path: Path, added: Rows) -> None:
-    """Add rows durably, all or none; the caller holds the lock. Raises RequestError on failure."""
-    _replace(path, partial(_add, added))
+def append(path: Path, added: Rows, check: Check = lambda: None) -> None:
+    """Add rows durably, all or none. Raises RequestError on failure.
+
+    The caller holds the lock; `check` of its lease is called directly before the file is replaced.
+    """
+    _replace(path, partial(_add, added), check)
 
 
-def withdraw_night(path: Path, name: str, night: datetime.date, now: str) -> None:
-    """Move the rows of a night to the tables of withdrawn nights, all or none."""
-    _replace(path, partial(_withdraw, name, night, now))
+def withdraw_night(
+    path: Path, name: str, night: datetime.date, now: str, check: Check = lambda: None
+) -> None:
+    """Move the rows of a night to the tables of withdrawn nights, all or none, as in `append`."""
+    _replace(path, partial(_withdraw, name, night, now), check)
 
 
-def _replace(path: Path, change: Change) -> None:
+def _replace(path: Path, change: Change, check: Check) -> None:
     reader.refuse_link(path)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(8)}.new")
     try:
         for left in path.parent.glob(f".{path.name}.*.new*"):
             left.unlink(missing_ok=True)
         _write(beside, path if path.exists() else None, change)
         beside.chmod(0o644)
         atomic_writes.sync_path(beside)
+        check()
         beside.replace(path)
         atomic_writes.sync_path(path.parent)
     except (OSError, duckdb.Error) as error:

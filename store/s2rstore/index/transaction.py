@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from s2rstore.index import locked_connection, schema
 
 _BASE_TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = 'base'"
 
+Check = Callable[[], None]
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
 
 
@@ -95,31 +97,40 @@ class IndexTransaction:
 
 
 @contextmanager
-def edit(root: Path) -> Iterator[IndexTransaction]:
+def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
     """Publish the next generation of the store at `root` with the changes made in the block.
 
     An exception inside leaves the store at its current generation. A folder without a
-    generation gets its first one.
+    generation gets its first one. `check` is called before anything is published, for callers
+    that hold a further lock: `Lease.check` of that. Raises StoreBusyError where the publish lock
+    is held by another process, or was taken over while this process was suspended.
     """
     check_writable(root)
-    with locks.publish_lock(root):
+    with locks.publish_lock(root) as lease:
+
+        def check_leases() -> None:
+            check()
+            lease.check()
+
         is_new = safe_files.kind(root, layout.CURRENT) is None
         base = None if is_new else layout.read_current(root)
         for entry in safe_files.names(root, layout.INDEX):
-            if entry.name.startswith(".building-"):  # of a writer that was killed
+            if entry.name.startswith(".building-"):  # of a writer that has lost the lock
                 atomic_writes.remove(root, entry.path)
-        building = f"{layout.INDEX}/.building-{os.getpid()}.duckdb"
+        building = f"{layout.INDEX}/.building-{secrets.token_hex(8)}.duckdb"
         beside = safe_files.checked_path(root, building)
         connection = locked_connection.connect_empty([root / layout.INDEX])
         try:
             old = safe_files.checked_path(root, base.index) if base else None
             _begin(connection, beside, old)
             yield IndexTransaction(connection)
+            check_leases()  # a new holder of the lock has removed this index
             rows = connection.execute("SELECT hash FROM dataset").fetchall()
             locked_connection.detach_new(connection, "draft")
             connection.close()
             dataset_hash = str(rows[0][0]) if rows else ""
-            _publish(root, building, _next_generation(root, base), dataset_hash)
+            generation = _next_generation(root, base)
+            _publish(root, building, generation, dataset_hash, check_leases)
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
@@ -164,9 +175,10 @@ def _check_names(table: str, names: Iterable[str]) -> None:
         raise KeyError(f"{table} has no column {min(unknown)}")
 
 
-def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> None:
+def _publish(root: Path, building: str, generation: int, dataset_hash: str, check: Check) -> None:
     name = layout.index_name(generation)
     atomic_writes.sync(root, building)
+    check()
     atomic_writes.rename(root, building, name)
     current = layout.Current(
         generation=generation,
@@ -176,7 +188,7 @@ def _publish(root: Path, building: str, generation: int, dataset_hash: str) -> N
         schema=schema.VERSION,
         dataset_hash=dataset_hash,
     )
-    layout.write_current(root, current)
+    layout.write_current(root, current, check)
 
 
 def _next_generation(root: Path, base: layout.Current | None) -> int:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,12 +17,16 @@ import duckdb
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
-from s2rstore.files.ingest_folder import appending_folders, building_folders, is_running
+from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, schema
 
-_PROCESS = re.compile(r"\.(\d+)\.new(\.wal)?$")
+_IN_HISTORY = re.compile(
+    rf"{layout.HISTORY}/\.(?P<name>[^/]*\.duckdb)"
+    r"(\.[0-9a-f]+\.new(\.wal)?|\.lock\.[^/]+\.partial)"
+)
+"""An unfinished file of a gap history or its lock, with the name of the history's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,16 +44,20 @@ class PruneResult:
 def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
     """Keep the newest `keep` generations and what they reference; remove the rest.
 
-    Takes the compute lock, so that no half-written unit is removed. Where there is no
-    store, only the folders that an interrupted ingest has left beside it are removed. Raises
-    StoreBusyError while a precompute runs, RequestError for a store that another release wrote or
-    whose published index is missing.
+    Takes the compute lock and the publish lock, so that no half-written file is removed. Where
+    there is no store, only the folders that an interrupted ingest has left beside it are removed.
+    Raises StoreBusyError while a precompute runs, RequestError for a store that another release
+    wrote or whose published index is missing.
     """
     beside = [folder.path for folder in building_folders(root) if folder.is_abandoned]
     if beside and not root.exists():
         return _with_beside(PruneResult((), 0), beside, dry_run)
     layout.read_current(root)
-    with locks.compute_lock(root), locks.publish_lock(root):
+    with (
+        locks.compute_lock(root) as computing,
+        locks.publish_lock(root) as publishing,
+        _locked_histories(root) as histories,
+    ):
         current = layout.read_current(root)
         if current.schema != schema.VERSION:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
@@ -63,12 +73,16 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         removed += _unreferenced(root, [path for number, path in indexes if number in needed])
         appending = {folder.path.name: folder.is_abandoned for folder in appending_folders(root)}
         removed += [path for path, is_abandoned in appending.items() if is_abandoned]
-        unfinished = [path for path in _unfinished(root) if not _is_in(path, [*appending])]
+        unfinished = [
+            path for path in _unfinished(root, histories) if not _is_in(path, [*appending])
+        ]
         removed += [path for path in unfinished if not _is_in(path, removed)]
         files = {path: _files_below(root, path) for path in removed}
         size = sum(entry.bytes for entries in files.values() for entry in entries)
         links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
         if not dry_run:
+            computing.check()
+            publishing.check()
             _remove(root, files)
     return _with_beside(PruneResult(tuple(removed), size, links), beside, dry_run)
 
@@ -146,13 +160,30 @@ def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:
     return used
 
 
-def _unfinished(root: Path) -> list[str]:
-    """Files that killed writes have left; not those that a process still writes without a lock."""
+@contextmanager
+def _locked_histories(root: Path) -> Iterator[set[str]]:
+    """Hold the locks of the gap histories with unfinished files; yield the names of their files.
+
+    A history whose lock another process holds is left out: its files may be in use.
+    """
+    entries = atomic_writes.partial_files(root)
+    named = {match["name"] for e in entries if (match := _IN_HISTORY.fullmatch(e.path))}
+    locked = set()
+    with ExitStack() as stack:
+        for name in sorted(named):
+            with suppress(RequestError):
+                stack.enter_context(locks.file_lock(root / layout.HISTORY / name, timeout=0.0))
+                locked.add(name)
+        yield locked
+
+
+def _unfinished(root: Path, histories: set[str]) -> list[str]:
+    """Files that killed writes have left: all, as far as this process holds the locks."""
     paths = []
     for entry in atomic_writes.partial_files(root):
-        process = _PROCESS.search(entry.name)
-        in_history = entry.path.startswith(f"{layout.HISTORY}/")
-        if not is_running(int(process[1])) if process else not in_history:
+        of_history = _IN_HISTORY.fullmatch(entry.path)
+        is_elsewhere = not entry.path.startswith(f"{layout.HISTORY}/")
+        if of_history["name"] in histories if of_history else is_elsewhere:
             paths.append(entry.path)
     return paths
 

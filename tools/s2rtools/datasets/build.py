@@ -107,25 +107,20 @@ def write_frames(scan: Scan, root: Path, progress: ReportProgress) -> StoredReco
 
 
 def remove_leftovers(folders: list[BuildingFolder], report_line: ReportLine) -> None:
-    """Remove building folders of ended processes of this host; report every such folder.
+    """Remove the building folders of ingests that have ended; report every such folder.
 
-    Folders of running processes and of other hosts stay.
+    Folders stay whose process runs, or may run on another host.
     """
     for folder in folders:
-        is_this_process = folder.process == os.getpid()
-        if folder.is_of_this_host and (is_this_process or folder.is_abandoned):
+        if folder.is_abandoned:
             shutil.rmtree(folder.path, ignore_errors=True)
             if not folder.path.exists():
                 report_line(
-                    f"{folder.path}: removed; an interrupted ingest (process {folder.process}) "
-                    "had left it"
+                    f"{folder.path}: removed; an interrupted ingest ({folder.builder}) had left it"
                 )
                 continue
-        builder = f"process {folder.process}"
-        if folder.host is not None and not folder.is_of_this_host:
-            builder += f" on {folder.host}"
         report_line(
-            f"{folder.path}: left by another ingest ({builder}); "
+            f"{folder.path}: left by another ingest ({folder.builder}); "
             f"when that has ended, remove it with: rm -r {shlex.quote(str(folder.path))}"
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 import shutil
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,8 @@ from s2rtools.nightly.metrics import metrics
 from s2rtools.nightly.report_model import night_report
 
 LATEST = "latest"
+_TEMPORARY = re.compile(r"\.[0-9a-f]{16}")
+"""Suffix of the temporary names of `_set_latest`."""
 
 
 def publish(config: NightlyConfig, history: History, night: Night) -> list[Path]:
@@ -87,7 +90,8 @@ def _set_latest(link: Path, target: str) -> bool:
     """Point `latest` to the newest night: a link, or a copy where links are not supported."""
     if link.is_symlink() and os.readlink(link) == target:
         return False
-    temporary = link.with_name(f".{link.name}.{os.getpid()}")
+    _remove_temporaries(link)
+    temporary = link.with_name(f".{link.name}.{secrets.token_hex(8)}")
     try:
         try:
             temporary.symlink_to(target)
@@ -99,6 +103,18 @@ def _set_latest(link: Path, target: str) -> bool:
             temporary.unlink()
         raise RequestError(f"{link}: {error.strerror or error}") from error
     return True
+
+
+def _remove_temporaries(link: Path) -> None:
+    """Remove what killed processes have left; the caller holds the lock of the history."""
+    for left in link.parent.glob(f".{link.name}.*"):
+        if _TEMPORARY.fullmatch(left.suffix) is None:
+            continue
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                left.unlink()
 
 
 def _copy_latest(link: Path, target: str, temporary: Path) -> bool:

@@ -61,15 +61,17 @@ def nightly(
     result = _night_result(config, night, measure, estimate)
     stored.refuse_link(config.history)
     config.history.parent.mkdir(parents=True, exist_ok=True)
-    with locks.file_lock(config.history):
+    with locks.file_lock(config.history) as lease:
         history = history_rows.read_or_empty(config.history)
         present = history_rows.counting_night(history, config.name, night)
         new = not history_rows.is_recorded(present, result, history)
         if new:
-            writer.append(config.history, history_rows.rows(result, history, clock()))
+            rows = history_rows.rows(result, history, clock())
+            writer.append(config.history, rows, lease.check)
             history = stored.read(config.history)
             present = history_rows.counting_night(history, config.name, night)
         assert present is not None
+        lease.check()
         written = publish(config, history, present)
     return NightRun(present, new, new and present.measured == present.id, tuple(written))
 

@@ -26,7 +26,7 @@ def withdraw(
     check_ownership(config)
     if not config.history.exists():
         raise RequestError(f"{config.history}: no history, so no night to withdraw")
-    with locks.file_lock(config.history):
+    with locks.file_lock(config.history) as lease:
         history = reader.read(config.history)
         withdrawn = tuple(n for n in history.nights if (n.name, n.night) == (config.name, night))
         if not withdrawn:
@@ -34,7 +34,8 @@ def withdraw(
             known = f"the newest is {newest[-1].night}" if newest else "it has none"
             raise RequestError(f"{config.history}: no night {night} of {config.name!r}; {known}")
         now = clock().astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        writer.withdraw_night(config.history, config.name, night, now)
+        writer.withdraw_night(config.history, config.name, night, now, lease.check)
+        lease.check()
         remaining = reader.read(config.history)
         nights = remaining.of_configuration(config.name)
         if nights:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -21,23 +21,31 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, Stage
+from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, open_parts
 
 _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
 
-def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str, Any]) -> bool:
+def publish_run(
+    root: Path,
+    run: str,
+    stages: Sequence[Stage],
+    backend: dict[str, Any],
+    check: Callable[[], None] = lambda: None,
+) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
-    `stages` begins with the forward stage. Arrays of other heatmap kinds stay listed as long as
+    `check` is called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as
     they belong to the same predictions.
     """
     specs = [spec for stage in stages for spec in stage.specs]
-    key = stages[0].specs[0].key
+    key = _run_key(specs)
     with s2rstore.open(root) as store:
-        same = store.run(run).key == key
-        listed = store.arrays(run) if same else []
+        predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
+        listed = store.array_parts(run)
+        same = bool(predicted & {record.path for record in listed})
+        listed = listed if same else []
         complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
         if complete and not store.missing_columns("prediction"):
             return False
@@ -46,7 +54,7 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
         previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
-    with edit(root) as draft:
+    with edit(root, check) as draft:
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
         for table, rows in columns:
@@ -60,6 +68,12 @@ def publish_run(root: Path, run: str, stages: Sequence[Stage], backend: dict[str
     return True
 
 
+def _run_key(specs: Sequence[ArraySpec]) -> str:
+    """The key of the predictions of all parts."""
+    keys = list(dict.fromkeys(spec.key for spec in specs if spec.kind == "prediction"))
+    return keys[0] if len(keys) == 1 else content_key({"parts": keys})
+
+
 def _instance_columns(
     store: Store, run: str, specs: Sequence[ArraySpec]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -69,10 +83,11 @@ def _instance_columns(
     scale = store.dataset.accuracy_scale
     for side in SIDES:
         poses, distances, plane = (
-            np.asarray(spec.open_array(store.path, run)[:])
+            np.asarray(
+                open_parts([s for s in specs if (s.kind, s.side) == (kind, side)], store.path, run)
+            )
             for kind in ("prediction", outliers.KIND, "umap")
-            for spec in specs if (spec.kind, spec.side) == (kind, side)
-        )  # fmt: skip
+        )
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
         scores = outliers.outlier_scores(distances)
         columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
@@ -95,6 +110,7 @@ def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
         "zero": 0.0,
         "unit": spec.unit,
         "metadata_sha256": spec.open_array(root, run).metadata_sha256,
+        "first_iid": spec.first_iid,
     }
 
 

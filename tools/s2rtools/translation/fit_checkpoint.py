@@ -54,8 +54,11 @@ def write_checkpoint(
     write_file(path, save(plain, header))
 
 
-def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitProgress:
-    """Restore `state`. Raises RequestError if the file is damaged or of another fit."""
+def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitProgress | None:
+    """Restore `state`; None, and `state` unchanged, where the file is of a fit with other facts.
+
+    Raises RequestError if the file is damaged.
+    """
     check_regular(path)
     try:
         with safe_open(path, framework="pt") as file:
@@ -66,7 +69,7 @@ def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitPr
             f"{path}: not a checkpoint ({error}); remove it to start again"
         ) from error
     if header.get("facts") != json.dumps(facts, sort_keys=True):
-        raise RequestError(f"{path}: checkpoint of another fit; remove it to start again")
+        return None
     try:
         _restore(tensors, state)
         return FitProgress(**json.loads(header["progress"]))
