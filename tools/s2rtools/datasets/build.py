@@ -56,7 +56,9 @@ def build(
     usable, or with `strict` if there is any issue.
     """
     if target.exists():
-        raise RequestError(f"{target}: exists; choose another --store, or remove it")
+        raise RequestError(
+            f"{target}: exists; choose another --store, remove it, or add to it with --append"
+        )
     report_outside_bounds(scan)
     refuse_unusable(scan, strict)
     folder = building_folder(target)
