@@ -13,6 +13,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
+from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.precompute import pipeline
@@ -140,6 +141,9 @@ def test_reading_a_part_that_is_not_computed_is_refused(parted: Path, tmp_path: 
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
         with pytest.raises(RequestError, match="not computed for all instances"):
             store.heatmap("vanilla", "activation", "sim", FIRST)
+        assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
+        near, _ = neighbours(store, "vanilla", "sim", 0, 40)
+        assert near.max() < FIRST
 
 
 @pytest.mark.parametrize(
