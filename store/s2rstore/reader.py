@@ -251,8 +251,11 @@ class Store(IndexCatalog):
         records = self._records_of(run, kind, side, mode)
         count = len(self.instances)
         first = records[0]
-        if len(records) == 1 and first.shape[:1] == (count,):
+        is_of_instances = first.axes[:1] == ("iid",)
+        if len(records) == 1 and (first.shape[:1] == (count,) or not is_of_instances):
             return first, self.stored(first)
+        if not is_of_instances:
+            raise RequestError(f"run {run!r}: {kind} has several parts; read it by `map_grid`")
         parts = [(record.first_iid, self.stored(record)) for record in records]
         missing = f"run {run!r}: {kind} is not computed for all instances; run `s2r precompute`"
         return first, PartedArray(parts, count, missing)

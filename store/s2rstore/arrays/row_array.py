@@ -73,6 +73,10 @@ class RowArray(ABC):
             values[places] = self.rows(first, last + 1)[rows[places] - first]
         return values
 
+    def filled(self) -> NDArray[Any]:
+        """All rows of an array of floats, NaN where none is stored."""
+        return self.rows(0, self.shape[0])
+
     @property
     @abstractmethod
     def block_rows(self) -> int:
@@ -125,12 +129,21 @@ class PartedArray(RowArray):
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         self._check_range(start, stop)
         values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
-        filled = 0
+        if self._read(values, start, stop) != stop - start:
+            raise RequestError(self._missing)
+        return values
+
+    def filled(self) -> NDArray[Any]:
+        values = np.full(self.shape, np.nan, dtype=self.dtype)
+        self._read(values, 0, self.shape[0])
+        return values
+
+    def _read(self, values: NDArray[Any], start: int, stop: int) -> int:
+        """Read the rows [start, stop) that a part holds into `values`; gives their number."""
+        count = 0
         for first, part in self.parts:
             low, high = max(start, first), min(stop, first + part.shape[0])
             if low < high:
                 values[low - start : high - start] = part.rows(low - first, high - first)
-                filled += high - low
-        if filled != stop - start:
-            raise RequestError(self._missing)
-        return values
+                count += high - low
+        return count

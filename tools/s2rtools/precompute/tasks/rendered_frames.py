@@ -25,9 +25,8 @@ def frames_stages(store: Store, run: Run, part: Part) -> list[Stage]:
         domain, move = store.domain(run.domain(side)), run_camera_move(store, run, side)
         if move == UNMOVED:
             continue
-        depth = store.frames(domain.domain, part.first_iid, part.first_iid + 1, ("depth",))[
-            "depth"
-        ].dtype.name
+        first = part.first_iid
+        depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name
         frame = store.dataset.frame_height, store.dataset.frame_width
         facts = {
             "dataset": part.hash,
