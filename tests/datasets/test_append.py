@@ -1,80 +1,28 @@
-"""Appending trajectories to a store: what is added, what stays, what is refused."""
+"""What an append adds to a store, and what stays."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import tarfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ingest_folder import appending_folder, appending_folders
-from s2rstore.index import transaction
-from s2rstore.maintenance.prune import prune
+from s2rstore.files import layout
+from s2rstore.files.ingest_folder import appending_folders
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets import IMPORTERS, append, build
+from s2rtools.datasets import append, build
 from s2rtools.datasets.image_decoding import ImageFiles
-from s2rtools.datasets.scan import Scan, ScanOptions
+from s2rtools.datasets.scan import Scan
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
-from tests.datasets.helpers import SIZE, ingest, kinds
+from tests.datasets.conftest import N
+from tests.datasets.helpers import SIZE, add, files, ingest, kinds, scan_of
 from tests.support import image_folders, pairs
 from tests.support.copies import copy_store
-
-N = 8
-
-
-def scan_of(name: str, path: Path, **options) -> Scan:
-    return IMPORTERS[name](path, ScanOptions(**{"frame": SIZE, **options}))
-
-
-def add(
-    scan: Scan, store: Path, strict: bool = False, lines: list[str] | None = None
-) -> dict[str, int]:
-    said = [] if lines is None else lines
-    return append.append(scan, store, "s2r ingest", strict, lambda steps: None, said.append)
-
-
-def files(store: Path) -> dict[str, str]:
-    """SHA-256 of the files that no generation may change."""
-    return {
-        path.relative_to(store).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in store.rglob("*")
-        if path.is_file()
-        and path.relative_to(store).parts[0] in (layout.FRAMES, layout.INDEX, layout.ASSETS)
-    }
-
-
-@pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Trajectories `a`, `c` and `b` of the Sim2RealViz layout, and their calibration."""
-    folder = tmp_path_factory.mktemp("source")
-    return folder, pairs.sim2realviz(folder, n=N, trajectories=("a", "c", "b"))
-
-
-@pytest.fixture(scope="module")
-def first_store(source: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of trajectory `c`."""
-    store = tmp_path_factory.mktemp("first") / "s.s2r"
-    ingest("sim2realviz", source[0], store, header=source[1], trajectories=("c",))
-    return store
-
-
-@pytest.fixture
-def store(first_store: Path, tmp_path: Path) -> Path:
-    return copy_store(first_store, tmp_path / "s.s2r")
-
-
-@pytest.fixture
-def scan(source: tuple[Path, Path]) -> Scan:
-    return scan_of("sim2realviz", source[0], header=source[1])
 
 
 def rows_by_trajectory(store: Path) -> dict[str, object]:
@@ -204,123 +152,6 @@ def test_an_unusable_pair_that_was_left_out_does_not_make_a_difference(tmp_path:
     assert add(scan_of("sim2realviz", tmp_path / "data", header=header), store) == {"b": N}
 
 
-def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path: Path) -> None:
-    manifest = pairs.manifest(tmp_path / "data")
-    store = tmp_path / "s.s2r"
-    ingest("csv", manifest, store, trajectories=("a",))
-    before = files(store)
-    text = manifest.read_text()
-    first = text.splitlines()[1]
-    manifest.write_text(text.replace(first.split(",")[5], "6.9"))
-    with pytest.raises(RequestError, match="trajectory a: the source differs"):
-        add(scan_of("csv", manifest), store)
-    manifest.write_text(text)
-    shutil.copy(tmp_path / "data" / "sim" / "1_rgb.png", tmp_path / "data" / "sim" / "0_rgb.png")
-    with pytest.raises(RequestError, match=r"trajectory a: the source differs.*another name"):
-        add(scan_of("csv", manifest), store)
-    assert files(store) == before
-
-
-def test_a_shorter_or_longer_recording_of_a_stored_trajectory_is_refused(
-    scan: Scan, store: Path
-) -> None:
-    for records in (
-        scan.trajectories["c"][:-1],
-        [*scan.trajectories["c"], scan.trajectories["a"][0]],
-    ):
-        scan.trajectories["c"] = records
-        with pytest.raises(RequestError, match="trajectory c: the source differs"):
-            add(scan, store)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("accuracy_scale = 10.0", "accuracy_scale = 11.0", "another accuracy_scale: 11 m"),
-        ("y_down = true", "y_down = false", "another y_down"),
-        ("camera_height = 0.6", "camera_height = 0.7", "another camera_height of domain sim: 0.7"),
-        ("hfov = 70.0", "hfov = 71.0", "another rgb_fx of domain real"),
-        ("depth_raw_max = 249", "depth_raw_max = 248", "another depth_raw_max of domain sim"),
-        ('kind = "sim"', 'kind = "real"', "another kind of domain sim: real, the store sim"),
-    ],
-)
-def test_another_calibration_is_refused_by_name(
-    source: tuple[Path, Path], store: Path, tmp_path: Path, old: str, new: str, message: str
-) -> None:
-    header = tmp_path / "other.toml"
-    header.write_text(source[1].read_text().replace(old, new))
-    before = files(store)
-    with pytest.raises(RequestError, match=message):
-        add(scan_of("sim2realviz", source[0], header=header), store)
-    assert files(store) == before
-
-
-def test_another_frame_size_and_other_domains_are_refused(
-    source: tuple[Path, Path], store: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(RequestError, match=r"frame size \(--size\): 48x48, the store 32x32"):
-        add(scan_of("sim2realviz", source[0], header=source[1], frame=(48, 48)), store)
-    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("d",), edit=True)
-    with pytest.raises(RequestError, match="set of domains: real, sim, sim_edit, the store real"):
-        add(scan_of("sim2realviz", tmp_path / "data", header=header), store)
-    folders = image_folders.folders(tmp_path / "images")
-    with pytest.raises(RequestError, match="kind of data: images without poses"):
-        add(scan_of("images", Path(), folders=folders), store)
-
-
-def test_cameras_that_differ_by_rounding_agree(scan: Scan, store: Path) -> None:
-    domain = scan.domains["sim"]
-    scan.domains["sim"] = replace(domain, depth_scale=np.nextafter(domain.depth_scale, 1))
-    assert add(scan, store) == {"a": N, "b": N}
-
-
-def test_no_store_is_made(scan: Scan, tmp_path: Path) -> None:
-    with pytest.raises(RequestError, match="leave out --append"):
-        add(scan, tmp_path / "missing.s2r")
-    assert not (tmp_path / "missing.s2r").exists()
-
-
-def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
-    source: tuple[Path, Path], store: Path, tmp_path: Path
-) -> None:
-    text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0").replace('"west"', '"front"')
-    header = tmp_path / "other.toml"
-    header.write_text(text)
-    with s2rstore.open(store) as opened:
-        dataset, rooms = opened.dataset, opened.rooms
-    other = scan_of("sim2realviz", source[0], header=header)
-    other.floor_plan = np.full((40, 60, 3), 99, np.uint8)
-    with pytest.raises(RequestError, match="bounds"):
-        add(other, store, strict=True)
-    other.issues.clear()
-    add(other, store)
-    assert kinds(other) == {"other bounds": 1, "other rooms": 1, "other floor plan": 1}
-    with s2rstore.open(store) as opened:
-        assert (opened.dataset.bounds, opened.rooms) == (dataset.bounds, rooms)
-        assert opened.dataset.floor_plan is None
-        truth = opened.instances
-        assert (truth.room[:N] == truth.room[N : 2 * N]).all()
-        recorded = json.loads(opened.provenance("dataset")["append:1"])["problems"]
-        assert recorded == kinds(other)
-
-
-def test_the_same_floor_plan_is_not_reported(
-    source: tuple[Path, Path], scan: Scan, tmp_path: Path
-) -> None:
-    plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
-    first = scan_of("sim2realviz", source[0], header=source[1], trajectories=("c",))
-    first.floor_plan = scan.floor_plan = plan
-    build.build(first, tmp_path / "s.s2r", "s2r ingest", False, lambda steps: None)
-    add(scan, tmp_path / "s.s2r", strict=True)
-    assert scan.issues == []
-
-
-def test_poses_outside_the_bounds_of_the_store_are_reported(scan: Scan, store: Path) -> None:
-    scan.trajectories["a"][0] = replace(scan.trajectories["a"][0], x=99.0)
-    add(scan, store)
-    assert kinds(scan) == {"pose outside the bounds": 1}
-
-
 def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> None:
     header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
     store = tmp_path / "s.s2r"
@@ -356,21 +187,21 @@ def test_images_without_poses_can_be_appended(tmp_path: Path) -> None:
 
 
 def test_the_synthetic_world_grows_with_the_same_recipe_only(tmp_path: Path) -> None:
-    world = {"seed": 3, "count": 4}
+    world = {"seed": 3, "count": 2}
+    both = replace(scan_of("world", Path(), world=world), drives=None)
     store = tmp_path / "w.s2r"
-    ingest("world", Path(), store, world=world, trajectories=("traj2",))
+    first = replace(both, trajectories={"traj2": both.trajectories["traj2"]})
+    build.build(first, store, "s2r ingest", True, lambda steps: None)
+    ((section, facts),) = both.provenance.items()
+    other = {section: {**facts, "recipe": {**facts["recipe"], "count": 3}}}
     with pytest.raises(RequestError, match="another recipe of"):
-        add(scan_of("world", Path(), world={"seed": 3, "count": 5}), store)
-    assert add(scan_of("world", Path(), world=world), store) == {"traj1": 4}
-    ingest("world", Path(), tmp_path / "once.s2r", world=world)
-    assert rows_by_trajectory(store)["frame"] == rows_by_trajectory(tmp_path / "once.s2r")["frame"]
+        add(replace(both, provenance=other), store)
+    assert add(both, store, strict=True) == {"traj1": 2}
     assert verify(store) == []
     with s2rstore.open(store) as opened:
         data = WorldData(WorldRecipe(**world, frame=SIZE[0]))
         assert data.matches(opened)
-        assert data.noise_numbers(opened).tolist() == [
-            *range(1_000_000, 1_000_004), *range(4)
-        ]  # fmt: skip
+        assert data.noise_numbers(opened).tolist() == [1_000_000, 1_000_001, 0, 1]
 
 
 def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
@@ -404,129 +235,6 @@ def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
     assert any("computed for" in note for note in check(store).notes)
 
 
-class Killed(BaseException):
-    """Stands for the end of the process at this point."""
-
-
-def _kill(*arguments: object, **options: object) -> None:
-    raise Killed
-
-
-def _kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
-    done = 0
-
-    def counted(*arguments: object, **options: object) -> object:
-        nonlocal done
-        if done == calls:
-            raise Killed
-        done += 1
-        return function(*arguments, **options)
-
-    return counted
-
-
-@pytest.mark.parametrize(
-    "point",
-    ["frames", "second trajectory", "entries", "before moving", "first move", "third move",
-     "ledger", "checksums", "rows", "index file", "current"],
-)  # fmt: skip
-def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch, point: str
-) -> None:
-    """The building folder stays, too, as after a real kill."""
-    before, current = files(store), layout.read_current(store)
-    moves = {"before moving": 0, "first move": 1, "third move": 3}
-    with monkeypatch.context() as patch:
-        patch.setattr(append.shutil, "rmtree", lambda *arguments, **options: None)
-        if point in moves:
-            patch.setattr(atomic_writes, "move", _kill_after(atomic_writes.move, moves[point]))
-        elif point == "second trajectory":
-            patch.setattr(build, "_write_trajectory", _kill_after(build._write_trajectory, 1))
-        else:
-            owner, name = {
-                "frames": (append, "write_frames"),
-                "entries": (append, "_checked_entries"),
-                "ledger": (append.Ledger, "add_entries"),
-                "checksums": (transaction.IndexTransaction, "record_checksums"),
-                "rows": (append, "insert_instances"),
-                "index file": (transaction, "_publish"),
-                "current": (layout, "write_current"),
-            }[point]
-            patch.setattr(owner, name, _kill)
-        with pytest.raises(Killed):
-            add(scan, store)
-    assert layout.read_current(store) == current
-    after = files(store)
-    assert {path: after[path] for path in before} == before
-    assert verify(store) == []
-    assert add(scan, store) == {"a": N, "b": N}
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        assert len(opened.instances) == 3 * N
-
-
-def test_prune_removes_unreferenced_frames_and_keeps_all_others(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(append, "insert_instances", _kill)
-        with pytest.raises(Killed):
-            add(scan, store)
-    leftovers = {f"{layout.FRAMES}/{domain}/{name}" for domain in ("sim", "real") for name in "ab"}
-    assert leftovers <= set(prune(store, dry_run=True).paths)
-    assert set(prune(store).paths) == leftovers
-    assert verify(store) == []
-    add(scan, store)
-    assert prune(store, keep=1).paths == ("index/index-000001.duckdb",)
-    assert verify(store) == []
-    with s2rstore.open(store) as opened:
-        assert opened.frame(0, "sim").rgb.any()
-
-
-def test_prune_keeps_the_folder_in_which_another_process_appends(store: Path) -> None:
-    folder = appending_folder(store)
-    (folder / "ledger").mkdir(parents=True)
-    (folder / ".x.partial").write_bytes(b"1")
-    assert prune(store).paths == ()
-    assert (folder / ".x.partial").exists()
-    assert verify(store) == []
-
-
-def test_frames_of_a_kept_generation_are_never_replaced(scan: Scan, store: Path) -> None:
-    """A user has put back an older generation of the data under a new number."""
-    old = layout.read_current(store)
-    add(scan, store)
-    third = layout.index_name(3)
-    shutil.copy(store / old.index, store / third)
-    layout.write_current(
-        store,
-        layout.Current(3, third, old.sha256, old.bytes, old.schema, old.dataset_hash),
-    )
-    before = files(store)
-    with pytest.raises(RequestError, match="a kept generation has these frames"):
-        add(scan, store)
-    assert files(store) == before
-
-
-def test_two_appends_do_not_mix(
-    scan: Scan, source: tuple[Path, Path], store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    other = scan_of("sim2realviz", source[0], header=source[1], trajectories=("a",))
-    checked = append._checked_entries
-
-    def interrupted(folder: Path) -> object:
-        entries = checked(folder)
-        monkeypatch.setattr(append, "_checked_entries", checked)
-        add(other, store)
-        return entries
-
-    monkeypatch.setattr(append, "_checked_entries", interrupted)
-    with pytest.raises(RequestError, match="append again"):
-        add(scan, store)
-    assert add(scan, store) == {"b": N}
-    assert verify(store) == []
-
-
 def test_an_image_is_decoded_once_and_compared_ones_not_at_all(
     scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -541,27 +249,6 @@ def test_an_image_is_decoded_once_and_compared_ones_not_at_all(
     add(scan, store)
     assert len(decoded) == len(set(decoded)) == 2 * 2 * N
     assert not any("/c/" in path.as_posix() for path in decoded)
-
-
-def _is_shard(path: Path) -> bool:
-    return path.is_file() and path.name != "zarr.json"
-
-
-def test_damaged_frames_are_not_moved(
-    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write = append.write_frames
-
-    def damaged(*arguments: object) -> object:
-        stored = write(*arguments)
-        shard = next(path for path in arguments[1].rglob("a/rgb/**/*") if _is_shard(path))
-        shard.write_bytes(shard.read_bytes()[:-1])
-        return stored
-
-    monkeypatch.setattr(append, "write_frames", damaged)
-    with pytest.raises(RequestError, match="differs from what was written"):
-        add(scan, store)
-    assert verify(store) == []
 
 
 def test_progress_adds_up(scan: Scan, store: Path) -> None:

@@ -184,7 +184,8 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
         FROM instance JOIN frame USING (iid) WHERE trajectory = ? GROUP BY iid ORDER BY iid
     """
     for _, x, y, heading, domains, checksums in store.execute(query, [trajectory]):
-        pose = tuple(math.nan if value is None else value for value in (x, y, heading))
+        known = None not in (x, y, heading)
+        pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
         yield _StoredInstance(pose, dict(zip(domains, checksums, strict=True)))
 
 
