@@ -452,17 +452,18 @@ def _incomplete_runs(store: Store) -> Iterator[Damage]:
     It covers the first part, and some or all of those that were appended later.
     """
     query = """
-        SELECT run, side, count(DISTINCT iid) FROM prediction
-        WHERE iid >= ? AND iid < ? GROUP BY run, side
+        SELECT run, side, first, count(DISTINCT iid) FROM prediction
+        ASOF JOIN (SELECT unnest(?::INTEGER[]) AS first) ON iid >= first GROUP BY ALL
     """
+    rows = store.execute(query, [[part.first_iid for part in store.parts]])
+    counts = {tuple(key): count for *key, count in rows}
     for part in store.parts:
-        rows = store.execute(query, [part.first_iid, part.stop])
-        counts = {(run, side): count for run, side, count in rows}
         for name, run in store.runs.items():
-            found = [counts.get((name, side), 0) for side in SIDES] if run.key else []
+            sides = [(name, side, part.first_iid) for side in SIDES] if run.key else []
+            found = [counts.get(key, 0) for key in sides]
             if part.part > 0 and not any(found):
                 continue
-            for side, count in zip(SIDES, found, strict=bool(found)):
+            for (_, side, _), count in zip(sides, found, strict=True):
                 if count != part.instances:
                     what = f"run {name}: {count} of {part.instances} {side} rows"
                     yield Damage("table prediction", what)
