@@ -80,8 +80,8 @@ def merged_aggregate(
         mean = total / count
     planes = {"mean": mean, "max": np.fmax.reduce(stacks["max"]), "sum": total}
     if aggregate == "count":
-        return count.astype(np.float32)
-    return np.where(count == 0, np.nan, planes[aggregate]).astype(np.float32)
+        return np.asarray(count, dtype=np.float32)
+    return np.asarray(np.where(count == 0, np.nan, planes[aggregate]), dtype=np.float32)
 
 
 class Projector:

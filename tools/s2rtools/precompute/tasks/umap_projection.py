@@ -83,12 +83,12 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
     stage = unit.stage
     first, fitted = stage.first_iid, stage.fitted
     valid = stage.valid_instances(root, range(fitted))
-    sim, real = (stage.source_array(root, "embedding", side) for side in SIDES)
+    embeddings = [stage.source_array(root, "embedding", side) for side in SIDES]
     if first:
         later = range(first, first + stage.rows)
         valid = np.concatenate([valid, stage.valid_instances(root, later)])
-        sim, real = (_Joined(side, fitted, later) for side in (sim, real))
-    sim, real, _ = principal_components((sim, real), valid, fitted=fitted)
+        embeddings = [_Joined(side, fitted, later) for side in embeddings]
+    sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid, fitted=fitted)
     computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid, fitted=fitted)}
     wanted = slice(fitted, None) if first else slice(None)
     return {spec: computed[spec.kind][spec.side == "real"][wanted] for spec in unit.missing}
