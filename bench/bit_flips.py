@@ -147,7 +147,7 @@ def figures(root: Path) -> Figures:
             for iid in range(len(store.instances)):
                 add(f"frame {domain} {iid}", lambda d=domain, i=iid: _frame(store, d, i))
         for run in store.runs:
-            for record in store.arrays(run):
+            for record in store.array_parts(run):
                 add(f"array {record.path}", lambda r=record: store.stored(r)[:].tobytes())
         add("floor plan", lambda: _floor_plan(store))
         for model in store.models.values():

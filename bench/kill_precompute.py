@@ -69,7 +69,7 @@ def _compare(calm: Path, killed: Path) -> int:
     wrong = [f"verify: {found}" for found in verify(killed)]
     with s2rstore.open(calm) as a, s2rstore.open(killed) as b:
         for run in a.runs:
-            for record in a.arrays(run):
+            for record in a.array_parts(run):
                 names = record.kind, record.side, record.mode
                 left, right = (np.asarray(s.array(run, *names)[1][:]) for s in (a, b))
                 if not np.array_equal(left, right, equal_nan=True):

@@ -132,6 +132,13 @@ class Resources:
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
 
+    def accuracies(self, state: State) -> RunAccuracies | None:
+        """The accuracies of every run; None if instances were added since they were loaded."""
+        if self.lines is None:
+            return None
+        sizes = {column.size for column in self.lines.values.values()}
+        return self.lines if sizes <= {state.selected.size} else None
+
     def heat_on_map(self, state: State) -> FloorGrid | None:
         """The heat that belongs on the map; while adjusting, that of the adjusted images."""
         if state.adjusting and state.overlay == "instance":

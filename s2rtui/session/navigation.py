@@ -145,7 +145,9 @@ def enter_generation(context: SessionContext, state: State) -> State:
     result = _settle(context, base, target)
     if target.run in runs:
         result = keep_input(state, result)
-    parts = (f"generation {store.generation}", result.message)
+    count = len(store.instances) - state.selected.size
+    added = f"{count} {'instance' if count == 1 else 'instances'} added" if count > 0 else ""
+    parts = (f"generation {store.generation}", added, result.message)
     return replace(result, message="; ".join(part for part in parts if part), keeps_message=False)
 
 
@@ -153,7 +155,7 @@ def refuse_generation(fresh: Store, present: Store) -> str:
     """Why a session cannot continue in a newer generation; empty if it can."""
     if not computed_runs(fresh) and fresh.has_poses:
         return "the newest generation has no computed run: reopen the store"
-    if fresh.dataset.hash != present.dataset.hash:
+    if fresh.identity != present.identity:
         return "the newest generation holds another data set: reopen the store"
     return ""
 

@@ -44,7 +44,7 @@ class Session:
 
         A data set without poses has no runs: all its images are selected.
 
-        `notebooks` opens the notebook of a data set by its hash; without it nothing is saved.
+        `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
         `gap_history` overrides the history file of the store. Set `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, a computed run or the history file does not exist.
@@ -52,7 +52,7 @@ class Session:
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
-        self.notebook = notebooks(self.store.dataset.hash) if notebooks else None
+        self.notebook = notebooks(self.store.identity) if notebooks else None
         self.defers_loading = False
         self._retired: list[Store] = []
         self._is_branch = False

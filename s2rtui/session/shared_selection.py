@@ -25,7 +25,7 @@ _HASH_LENGTH = 12
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """An expression and, if it was shared with them, its data set hash and evaluation."""
+    """An expression and, if it was shared with them, the store's identity and its evaluation."""
 
     expression: str
     dataset: str = ""
@@ -38,11 +38,14 @@ def current_selection(state: State) -> SavedSelection:
     return SavedSelection(state.expression, state.generation, state.run, count, state.trajectories)
 
 
-def shared_text(saved: SavedSelection, dataset_hash: str) -> str:
-    """One line that `parse_shared` reads: the expression, and after a `#` its evaluation."""
+def shared_text(saved: SavedSelection, identity: str) -> str:
+    """One line that `parse_shared` reads: the expression, and after a `#` its evaluation.
+
+    `identity` is that of the store, which appending instances does not change.
+    """
     names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (
-        f"{saved.expression}  # data set {dataset_hash[:_HASH_LENGTH]}, "
+        f"{saved.expression}  # data set {identity[:_HASH_LENGTH]}, "
         f"generation {saved.generation}, run {saved.run}, {saved.count} instances"
         + (f" in {names}" if names else "")
     )
@@ -73,11 +76,11 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     The message says how the result differs from the shared one. Raises RequestError for a
     selection of another data set and for an invalid expression.
     """
-    shared, dataset_hash = parse_shared(text), context.store.dataset.hash
-    if not dataset_hash.startswith(shared.dataset):
+    shared, identity = parse_shared(text), context.store.identity
+    if not identity.startswith(shared.dataset):
         raise RequestError(
             f"the selection belongs to data set {shared.dataset}; "
-            f"the open store holds {dataset_hash[:_HASH_LENGTH]}"
+            f"the open store holds {identity[:_HASH_LENGTH]}"
         )
     if shared.saved is None:
         return selection.select(context, state, shared.expression, "replace")

@@ -76,12 +76,14 @@ class Notes:
 
 
 class Notebook:
-    """The notebook of one data set; `notes` is the content at the last reading."""
+    """The notebook of one store; `notes` is the content at the last reading."""
 
     def __init__(
         self, dataset_hash: str, folder: Path | None = None, tolerant: bool = False
     ) -> None:
-        """Read the notebook of a data set from `folder` (default: the user data folder).
+        """Read the notebook of a store from `folder` (default: the user data folder).
+
+        `dataset_hash` is `Store.identity`, which stays the same when instances are appended.
 
         Raises RequestError for an invalid hash, and for a damaged file unless `tolerant`: then the
         notebook is empty, `error` has the message, and changes fail until the file is repaired.

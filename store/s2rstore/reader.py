@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
+from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
+from s2rstore.geometry.floor_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
@@ -209,7 +211,7 @@ class Store(IndexCatalog):
                     "index; run `s2r verify`"
                 )
             first_iids[columns.trajectory_names[code]] = start
-        return first_iids
+        return dict(sorted(first_iids.items(), key=lambda item: item[1]))
 
     def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
         """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
@@ -240,13 +242,37 @@ class Store(IndexCatalog):
 
     def array(
         self, run: str, kind: str, side: Side | None = None, mode: str | None = None
-    ) -> tuple[ArrayRecord, StoredArray]:
-        """A published array and its record; RequestError names the kinds that the run has."""
-        candidates = self.arrays(run)
-        for record in candidates:
-            if record.kind == kind and record.side in (side, None) and record.mode == mode:
-                return record, self.stored(record)
-        known = ", ".join(sorted({record.kind for record in candidates})) or "nothing"
+    ) -> tuple[ArrayRecord, RowArray]:
+        """A published array with a row per instance, and the record of its first part.
+
+        RequestError names the kinds that the run has. Reading instances that the run was not
+        computed for raises RequestError, too.
+        """
+        records = self._records_of(run, kind, side, mode)
+        count = len(self.instances)
+        first = records[0]
+        is_of_instances = first.axes[:1] == ("iid",)
+        if len(records) == 1 and (first.shape[:1] == (count,) or not is_of_instances):
+            return first, self.stored(first)
+        if not is_of_instances:
+            raise RequestError(f"run {run!r}: {kind} has several parts; read it by `map_grid`")
+        parts = [(record.first_iid, self.stored(record)) for record in records]
+        missing = f"run {run!r}: {kind} is not computed for all instances; run `s2r precompute`"
+        return first, PartedArray(parts, count, missing)
+
+    def _records_of(
+        self, run: str, kind: str, side: Side | None, mode: str | None
+    ) -> list[ArrayRecord]:
+        """The parts of an array, in order of their instances."""
+        records = self.array_parts(run)
+        found = [
+            record
+            for record in records
+            if record.kind == kind and record.side in (side, None) and record.mode == mode
+        ]
+        if found:
+            return sorted(found, key=lambda record: record.first_iid)
+        known = ", ".join(sorted({record.kind for record in records})) or "nothing"
         requested = " ".join(part for part in (kind, side, mode) if part)
         raise RequestError(f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`")
 
@@ -285,12 +311,14 @@ class Store(IndexCatalog):
         Shape (rows, columns); row 0 lies at the bounds' y0. NaN where no pixel fell. `aggregate`
         is mean, max, sum or count.
         """
-        _, array = self.array(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
-        known = str(array.attrs["aggregates"]).split(",")
-        if aggregate not in known:
-            raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
-        row = known.index(aggregate)
-        return np.asarray(stored_array.read_rows(array, row, row + 1)[0], dtype=np.float32)
+        records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
+        grids = []
+        for array in map(self.stored, records):
+            known = str(array.attrs["aggregates"]).split(",")
+            if aggregate not in known:
+                raise RequestError(f"aggregate {aggregate!r}: one of {', '.join(known)}")
+            grids.append(dict(zip(known, np.asarray(array[:], dtype=np.float32), strict=True)))
+        return merged_aggregate(grids, aggregate)
 
     def floor_plan_path(self) -> Path | None:
         """The image of the floor plan; None where the data set has none.

@@ -119,6 +119,24 @@ class Domain:
 
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """Instances [`first_iid`, `stop`) that were ingested together; they never change.
+
+    `hash` is that of their poses, frames and calibration; `added_at` is UTC, ISO 8601.
+    """
+
+    part: int
+    first_iid: int
+    instances: int
+    hash: str
+    added_at: str | None = None
+
+    @property
+    def stop(self) -> int:
+        return self.first_iid + self.instances
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
     model: str
     architecture: str
@@ -179,10 +197,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class ArrayRecord:
-    """One published Zarr array of a run. `side` is None where both sides share it.
+    """One published Zarr array of a run, for the instances from `first_iid` on.
 
-    Real value = (stored - zero) * scale. `path` is relative to `runs.zarr`. `metadata_sha256` is
-    that of its `zarr.json`, None in stores that version 0.1.0 wrote.
+    `side` is None where both sides share it. Real value = (stored - zero) * scale. `path` is
+    relative to `runs.zarr`. `metadata_sha256` is that of its `zarr.json`, None in stores that
+    version 0.1.0 wrote.
     """
 
     run: str
@@ -197,3 +216,4 @@ class ArrayRecord:
     zero: float
     unit: str
     metadata_sha256: str | None = None
+    first_iid: int = 0

@@ -145,7 +145,8 @@ def test_the_name_of_a_translator_changes_no_array_key(fitted: Path):
         chains = [chain_of(fitted, "real:translate=to_sim")]
         chains.append([{**chains[0][0], "name": "translate:renamed"}])
         keys = [
-            run_dependencies(store, replace(run, real_adjustments=chain), {}) for chain in chains
+            run_dependencies(store, replace(run, real_adjustments=chain), store.parts[0], {})
+            for chain in chains
         ]
     assert keys[0] == keys[1]
 

@@ -1,18 +1,21 @@
-"""Run an ingest with the options that the tests use."""
+"""Run an ingest or an append with the options that the tests use."""
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
+from s2rstore.files import layout
 from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.append import append
 from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import Scan, ScanOptions
 
 SIZE = (32, 32)
 
 
-def ingest(layout: str, path: Path, store: Path, strict: bool = False, **options) -> Scan:
-    scan = IMPORTERS[layout](path, ScanOptions(frame=SIZE, **options))
+def ingest(importer: str, path: Path, store: Path, strict: bool = False, **options) -> Scan:
+    scan = IMPORTERS[importer](path, ScanOptions(frame=SIZE, **options))
     build(scan, store, "s2r ingest", strict, lambda steps: None)
     return scan
 
@@ -22,3 +25,24 @@ def kinds(scan: Scan) -> dict[str, int]:
     for issue in scan.issues:
         counts[issue.kind] = counts.get(issue.kind, 0) + 1
     return counts
+
+
+def scan_of(name: str, path: Path, **options) -> Scan:
+    return IMPORTERS[name](path, ScanOptions(**{"frame": SIZE, **options}))
+
+
+def add(
+    scan: Scan, store: Path, strict: bool = False, lines: list[str] | None = None
+) -> dict[str, int]:
+    said = [] if lines is None else lines
+    return append(scan, store, "s2r ingest", strict, lambda steps: None, said.append)
+
+
+def files(store: Path) -> dict[str, str]:
+    """SHA-256 of the files that no generation may change."""
+    return {
+        path.relative_to(store).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in store.rglob("*")
+        if path.is_file()
+        and path.relative_to(store).parts[0] in (layout.FRAMES, layout.INDEX, layout.ASSETS)
+    }

@@ -226,7 +226,7 @@ def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
 
     monkeypatch.setattr(network_outputs, "content_key", recorded_key)
     model, run = load_model(store, "vanilla"), store.run("vanilla")
-    network_outputs._kind_specs(store, run, {}, "harmonised_distance", model)
+    network_outputs._kind_specs(store, run, store.parts[0], {}, "harmonised_distance", model)
     assert contents[0]["correction"].keys() == {"height", "zoom"}
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
     assert store.provenance(section).keys() == {"height", "zoom", "frames", "version"}

@@ -54,4 +54,9 @@ def test_a_split_of_another_data_set_is_rejected() -> None:
     assert (decode_split(encode_split(codes), 4) == codes).all()
     assert decode_split("[]", 0).size == 0
     with pytest.raises(RequestError, match="4 instances"):
-        decode_split(encode_split(codes), 5)
+        decode_split(encode_split(codes), 3)
+
+
+def test_instances_that_were_appended_after_the_training_are_unseen() -> None:
+    codes = np.array([0, 0, 1, 2], np.int8)
+    assert decode_split(encode_split(codes), 6).tolist() == [0, 0, 1, 2, 3, 3]

@@ -109,6 +109,19 @@ def test_short_trajectories_can_be_split(count):
     assert (splits.split_by_recording(rows) >= 0).all()
 
 
+def test_what_a_start_model_has_learned_from_never_becomes_a_test() -> None:
+    """One trajectory was split in halves; with a second one, all of it would be held out."""
+    before = np.full(240, splits.UNSEEN, np.int8)
+    before[:160] = splits.split_by_recording(np.zeros(160, np.int32))
+    rows = np.repeat([0, 1], [160, 80]).astype(np.int32)
+    codes = splits.split_by_recording(rows)
+    assert (codes[:160] == splits.TEST).all()
+    merged = splits.with_earlier(codes, before)
+    assert (merged[:160] == before[:160]).all()
+    assert (merged[160:] == codes[160:]).all()
+    assert (splits.with_earlier(codes, None) == codes).all()
+
+
 def test_a_few_steps_reduce_the_error_and_metrics_are_stored(frames, trained_result):
     result, metrics = trained_result, trained_result.metrics
     assert metrics["sim.train.median_error"] < 0.6 * metrics["sim.train.baseline_error"]

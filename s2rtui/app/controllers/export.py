@@ -46,7 +46,7 @@ class ExportController:
         """Copy the expression to the terminal's clipboard, by the control sequence OSC 52."""
         session = self._app.session
         saved = shared_selection.current_selection(session.state)
-        text = shared_selection.shared_text(saved, session.store.dataset.hash)
+        text = shared_selection.shared_text(saved, session.store.identity)
         self._app.copy_to_clipboard(text)
         session.show_message("copied the expression, with run, generation and count")
         self._app.renderer.refresh()

@@ -27,7 +27,7 @@ class OverviewView(View):
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
-        lines = scene.resources.lines
+        lines = scene.resources.accuracies(scene.state)
         if failed := scene.resources.failed.get("rows" if not scene.resources.rows else "lines"):
             return f"accuracy, sim and real: {failed}"
         if lines is None:
@@ -36,7 +36,8 @@ class OverviewView(View):
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
-        lines, rows, state = scene.resources.lines, self._rows(scene), scene.state
+        rows, state = self._rows(scene), scene.state
+        lines = scene.resources.accuracies(state)
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
@@ -126,7 +127,7 @@ class OverviewView(View):
         return layout.overview_panels(*self._arguments(scene), chart, self.lines(scene))
 
     def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
-        lines, cursor = scene.resources.lines, scene.state.cursor
+        lines, cursor = scene.resources.accuracies(scene.state), scene.state.cursor
         if lines is None or cursor is None or panel.name not in lines.values:
             return None
         value = float(lines.values[panel.name][cursor])

@@ -1,4 +1,4 @@
-"""`s2r ingest`: create a store from images, paired or without poses, or from the world."""
+"""`s2r ingest`: make or extend a store: pairs, images without poses, or the synthetic world."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from s2rstore.security.printable_text import printable
 from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
+_DEFAULT_SIZE = 256
+_DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
 
 
@@ -36,14 +38,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         layout.add_argument("--allow-outside", action="store_true",
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
-    for layout in (sim2realviz, manifest, world, images):
-        size = {world: 128, images: 320}.get(layout, 256)
+    for name, layout in layouts.choices.items():
+        size = _DEFAULT_SIZES.get(name, _DEFAULT_SIZE)
         edge = "longer edge" if layout is images else "height and width"
-        layout.add_argument("--store", type=Path, required=True, help="store folder to create")
+        layout.add_argument(
+            "--store",
+            type=Path,
+            required=True,
+            help="store folder to create, or with --append to extend",
+        )
         layout.add_argument("--trajectory", action="append", default=[],
                             help="read only this trajectory (repeatable)")  # fmt: skip
-        layout.add_argument("--size", type=int, default=size,
-                            help=f"{edge} of stored frames, pixels (default {size})")  # fmt: skip
+        layout.add_argument("--append", action="store_true",
+                            help="add the trajectories that the store does not have to it; frame "
+                            "size, domains and cameras must be those of the store")  # fmt: skip
+        layout.add_argument("--size", type=int,
+                            help=f"{edge} of stored frames, pixels (default {size}; with --append "
+                            "that of the store)")  # fmt: skip
         layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,
@@ -59,18 +70,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.datasets import IMPORTERS
-    from s2rtools.datasets.build import build
     from s2rtools.datasets.scan import ScanOptions
 
-    if not 16 <= options.size <= 2048:
-        raise RequestError(f"--size {options.size}: must be 16 to 2048")
+    size = _frame_size(options)
+    if not 16 <= size <= 2048:
+        raise RequestError(f"--size {size}: must be 16 to 2048")
     world: dict[str, Any] = {}
     if options.layout == "world":
         from s2rtools.synthetic_world.factors import parse_factors
 
         world = {"seed": options.seed, "count": options.instances, "survey": options.survey,
                  "factors": parse_factors(options.factors)}  # fmt: skip
-    frame = options.size, options.size
+    frame = size, size
     header = getattr(options, "header", None)
     allow_outside = getattr(options, "allow_outside", False)
     folders = {side: getattr(options, side) for side in SIDES if options.layout == "images"}
@@ -78,27 +89,77 @@ def execute(options: argparse.Namespace) -> int:
         tuple(options.trajectory), header, frame, world, allow_outside, folders
     )
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
-    views = sum(len(s.sources) for rows in scan.trajectories.values() for s in rows)
     for folder, count in sorted(scan.outside_folders.items()):
         files = "1 file" if count == 1 else f"{count} files"
         print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
-    command = shlex.join(["s2r", *sys.argv[1:]])
+    try:
+        return _append(scan, options) if options.append else _build(scan, options)
+    finally:
+        _print_issues(scan.issues)
+
+
+def _frame_size(options: argparse.Namespace) -> int:
+    """The requested longer edge of frames; by default that of the store which is extended."""
+    if options.size is not None:
+        return int(options.size)
+    if options.append and options.store.exists():
+        with s2rstore.open(options.store) as store:
+            return max(store.dataset.frame_height, store.dataset.frame_width)
+    return _DEFAULT_SIZES.get(options.layout, _DEFAULT_SIZE)
+
+
+def _build(scan: Any, options: argparse.Namespace) -> int:
+    from s2rtools.datasets.build import build
+
     try:
         with reporter() as progress:
-            progress.begin("ingest", 2 * views)
-            build(scan, options.store, command, options.strict, progress.advance, progress.say)
+            progress.begin("ingest", _steps(scan))
+            build(scan, options.store, _command(), options.strict, progress.advance, progress.say)
     except KeyboardInterrupt:
         outcome = "is complete" if options.store.exists() else "was not created"
         print(printable(f"s2r: interrupted; {options.store} {outcome}"), file=sys.stderr)
         return 130
-    finally:
-        _print_issues(scan.issues)
     with s2rstore.open(options.store) as store:
         domains = ", ".join(store.domains)
         trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
         count = len(store.instances)
     print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}")
     return 0
+
+
+def _append(scan: Any, options: argparse.Namespace) -> int:
+    from s2rtools.datasets.append import append
+
+    try:
+        with reporter() as progress:
+            progress.begin("ingest", _steps(scan))
+            added = append(
+                scan, options.store, _command(), options.strict, progress.advance, progress.say
+            )
+    except KeyboardInterrupt:
+        print(printable(f"s2r: interrupted; append to {options.store} again"), file=sys.stderr)
+        return 130
+    if not added:
+        return 0
+    with s2rstore.open(options.store) as store:
+        count, runs = len(store.instances), any(run.key for run in store.runs.values())
+    trajectories = ", ".join(f"{name} ({number})" for name, number in added.items())
+    print(
+        f"{options.store}: {sum(added.values())} instances added, now {count}; "
+        f"new trajectories {trajectories}"
+    )
+    if runs:
+        print(f"`s2r precompute {shlex.quote(str(options.store))}` computes the runs for them")
+    return 0
+
+
+def _steps(scan: Any) -> int:
+    """Every frame is checked once and written once."""
+    return 2 * sum(len(row.sources) for rows in scan.trajectories.values() for row in rows)
+
+
+def _command() -> str:
+    return shlex.join(["s2r", *sys.argv[1:]])
 
 
 def _print_issues(issues: list[Any]) -> None:

@@ -16,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("store", type=Path, help="store folder")
     add("--run", action="append", default=[], help="compute only this run (repeatable)")
     add("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
+    add("--refit", action="store_true",
+        help="fit the UMAP projection on all instances again; by default, the points of earlier "
+        "instances stay where they are")  # fmt: skip
     add("--trust", action="store_true", help="allow model formats that execute code")
     add = parser.add_argument_group("execution").add_argument
     add("--workers", type=int, default=1, help="worker processes (default 1)")
@@ -35,6 +38,8 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(f"--workers {options.workers}: must be at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None
     with reporter(options.progress) as progress:
-        settings = PrecomputeOptions(kinds, options.workers, options.backend, options.trust)
+        settings = PrecomputeOptions(
+            kinds, options.workers, options.backend, options.trust, options.refit
+        )
         precompute(options.store, progress, options.run, settings)
     return 0

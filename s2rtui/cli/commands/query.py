@@ -39,7 +39,7 @@ def execute(options: argparse.Namespace) -> int:
             if name not in known:
                 trajectories = ", ".join(sorted(known))
                 raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
-        notes = ReadNotebook(store.dataset.hash).notes
+        notes = ReadNotebook(store.identity).notes
         query = options.expression, run, options.trajectory
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes)

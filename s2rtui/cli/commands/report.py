@@ -38,7 +38,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.out.suffix != ".html":
         raise RequestError(f"--out {options.out}: must end in .html")
     with s2rstore.open(options.store) as store:
-        notes = ReadNotebook(store.dataset.hash).notes
+        notes = ReadNotebook(store.identity).notes
     request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
         runs=tuple(options.run),

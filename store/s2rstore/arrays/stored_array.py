@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import zarr_metadata
+from s2rstore.arrays.row_array import RowArray
 from s2rstore.arrays.zarr_metadata import CHUNK_BYTES, Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
@@ -79,11 +80,8 @@ def _place(path: Path, root: Path | None) -> tuple[Path, str]:
     return root, path.relative_to(root).as_posix()
 
 
-class StoredArray:
-    """An array of a store, for any thread; indexing gives numpy arrays.
-
-    Every read raises RequestError, which names the file, where a shard is missing or damaged.
-    """
+class StoredArray(RowArray):
+    """An array of a store in one folder."""
 
     def __init__(
         self, root: Path, relative: str, layout: Layout, attributes: Mapping[str, str], sha256: str
@@ -101,51 +99,12 @@ class StoredArray:
         return self._root / self._relative
 
     @property
-    def ndim(self) -> int:
-        return len(self.shape)
-
-    @property
-    def nbytes(self) -> int:
-        return self.shape[0] * self.layout.item_bytes
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __getitem__(self, selection: Any) -> Any:
-        """Index as a numpy array; only the rows that the first axis selects are read."""
-        first, *rest = selection if isinstance(selection, tuple) else (selection,)
-        count = self.shape[0]
-        if isinstance(first, slice) and (first.step is None or first.step > 0):
-            start, stop, step = first.indices(count)
-            first = slice(None, None, step)
-        elif isinstance(first, int | np.integer):
-            if not -count <= first < count:
-                raise IndexError(f"{self.path}: row {first} of {count}")
-            start = int(first) % count
-            stop, first = start + 1, 0
-        else:
-            start, stop = 0, count
-        return self.rows(start, max(start, stop))[(first, *rest)]
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.asarray(self.rows(0, self.shape[0]), dtype=dtype)
-
-    def at(self, rows: Any) -> NDArray[Any]:
-        """Rows by their numbers, in this order, or by a mask (N,)."""
-        rows = np.asarray(rows)
-        rows = np.flatnonzero(rows) if rows.dtype == bool else rows.astype(np.int64)
-        values = np.empty((rows.size, *self.shape[1:]), dtype=self.dtype)
-        chunk = rows // self.layout.rows_per_chunk
-        for number in np.unique(chunk):
-            places = np.flatnonzero(chunk == number)
-            first, last = int(rows[places].min()), int(rows[places].max())
-            values[places] = self.rows(first, last + 1)[rows[places] - first]
-        return values
+    def block_rows(self) -> int:
+        return self.layout.rows_per_chunk
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         """Rows [start, stop), which lie within the array."""
-        if not 0 <= start <= stop <= self.shape[0]:
-            raise IndexError(f"{self.path}: rows {start} to {stop} of {self.shape[0]}")
+        self._check_range(start, stop)
         values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         shard_rows = self.layout.shard_rows
         for shard in range(start // shard_rows, -(-stop // shard_rows)) if stop > start else ():
@@ -324,7 +283,7 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
 
 
-def read_rows(array: StoredArray, start: int, stop: int) -> NDArray[Any]:
+def read_rows(array: RowArray, start: int, stop: int) -> NDArray[Any]:
     """Rows [start, stop). RequestError where a shard's file is damaged or missing."""
     stop = min(stop, array.shape[0])
     return array.rows(min(start, stop), stop)

@@ -7,6 +7,7 @@ file when it is complete and on the disk. A process that is killed meanwhile lea
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -141,6 +142,23 @@ def rename(root: Path, old: str, new: str) -> None:
         new_name = safe_files.parts_of(root, new)[-1]
         os.replace(name, new_name, src_dir_fd=parent, dst_dir_fd=parent)
         os.fsync(parent)
+
+
+def move(root: Path, old: str | Path, new: str | Path) -> None:
+    """Move a file or a folder below `root`, durably; missing folders above `new` are made.
+
+    Raises OSError that names `new` where it exists.
+    """
+    with (
+        parent_folder(root, old) as (old_parent, old_name),
+        parent_folder(root, new, create=True) as (parent, name),
+        errors_of(root / new),
+    ):
+        if safe_files.kind_in(parent, name) is not None:
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+        os.rename(old_name, name, src_dir_fd=old_parent, dst_dir_fd=parent)
+        os.fsync(parent)
+        os.fsync(old_parent)
 
 
 def remove(root: Path, relative: str | Path) -> None:

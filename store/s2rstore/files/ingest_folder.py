@@ -23,7 +23,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from s2rstore.files import process_identity
+from s2rstore.files import layout, process_identity
 from s2rstore.files.process_identity import ProcessIdentity, host_name, is_running
 
 _MARK = ".building-"
@@ -93,3 +93,13 @@ def _is_unchanged_for_a_day(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return time.time() - newest > _DAY
+
+
+def appending_folder(root: Path) -> Path:
+    """Where this process writes the frames of new trajectories, inside the store at `root`."""
+    return building_folder(root / layout.FRAMES)
+
+
+def appending_folders(root: Path) -> list[BuildingFolder]:
+    """The folders in which processes write frames for the store at `root`, or have left them."""
+    return building_folders(root / layout.FRAMES)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -74,12 +74,17 @@ class Ledger:
 
         The files are made durable first, then the lines.
         """
-        lines = []
+        entries = []
         for relative, count in files:
             atomic_writes.sync(self._root, relative)
             size = safe_files.size(self._root, relative)
             checksum = safe_files.sha256(self._root, relative)
-            lines.append(_line(LedgerEntry(key, relative, size, checksum, count)))
+            entries.append(LedgerEntry(key, relative, size, checksum, count))
+        self.add_entries(entries)
+
+    def add_entries(self, entries: Iterable[LedgerEntry]) -> None:
+        """Record files that are complete and durable."""
+        lines = map(_line, entries)
         own = f"{layout.LEDGER}/{host_name()}-{process_token()}.jsonl"
         atomic_writes.append_lines(self._root, own, "".join(lines).encode())
         atomic_writes.sync(self._root, own)

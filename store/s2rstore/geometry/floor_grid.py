@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -61,6 +62,26 @@ class MapGrid:
         planes = [mean, self._max, self._sum, self._count]
         stacked = np.stack([np.where(empty, np.nan, plane) for plane in planes[:3]] + [self._count])
         return stacked.reshape(4, self.rows, self.cols).astype(np.float32)
+
+
+def merged_aggregate(
+    grids: Sequence[Mapping[str, NDArray[np.float32]]], aggregate: str
+) -> NDArray[np.float32]:
+    """One aggregate (rows, cols) of all instances, from the aggregates of parts of them.
+
+    Each of `grids` maps the names in `AGGREGATES` to arrays of `MapGrid.aggregates`.
+    """
+    if len(grids) == 1:
+        return grids[0][aggregate]
+    stacks = {name: np.stack([grid[name] for grid in grids]) for name in AGGREGATES}
+    count = stacks["count"].sum(axis=0, dtype=np.float64)
+    total = np.nansum(stacks["sum"], axis=0, dtype=np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = total / count
+    planes = {"mean": mean, "max": np.fmax.reduce(stacks["max"]), "sum": total}
+    if aggregate == "count":
+        return np.asarray(count, dtype=np.float32)
+    return np.asarray(np.where(count == 0, np.nan, planes[aggregate]), dtype=np.float32)
 
 
 class Projector:

@@ -24,6 +24,7 @@ from s2rstore.records import (
     Domain,
     Intrinsics,
     Model,
+    Part,
     Room,
     Run,
     Trajectory,
@@ -155,9 +156,13 @@ class IndexCatalog:
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """In the order of their instances."""
+        """In the order of their instances: of each part by name."""
         rows = self._rows("trajectory")
         row_check.check_trajectories(self._index, rows)
+        if len(self._part_rows) > 1:
+            query = "SELECT trajectory, min(iid) FROM instance GROUP BY trajectory"
+            first_iids = {name: int(first) for name, first in self.execute(query)}
+            rows.sort(key=lambda row: first_iids.get(row["trajectory"], 2**31))
         return tuple(Trajectory(**row) for row in rows)
 
     @cached_property
@@ -201,6 +206,30 @@ class IndexCatalog:
             known = ", ".join(self.domains)
             raise RequestError(f"domain {name!r}: not in {self.path} (domains: {known})")
         return self.domains[name]
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """In order of their instances; one part where nothing was appended."""
+        if self._part_rows:
+            return tuple(Part(**row) for row in self._part_rows)
+        (count,) = self.execute("SELECT count(*) FROM instance")[0]
+        return (Part(0, 0, int(count), self.dataset.hash),)
+
+    @cached_property
+    def _part_rows(self) -> list[dict[str, Any]]:
+        rows = self._rows("part")
+        if rows:
+            (count,) = self.execute("SELECT count(*) FROM instance")[0]
+            row_check.check_parts(self._index, rows, int(count))
+        return rows
+
+    @property
+    def identity(self) -> str:
+        """The hash of the first part, which stays the same when instances are appended.
+
+        Stores of one identity agree on the iids of the first part; `dataset.hash` covers all parts.
+        """
+        return self.parts[0].hash
 
     @cached_property
     def models(self) -> dict[str, Model]:
@@ -302,9 +331,16 @@ class IndexCatalog:
             grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
         return grouped
 
-    def arrays(self, run: str) -> list[ArrayRecord]:
-        """The published arrays of a run."""
+    def array_parts(self, run: str) -> list[ArrayRecord]:
+        """The published arrays of a run, one for each part of the data set that is computed."""
         return list(self._array_records.get(self.run(run).run, ()))
+
+    def arrays(self, run: str) -> list[ArrayRecord]:
+        """What is published of a run: the first array of each kind, side and mode."""
+        records: dict[tuple[str, str | None, str | None], ArrayRecord] = {}
+        for record in sorted(self.array_parts(run), key=lambda record: record.first_iid):
+            records.setdefault((record.kind, record.side, record.mode), record)
+        return list(records.values())
 
 
 def _is_map(column: str) -> bool:

@@ -27,7 +27,7 @@ MAX_IMAGE_SIZE = 16_384
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
-            "translator": 10_000}  # fmt: skip
+            "translator": 10_000, "part": 100_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
 TRANSLATE = "translate"
 """Adjustment by a translator T; its name in a chain is `translate:T`."""
@@ -182,6 +182,21 @@ def _check_cameras(check: RowChecker) -> None:
     check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
 
 
+def check_parts(index: Path, rows: Sequence[Row], instances: int) -> None:
+    """Parts follow one another without gaps and hold all instances."""
+    first = 0
+    for number, (row, check) in enumerate(_checkers(index, "part", rows, "part", "part")):
+        check.number("part", number, number)
+        check.number("first_iid", first, first)
+        first += int(check.number("instances", 1, 2**31 - 1))
+        layout.checked_hash(row["hash"], f"{index}: table part: hash of {number}")
+        check.text("added_at", optional=True)
+    if rows and first != instances:
+        raise RequestError(
+            f"{index}: table part: {first} instances, table instance: {instances}; run `s2r verify`"
+        )
+
+
 def check_models(index: Path, rows: Sequence[Row]) -> None:
     for row, check in _checkers(index, "model", rows, "model", "model"):
         check.name("model")
@@ -256,5 +271,10 @@ def check_arrays(index: Path, rows: Sequence[Row]) -> list[Row]:
             layout.checked_hash(
                 row["metadata_sha256"], f"{index}: table zarr_array: metadata_sha256"
             )
-        checked.append({**row, "shape": tuple(shape), "axes": tuple(axes)})
+        first_iid = row["first_iid"]
+        if first_iid is not None:
+            check.number("first_iid", 0, 2**31 - 1)
+        checked.append(
+            {**row, "shape": tuple(shape), "axes": tuple(axes), "first_iid": first_iid or 0}
+        )
     return checked

@@ -63,7 +63,12 @@ TABLES: tuple[Table, ...] = (
         "the one environment that this store holds",
         "name",
         ("name", "VARCHAR", "name of the environment"),
-        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration"),
+        (
+            "hash",
+            "VARCHAR",
+            "SHA-256 over poses, frames and calibration; with several rows in table part: SHA-256 "
+            "over their hashes, joined in order",
+        ),
         ("bounds_x0", "DOUBLE", "left edge of the floor plan, m"),
         ("bounds_y0", "DOUBLE", "edge of the floor plan with the smaller y, m"),
         ("bounds_x1", "DOUBLE", "right edge of the floor plan, m"),
@@ -83,7 +88,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "trajectory",
-        "recordings, in the order of their instances",
+        "recordings; their instances follow one another",
         "trajectory",
         ("trajectory", "VARCHAR", "name"),
         ("recorded_at", "VARCHAR", "when it was recorded, as the source states it"),
@@ -127,7 +132,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "instance",
-        "one row per ground-truth pose, or per image without poses, in (trajectory, seq) order",
+        "one row per ground-truth pose or image, in order of part, trajectory and seq",
         "iid",
         ("iid", "INTEGER", "identity, 0 .. N-1"),
         ("trajectory", "VARCHAR", "recording"),
@@ -152,6 +157,17 @@ TABLES: tuple[Table, ...] = (
         ("depth_path", "VARCHAR", "source file, relative to the ingested folder"),
         ("sha256", "VARCHAR", "SHA-256 over the bytes of both source files, RGB first"),
         ("valid_depth_fraction", "DOUBLE", "share of stored pixels with a valid depth"),
+    ),
+    table_of(
+        "part",
+        "instances that were ingested together, in order; without rows all instances are one part",
+        "part",
+        ("part", "INTEGER", "number, 0 .. P-1"),
+        ("first_iid", "INTEGER", "instance with which the part begins"),
+        ("instances", "INTEGER", "number of instances"),
+        ("hash", "VARCHAR", "SHA-256 over poses, frames and calibration of its instances"),
+        ("added_at", "VARCHAR", "UTC, ISO 8601; NULL = not recorded"),
+        optional=True,
     ),
     table_of(
         "model",
@@ -214,8 +230,8 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "zarr_array",
-        "published arrays; value = (stored - zero) * scale",
-        "run kind side mode",
+        "published arrays, one for each part of the data set; value = (stored - zero) * scale",
+        "run kind side mode path",
         ("run", "VARCHAR", "run"),
         ("kind", "VARCHAR", "what it holds: embedding, a heatmap kind, map grids, rendered frames"),
         ("side", "VARCHAR", "sim or real; NULL = both share it"),
@@ -228,6 +244,7 @@ TABLES: tuple[Table, ...] = (
         ("zero", "DOUBLE", "see the table's comment"),
         ("unit", "VARCHAR", "of the real value"),
         ("metadata_sha256", "VARCHAR", "SHA-256 of its zarr.json; NULL = not recorded", True),
+        ("first_iid", "INTEGER", "first instance that it covers; NULL = 0", True),
     ),
     table_of(
         "translator",

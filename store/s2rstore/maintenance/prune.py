@@ -17,7 +17,7 @@ import duckdb
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
-from s2rstore.files.ingest_folder import building_folders
+from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, schema
@@ -71,7 +71,12 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         needed = published[-max(1, keep) :]
         removed = [path for number, path in indexes if number not in needed]
         removed += _unreferenced(root, [path for number, path in indexes if number in needed])
-        removed += [path for path in _unfinished(root, histories) if not _is_in(path, removed)]
+        appending = {folder.path.name: folder.is_abandoned for folder in appending_folders(root)}
+        removed += [path for path, is_abandoned in appending.items() if is_abandoned]
+        unfinished = [
+            path for path in _unfinished(root, histories) if not _is_in(path, [*appending])
+        ]
+        removed += [path for path in unfinished if not _is_in(path, removed)]
         files = {path: _files_below(root, path) for path in removed}
         size = sum(entry.bytes for entries in files.values() for entry in entries)
         links = tuple(entry.path for entry in safe_files.walk(root) if entry.kind == "link")
@@ -104,6 +109,7 @@ def _entries(root: Path, folder: str, kind: safe_files.Kind) -> list[FolderEntry
 
 
 def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
+    frames: set[str] = set()
     arrays: set[str] = set()
     weights: set[str] = set()
     translators: set[str] = set()
@@ -113,6 +119,7 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
                 ("SELECT path FROM zarr_array", arrays), ("SELECT sha256 FROM model", weights),
             ):  # fmt: skip
                 values.update(row[0] for row in connection.execute(query).fetchall())
+            frames |= frame_folders(connection)
             translators |= _used_translators(connection)
     used = {f"{layout.RUNS}/{'/'.join(path.split('/')[:2])}" for path in arrays}
     unused = [
@@ -121,10 +128,23 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
         for key in _entries(root, run.path, "folder")
         if key.path not in used
     ]
+    unused += [
+        folder.path
+        for domain in _entries(root, layout.FRAMES, "folder")
+        for folder in _entries(root, domain.path, "folder")
+        if folder.path not in frames
+    ]
     models = _entries(root, layout.MODELS, "file")
     unused += [entry.path for entry in models if entry.name.split(".")[0] not in weights]
     fitted = _entries(root, layout.TRANSLATORS, "file")
     return unused + [entry.path for entry in fitted if entry.name.split(".")[0] not in translators]
+
+
+def frame_folders(connection: duckdb.DuckDBPyConnection) -> set[str]:
+    """The folders in which the frames of an index may lie: one per domain and trajectory."""
+    query = "SELECT domain, trajectory FROM domain CROSS JOIN trajectory"
+    rows = connection.execute(query).fetchall()
+    return {f"{layout.FRAMES}/{domain}/{trajectory}" for domain, trajectory in rows}
 
 
 def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:

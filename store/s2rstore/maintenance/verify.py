@@ -21,7 +21,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
-from s2rstore.files.ingest_folder import building_folders
+from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, schema
@@ -95,12 +95,15 @@ def _foreign_files(root: Path) -> Iterator[Damage]:
 
 
 def _leftovers(root: Path) -> Iterator[str]:
+    appending = appending_folders(root)
     for entry in atomic_writes.partial_files(root):
+        if any(entry.path.startswith(f"{folder.path.name}/") for folder in appending):
+            continue
         yield (
             f"{entry.path}: unfinished; unless something is being written now, a killed write left "
             "it and `s2r prune` removes it"
         )
-    for folder in building_folders(root):
+    for folder in (*building_folders(root), *appending):
         if folder.is_abandoned:
             yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
 
@@ -162,6 +165,7 @@ class _Verification:
 
     def _check_runs(self) -> None:
         self.damages.extend(_incomplete_runs(self.store))
+        self.notes.extend(_uncomputed_parts(self.store))
 
     def _check_weights(self) -> None:
         """Compare each model's file with the checksum of the index, or else of the ledger."""
@@ -219,7 +223,7 @@ class _Verification:
 
     def _check_arrays(self) -> None:
         for run in self.store.runs:
-            for record in self.store.arrays(run):
+            for record in self.store.array_parts(run):
                 is_covered = record.metadata_sha256 is not None
                 if not is_covered:
                     self.uncovered["the metadata of computed arrays"] = None
@@ -443,12 +447,38 @@ def _differs(name: str, formula: str) -> str:
 
 
 def _incomplete_runs(store: Store) -> Iterator[Damage]:
-    """Every computed run has one prediction per instance and side."""
-    query = "SELECT run, side, count(DISTINCT iid) FROM prediction GROUP BY run, side"
-    counts = {(run, side): count for run, side, count in store.execute(query)}
+    """Every computed run has one prediction per side and instance of each part it covers.
+
+    It covers the first part, and some or all of those that were appended later.
+    """
+    query = """
+        SELECT run, side, first, count(DISTINCT iid) FROM prediction
+        ASOF JOIN (SELECT unnest(?::INTEGER[]) AS first) ON iid >= first GROUP BY ALL
+    """
+    rows = store.execute(query, [[part.first_iid for part in store.parts]])
+    counts = {tuple(key): count for *key, count in rows}
+    for part in store.parts:
+        for name, run in store.runs.items():
+            sides = [(name, side, part.first_iid) for side in SIDES] if run.key else []
+            found = [counts.get(key, 0) for key in sides]
+            if part.part > 0 and not any(found):
+                continue
+            for (_, side, _), count in zip(sides, found, strict=True):
+                if count != part.instances:
+                    what = f"run {name}: {count} of {part.instances} {side} rows"
+                    yield Damage("table prediction", what)
+
+
+def _uncomputed_parts(store: Store) -> Iterator[str]:
+    """Notes on runs that are not computed for instances that were appended."""
+    if len(store.parts) == 1:
+        return
+    query = "SELECT run, count(DISTINCT iid) FROM prediction GROUP BY run"
+    counts = dict(store.execute(query))
     total = len(store.instances)
     for name, run in store.runs.items():
-        for side in SIDES if run.key else ():
-            count = counts.get((name, side), 0)
-            if count != total:
-                yield Damage("table prediction", f"run {name}: {count} of {total} {side} rows")
+        if run.key and 0 < counts.get(name, 0) < total:
+            yield (
+                f"run {name}: computed for {counts[name]} of {total} instances; `s2r precompute` "
+                "computes the others"
+            )

@@ -16,18 +16,19 @@ from tempfile import TemporaryFile
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.files.ingest_folder import building_folder, building_folders
+from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
 from s2rstore.records import Domain
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.frame_cache import FrameCache
-from s2rtools.datasets.index_rows import write_index
+from s2rtools.datasets.index_rows import StoredRecords, write_index
 from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InputIssue, InstanceRecord, Scan
 
 SHARD_ROWS = 64
@@ -55,35 +56,23 @@ def build(
     usable, or with `strict` if there is any issue.
     """
     if target.exists():
-        raise RequestError(f"{target}: exists; choose another --store, or remove it")
-    edges = scan.bounds
-    posed = scan.trajectories.values() if scan.has_poses else ()
-    for record in (record for records in posed for record in records):
-        if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
-            file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
-            detail = f"({record.x:g}, {record.y:g}); stored anyway"
-            scan.issues.append(InputIssue("pose outside the bounds", file, detail))
-    _refuse_unusable(scan, strict)
+        raise RequestError(
+            f"{target}: exists; choose another --store, remove it, or add to it with --append"
+        )
+    report_outside_bounds(scan)
+    refuse_unusable(scan, strict)
     folder = building_folder(target)
-    _remove_leftovers(target, report_line)
+    remove_leftovers(building_folders(target), report_line)
     try:
         folder.mkdir(parents=True)
-        stored = {
-            name: list(_write_trajectory(scan, folder, name, records, progress))
-            for name, records in scan.trajectories.items()
-        }
-        stored = {name: rows for name, rows in stored.items() if rows}
-        if not stored:
-            scan.issues.append(
-                InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}")
-            )
+        stored = write_frames(scan, folder, progress)
         plan = _write_floor_plan(scan, folder)
-        _refuse_unusable(scan, strict)
+        refuse_unusable(scan, strict)
         if scan.drives:
             scan.drives(folder / layout.DRIVES)
         with edit(folder) as draft:
             write_index(draft, scan, stored, plan, command)
-            draft.record_checksums(_unlisted_checksums(folder))
+            draft.record_checksums(unlisted_checksums(folder))
         folder.rename(target)
         atomic_writes.sync_path(target.parent)
     except OSError as error:
@@ -93,12 +82,38 @@ def build(
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
+def report_outside_bounds(scan: Scan) -> None:
+    """Add an issue for every pose outside the bounds."""
+    edges = scan.bounds
+    posed = scan.trajectories.values() if scan.has_poses else ()
+    for record in (record for records in posed for record in records):
+        if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
+            file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
+            detail = f"({record.x:g}, {record.y:g}); stored anyway"
+            scan.issues.append(InputIssue("pose outside the bounds", file, detail))
+
+
+def write_frames(scan: Scan, root: Path, progress: ReportProgress) -> StoredRecords:
+    """Write the frames of all trajectories below `root`; returns the usable instances.
+
+    Trajectories without a usable instance are left out; it is an issue if that leaves none.
+    """
+    stored = {
+        name: list(_write_trajectory(scan, root, name, records, progress))
+        for name, records in scan.trajectories.items()
+    }
+    stored = {name: rows for name, rows in stored.items() if rows}
+    if not stored:
+        scan.issues.append(InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}"))
+    return stored
+
+
+def remove_leftovers(folders: list[BuildingFolder], report_line: ReportLine) -> None:
     """Remove the building folders of ingests that have ended; report every such folder.
 
     Folders stay whose process runs, or may run on another host.
     """
-    for folder in building_folders(target):
+    for folder in folders:
         if folder.is_abandoned:
             shutil.rmtree(folder.path, ignore_errors=True)
             if not folder.path.exists():
@@ -112,7 +127,8 @@ def _remove_leftovers(target: Path, report_line: ReportLine) -> None:
         )
 
 
-def _refuse_unusable(scan: Scan, strict: bool) -> None:
+def refuse_unusable(scan: Scan, strict: bool) -> None:
+    """Raise RequestError where there is no instance, or with `strict` where there is any issue."""
     issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
     fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
     if fatal or (strict and scan.issues):
@@ -230,6 +246,16 @@ def _write_frames(
 
 
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:
+    image = floor_plan_image(scan)
+    if image is None:
+        return None
+    name = f"{layout.ASSETS}/floor_plan.png"
+    atomic_writes.write(root, name, cv2.imencode(".png", image)[1].tobytes())
+    return name
+
+
+def floor_plan_image(scan: Scan) -> NDArray[np.uint8] | None:
+    """The floor plan (h, w, 3) BGR as it is stored; None without one. Reports an unreadable one."""
     if scan.floor_plan is None:
         return None
     if isinstance(scan.floor_plan, Path):
@@ -242,13 +268,10 @@ def _write_floor_plan(scan: Scan, root: Path) -> str | None:
         image = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
     scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(image.shape[:2]))
     size = round(image.shape[1] * scale), round(image.shape[0] * scale)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    name = f"{layout.ASSETS}/floor_plan.png"
-    atomic_writes.write(root, name, cv2.imencode(".png", small)[1].tobytes())
-    return name
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _unlisted_checksums(root: Path) -> dict[str, str]:
+def unlisted_checksums(root: Path) -> dict[str, str]:
     """SHA-256 of the files that the ledger does not list: array metadata, floor plan, drives."""
     return {
         entry.path: safe_files.sha256(root, entry.path)

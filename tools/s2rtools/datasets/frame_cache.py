@@ -86,6 +86,9 @@ class CachedFrame:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.source.file_names(scan)
 
+    def checksum(self, scan: Scan, domain: Domain) -> str:
+        return self.metadata.sha256
+
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         rgb_shape, depth_shape = self.shapes
         split = int(np.prod(rgb_shape))

@@ -51,6 +51,9 @@ class ImageFiles:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
+    def checksum(self, scan: Scan, domain: Domain) -> str | None:
+        return _checksum((self.rgb, self.rgb_size), (self.depth, self.depth_size))
+
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """Read, check and resize one frame; an InputIssue names the unusable file.
 
@@ -102,6 +105,9 @@ class RgbFile:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.name, None
 
+    def checksum(self, scan: Scan, domain: Domain) -> str | None:
+        return _checksum((self.path, self.size))
+
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """Read and check the image, and resize it to the frame; an InputIssue names the file.
 
@@ -136,6 +142,21 @@ def _lost_bits(name: str, bits: int) -> tuple[InputIssue, ...]:
     return (InputIssue("colours of more than 8 bits", name, f"{bits} bits; stored with 8"),)
 
 
+def _checksum(*files: tuple[Path, tuple[int, int]]) -> str | None:
+    """SHA-256 over the bytes of image files of (height, width); None where one is unreadable."""
+    digest = hashlib.sha256()
+    try:
+        for path, size in files:
+            digest.update(read_bytes(path, _most_bytes(size)))
+    except RequestError:
+        return None
+    return digest.hexdigest()
+
+
+def _most_bytes(size: tuple[int, int]) -> int:
+    return size[0] * size[1] * _MAX_PIXEL_BYTES + _MAX_METADATA_BYTES
+
+
 def _read(
     scan: Scan,
     path: Path,
@@ -151,7 +172,7 @@ def _read(
     """
     name = name or scan.relative(path)
     try:
-        content = read_bytes(path, size[0] * size[1] * _MAX_PIXEL_BYTES + _MAX_METADATA_BYTES)
+        content = read_bytes(path, _most_bytes(size))
     except RequestError as error:
         return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)

@@ -1,4 +1,4 @@
-"""Index rows of a new store, from a scan and its stored frames."""
+"""Index rows of a new store or of appended instances, from a scan and its stored frames."""
 
 from __future__ import annotations
 
@@ -26,15 +26,9 @@ def write_index(
     draft: IndexTransaction, scan: Scan, stored: StoredRecords, plan: str | None, command: str
 ) -> None:
     """Fill the tables of a new store; iids follow trajectory name, then recording order."""
-    names = sorted(stored)
-    rows = [(name, seq, *row) for name in names for seq, row in enumerate(stored[name])]
+    rows = instance_rows(stored)
     draft.insert_row("dataset", _dataset_row(scan, rows, plan))
-    for name in names:
-        draft.insert_row(
-            "trajectory",
-            {"trajectory": name, "recorded_at": scan.recorded_at.get(name),
-             "instances": len(stored[name])},
-        )  # fmt: skip
+    insert_instances(draft, scan, rows, 0)
     for room in scan.rooms:
         draft.insert_row("room", asdict(room))
     for domain in scan.domains.values():
@@ -44,9 +38,36 @@ def write_index(
         if not scan.has_poses:
             row |= dict.fromkeys(CAMERA_COLUMNS)
         draft.insert_row("domain", {**row, "source": domain.sources})
-    draft.insert("instance", _instance_columns(scan, rows))
+    facts = {"command": command, "ingested_at": now(), "problems": problem_counts(scan)}
+    draft.set_provenance("dataset", facts)
+    for section, facts in scan.provenance.items():
+        draft.set_provenance(section, facts)
+    rule = "block_length 0: the rounded-up square root of n, in recording order"
+    draft.set_provenance(
+        "statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}}
+    )
+
+
+def instance_rows(stored: StoredRecords) -> list[InstanceRow]:
+    """The instances by trajectory name, then in recording order."""
+    return [(name, seq, *row) for name in sorted(stored) for seq, row in enumerate(stored[name])]
+
+
+def insert_instances(
+    draft: IndexTransaction, scan: Scan, rows: list[InstanceRow], first_iid: int
+) -> None:
+    """Insert instances, which get the iids from `first_iid` on, their frames and trajectories."""
+    counts = Counter(name for name, *_ in rows)
+    for name, count in counts.items():
+        draft.insert_row(
+            "trajectory",
+            {"trajectory": name, "recorded_at": scan.recorded_at.get(name), "instances": count},
+        )
+    draft.insert("instance", _instance_columns(scan, rows, first_iid))
     for name in scan.domains:
-        imaged = [(iid, *row[2:]) for iid, row in enumerate(rows) if name in row[2].sources]
+        imaged = [
+            (iid, *row[2:]) for iid, row in enumerate(rows, first_iid) if name in row[2].sources
+        ]
         draft.insert(
             "frame",
             {
@@ -58,20 +79,20 @@ def write_index(
                 "valid_depth_fraction": [c[name].valid_fraction for *_, c in imaged],
             },
         )
-    draft.set_provenance(
-        "dataset",
-        {"command": command, "ingested_at": datetime.now(UTC).isoformat(timespec="seconds"),
-         "problems": Counter(issue.kind for issue in scan.issues)},
-    )  # fmt: skip
-    for section, facts in scan.provenance.items():
-        draft.set_provenance(section, facts)
-    rule = "block_length 0: the rounded-up square root of n, in recording order"
-    draft.set_provenance(
-        "statistics", {"bootstrap": {**asdict(bootstrap.DEFAULT_SETTINGS), "rule": rule}}
-    )
 
 
-def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[str, Any]:
+def now() -> str:
+    """The time, UTC, as the index states it."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def problem_counts(scan: Scan) -> dict[str, int]:
+    """The number of issues of each kind."""
+    return Counter(issue.kind for issue in scan.issues)
+
+
+def part_hash(scan: Scan, rows: list[InstanceRow]) -> str:
+    """SHA-256 over the poses and frames of instances, and over the data set's calibration."""
     facts = {
         "frame": scan.frame,
         "y_down": scan.y_down,
@@ -84,11 +105,19 @@ def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[
             for name, seq, r, checksums in rows
         ],
     }
-    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def dataset_hash(part_hashes: list[str]) -> str:
+    """The hash of a data set of several parts: SHA-256 over their hashes, joined in order."""
+    return hashlib.sha256("".join(part_hashes).encode()).hexdigest()
+
+
+def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[str, Any]:
     edges = {f"bounds_{name}": value for name, value in asdict(scan.bounds).items()}
     return {
         "name": scan.name,
-        "hash": digest,
+        "hash": part_hash(scan, rows),
         **edges,
         "y_down": scan.y_down,
         "floor_plan": plan,
@@ -99,7 +128,7 @@ def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[
     }
 
 
-def _instance_columns(scan: Scan, rows: list[InstanceRow]) -> dict[str, Any]:
+def _instance_columns(scan: Scan, rows: list[InstanceRow], first_iid: int) -> dict[str, Any]:
     records = [record for _, _, record, _ in rows]
     names = np.array([name for name, *_ in rows], dtype=object)
     x, y, heading = (np.array([getattr(r, k) for r in records]) for k in ("x", "y", "heading"))
@@ -111,7 +140,7 @@ def _instance_columns(scan: Scan, rows: list[InstanceRow]) -> dict[str, Any]:
     missing = (np.nan, np.nan, np.nan)
     odometry = np.array([r.odometry or missing for r in records], dtype=np.float64)
     return {
-        "iid": np.arange(len(rows), dtype=np.int32),
+        "iid": np.arange(first_iid, first_iid + len(rows), dtype=np.int32),
         "trajectory": names,
         "seq": np.array([seq for _, seq, *_ in rows], dtype=np.int32),
         "x": x,

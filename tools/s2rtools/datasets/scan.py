@@ -80,6 +80,9 @@ class FrameSource(Protocol):
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file relative to the scan's root; None without files."""
 
+    def checksum(self, scan: Scan, domain: Domain) -> str | None:
+        """`DecodedFrame.sha256` without decoding; None where the source cannot be read."""
+
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """The pixels, or an InputIssue that names the unusable file."""
 

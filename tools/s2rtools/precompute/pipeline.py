@@ -27,9 +27,9 @@ from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.tasks.map_grids import map_stages
 from s2rtools.precompute.tasks.network_outputs import network_stages
-from s2rtools.precompute.tasks.outliers import outlier_stage
+from s2rtools.precompute.tasks.outliers import outlier_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
-from s2rtools.precompute.tasks.umap_projection import projection_stage
+from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.work_units import Stage, missing_units
 
@@ -44,12 +44,16 @@ class ProgressReporter(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PrecomputeOptions:
-    """Options of `precompute`; `kinds` are heatmap kinds, all by default."""
+    """Options of `precompute`; `kinds` are heatmap kinds, all by default.
+
+    `refit` fits projections on all instances again.
+    """
 
     kinds: tuple[str, ...] | None = None
     workers: int = 1
     backend: str = "torch"
     trust: bool = False
+    refit: bool = False
 
 
 def precompute(
@@ -100,19 +104,60 @@ def _compute_run(
         model = load_model(store, run.model, options.trust)
         backend = _choose_backend(store, run, model, options.backend)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
-        frames = frames_stages(store, run)
-        rendered = tuple(spec for stage in frames for spec in stage.specs)
-        forward, heatmaps = network_stages(store, run, model, backend, allowed, rendered)
-        projection = projection_stage(store, forward)
-        second = [projection, *map_stages(store, forward, heatmaps)]
-        third = [outlier_stage(store, forward, projection)]
-    for group in (frames, [forward, *heatmaps], second, third):
+        groups = _stage_groups(store, run, model, backend, allowed, options.refit)
+    for group in groups:
         lease.check()
         _compute_stages(root, group, backend["name"], options, reporter, lease)
-    stages = [forward, *heatmaps, *second, *third, *frames]
+    frames, network, *others = groups
+    stages = [stage for group in (network, *others, frames) for stage in group]
     published = publish_run(root, name, stages, backend, lease.check)
     reporter.say(f"{name}: {'published' if published else 'up to date'}")
     return published
+
+
+def _stage_groups(
+    store: Store,
+    run: Run,
+    model: LoadedModel,
+    backend: dict[str, Any],
+    kinds: Sequence[str],
+    refit: bool,
+) -> list[list[Stage]]:
+    """All stages of a run in groups; a group needs those before it. The second is the network's.
+
+    Each part of the data set has stages of its own, so that nothing of earlier parts is computed
+    again where one is appended.
+    """
+    frames: list[Stage] = []
+    forwards: list[Stage] = []
+    heatmaps: list[Stage] = []
+    maps: list[Stage] = []
+    for part in store.parts:
+        rendered = frames_stages(store, run, part)
+        specs = tuple(spec for stage in rendered for spec in stage.specs)
+        forward, others = network_stages(store, run, part, model, backend, kinds, specs)
+        frames += rendered
+        forwards.append(forward)
+        heatmaps += others
+        maps += map_stages(store, forward, others)
+    projections = projection_stages(forwards, _fitted_instances(store, run, refit))
+    return [frames, [*forwards, *heatmaps], [*projections, *maps], outlier_stages(projections)]
+
+
+def _fitted_instances(store: Store, run: Run, refit: bool) -> int:
+    """The instances [0, n) that the run's projection is fitted on.
+
+    Those of the published projection, so that points stay where they are; all with `refit`, and
+    where none is published.
+    """
+    published = [
+        record.shape[0]
+        for record in store.array_parts(run.run)
+        if record.kind == "umap" and record.first_iid == 0
+    ]
+    if not refit and published and published[0] in {part.stop for part in store.parts}:
+        return published[0]
+    return len(store.instances)
 
 
 def _choose_backend(store: Store, run: Run, model: LoadedModel, name: str) -> dict[str, Any]:

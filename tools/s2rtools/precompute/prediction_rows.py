@@ -68,7 +68,8 @@ def encode_split(codes: NDArray[np.int8]) -> str:
 def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
     """Codes into `records.SPLITS`, shape (n,); all `unseen` if `text` is None.
 
-    Raises RequestError for a malformed split or another number of instances.
+    Instances beyond those of the split were appended to the store later: they are `unseen`. Raises
+    RequestError for a malformed split, or one of more instances.
     """
     if text is None:
         return np.full(n, UNSEEN, dtype=np.int8)
@@ -76,9 +77,11 @@ def decode_split(text: str | None, n: int) -> NDArray[np.int8]:
     try:
         runs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         codes, counts = runs.T
-        if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() != n:
+        if (counts < 0).any() or ((codes < 0) | (codes >= len(SPLITS))).any() or counts.sum() > n:
             size = int(counts.sum())
             raise RequestError(f"the model's split covers {size} instances, not {n}")
     except (ValueError, TypeError, OverflowError) as error:
         raise RequestError("the model's split is malformed; register the model again") from error
-    return np.repeat(codes, counts).astype(np.int8)
+    split = np.full(n, UNSEEN, dtype=np.int8)
+    split[: counts.sum()] = np.repeat(codes, counts)
+    return split

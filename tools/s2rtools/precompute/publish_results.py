@@ -21,7 +21,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, Stage
+from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, open_parts
 
 _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
@@ -36,16 +36,16 @@ def publish_run(
 ) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
-    `check` is called before that, see `edit`.
-
-    `stages` begins with the forward stage. Arrays of other heatmap kinds stay listed as long as
+    `check` is called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as
     they belong to the same predictions.
     """
     specs = [spec for stage in stages for spec in stage.specs]
-    key = stages[0].specs[0].key
+    key = _run_key(specs)
     with s2rstore.open(root) as store:
-        same = store.run(run).key == key
-        listed = store.arrays(run) if same else []
+        predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
+        listed = store.array_parts(run)
+        same = bool(predicted & {record.path for record in listed})
+        listed = listed if same else []
         complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
         if complete and not store.missing_columns("prediction"):
             return False
@@ -68,6 +68,12 @@ def publish_run(
     return True
 
 
+def _run_key(specs: Sequence[ArraySpec]) -> str:
+    """The key of the predictions of all parts."""
+    keys = list(dict.fromkeys(spec.key for spec in specs if spec.kind == "prediction"))
+    return keys[0] if len(keys) == 1 else content_key({"parts": keys})
+
+
 def _instance_columns(
     store: Store, run: str, specs: Sequence[ArraySpec]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -77,10 +83,11 @@ def _instance_columns(
     scale = store.dataset.accuracy_scale
     for side in SIDES:
         poses, distances, plane = (
-            np.asarray(spec.open_array(store.path, run)[:])
+            np.asarray(
+                open_parts([s for s in specs if (s.kind, s.side) == (kind, side)], store.path, run)
+            )
             for kind in ("prediction", outliers.KIND, "umap")
-            for spec in specs if (spec.kind, spec.side) == (kind, side)
-        )  # fmt: skip
+        )
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
         scores = outliers.outlier_scores(distances)
         columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
@@ -103,6 +110,7 @@ def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
         "zero": 0.0,
         "unit": spec.unit,
         "metadata_sha256": spec.open_array(root, run).metadata_sha256,
+        "first_iid": spec.first_iid,
     }
 
 

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
+from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Run
+from s2rstore.records import SIDES, Part, Run
 from s2rstore.run_inputs import FRAME_KINDS
 
 KEY_VERSION = 1
@@ -31,7 +32,10 @@ KEY_VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class ArraySpec:
-    """Description of one array of a run; `item` is the shape of one row."""
+    """Description of one array of a run; `item` is the shape of one row.
+
+    Rows are the instances from `first_iid` on; those of map grids are aggregates over instances.
+    """
 
     kind: str
     side: str | None
@@ -43,6 +47,7 @@ class ArraySpec:
     key: str
     rows: int
     attributes: tuple[tuple[str, str], ...] = ()
+    first_iid: int = 0
 
     def path(self, run: str) -> str:
         """Path inside runs.zarr."""
@@ -64,7 +69,8 @@ class ArraySpec:
 class Stage:
     """Arrays that are computed together, `shard_rows` rows at a time.
 
-    `sources` are the complete arrays of the same run that they are computed from.
+    `sources` are the complete arrays of the same run that they are computed from. Where something
+    is fitted, it is fitted on the instances [0, `fitted`).
     """
 
     name: str
@@ -72,10 +78,15 @@ class Stage:
     specs: tuple[ArraySpec, ...]
     shard_rows: int
     sources: tuple[ArraySpec, ...] = ()
+    fitted: int = 0
 
     @property
     def rows(self) -> int:
         return self.specs[0].rows
+
+    @property
+    def first_iid(self) -> int:
+        return self.specs[0].first_iid
 
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)
@@ -96,16 +107,30 @@ class Stage:
 
     def source_array(
         self, root: Path, kind: str, side: str | None, mode: str | None = None
-    ) -> StoredArray:
-        """Open the array of a source."""
-        for spec in self.sources:
-            if spec.kind == kind and spec.side in (side, None) and spec.mode == mode:
-                return spec.open_array(root, self.run)
-        raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
+    ) -> RowArray:
+        """Open the array of a source; its rows are instances, from 0 on."""
+        specs = [
+            spec
+            for spec in self.sources
+            if spec.kind == kind and spec.side in (side, None) and spec.mode == mode
+        ]
+        if not specs:
+            raise KeyError(f"stage {self.name} has no source {kind} {side} {mode}")
+        return open_parts(specs, root, self.run)
 
-    def valid_instances(self, root: Path) -> NDArray[np.bool_]:
-        """Whether both sides predicted a pose, for each instance, (N,)."""
-        poses = [np.asarray(self.source_array(root, "prediction", side)[:]) for side in SIDES]
+    def source_range(self, kind: str) -> range:
+        """Instances of the sources of a kind, which follow one another."""
+        specs = [spec for spec in self.sources if spec.kind == kind]
+        return range(
+            min(spec.first_iid for spec in specs), max(spec.first_iid + spec.rows for spec in specs)
+        )
+
+    def valid_instances(self, root: Path, instances: range) -> NDArray[np.bool_]:
+        """Whether both sides predicted a pose, for each of `instances`, (n,)."""
+        poses = [
+            self.source_array(root, "prediction", side).rows(instances.start, instances.stop)
+            for side in SIDES
+        ]
         return np.asarray(np.isfinite(poses).all(axis=(0, 2)))
 
     def shard_file(self, spec: ArraySpec, shard: int) -> str:
@@ -134,9 +159,25 @@ class WorkUnit:
 
     @property
     def rows(self) -> range:
-        """Rows of the shard in the arrays; instances, except for map grids."""
+        """Rows of the shard in the arrays."""
         start = self.shard * self.stage.shard_rows
         return range(start, min(start + self.stage.shard_rows, self.stage.rows))
+
+    @property
+    def instances(self) -> range:
+        """Instances of the rows of the shard, where rows are instances."""
+        first = self.stage.first_iid
+        return range(first + self.rows.start, first + self.rows.stop)
+
+
+def open_parts(specs: Sequence[ArraySpec], root: Path, run: str) -> RowArray:
+    """Arrays of one kind, side and mode as one array with a row per instance, from 0 on."""
+    ordered = sorted(specs, key=lambda spec: spec.first_iid)
+    if len(ordered) == 1 and ordered[0].first_iid == 0:
+        return ordered[0].open_array(root, run)
+    parts = [(spec.first_iid, spec.open_array(root, run)) for spec in ordered]
+    stop = max(spec.first_iid + spec.rows for spec in ordered)
+    return PartedArray(parts, stop, f"run {run!r}: {ordered[0].kind} is not computed")
 
 
 def content_key(facts: dict[str, Any]) -> str:
@@ -145,11 +186,11 @@ def content_key(facts: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def run_dependencies(store: Store, run: Run, backend: dict[str, Any]) -> dict[str, Any]:
-    """Everything that a run's predictions depend on."""
+def run_dependencies(store: Store, run: Run, part: Part, backend: dict[str, Any]) -> dict[str, Any]:
+    """Everything that a run's predictions of the instances of a part depend on."""
     model = store.models[run.model]
     return {
-        "dataset": store.dataset.hash,
+        "dataset": part.hash,
         "model": model.sha256,
         "architecture": model.architecture,
         "convention": model.convention,

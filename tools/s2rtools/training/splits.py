@@ -53,6 +53,14 @@ def split_by_recording(trajectory: NDArray[np.int32]) -> Codes:
     return codes
 
 
+def with_earlier(codes: Codes, before: Codes | None) -> Codes:
+    """A split in which no test instance is one that an earlier training or validation used."""
+    if before is None:
+        return codes
+    seen = (before == TRAIN) | ((before == VALIDATION) & (codes == TEST))
+    return np.where(seen, before, codes)
+
+
 def _trajectories(trajectory: NDArray[np.int32]) -> list[NDArray[np.intp]]:
     codes, first = np.unique(trajectory, return_index=True)
     return [np.flatnonzero(trajectory == code) for code in codes[np.argsort(first)]]

@@ -102,7 +102,11 @@ def train(
 
 
 def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits | None) -> Splits:
-    """Split of the instances of each domain, including what the start model was trained on."""
+    """Split of the instances of each domain, including what the start model was trained on.
+
+    What the start model has learned from never becomes a test. Instances that were appended after
+    its training are split by the rules.
+    """
     rows = frames.trajectory
     splits: Splits = {}
     for name, domain in frames.domains.items():
@@ -111,9 +115,10 @@ def _splits(frames: TrainingFrames, recipe: TrainingRecipe, start_splits: Splits
             unseen = np.full(len(frames), split_rules.UNSEEN, dtype=np.int8)
             splits[name] = unseen if before is None else before
         elif domain.kind == "real":
-            splits[name] = split_rules.split_by_recording(rows)
+            splits[name] = split_rules.with_earlier(split_rules.split_by_recording(rows), before)
         elif before is not None and (before == split_rules.TRAIN).any():
-            splits[name] = before
+            appended = before == split_rules.UNSEEN
+            splits[name] = np.where(appended, split_rules.split_by_blocks(rows), before)
         else:
             splits[name] = split_rules.split_by_blocks(rows)
     return splits

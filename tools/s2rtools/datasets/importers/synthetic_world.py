@@ -40,6 +40,9 @@ class RenderedFrameSource:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
+    def checksum(self, scan: Scan, domain: Domain) -> str:
+        return self.decode(scan, domain).sha256
+
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
         views = self.data.views(self.side, self.pose[None], np.array([self.number]))
         rgb, depth = views.rgb[0], self.data.raw_depth(views)[0]

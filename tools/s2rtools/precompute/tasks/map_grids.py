@@ -21,7 +21,7 @@ _READ_ROWS = 64
 
 
 def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
-    """Map grids of every heatmap of the given stages, one stage per kind and side."""
+    """Map grids of every heatmap of the stages of a part, one stage per kind and side."""
     grid = MapGrid(store.dataset.bounds)
     predictions = forward.specs_of_kind("prediction")
     stages = []
@@ -49,12 +49,12 @@ def _map_spec(spec: ArraySpec, side: str, mode: str | None, grid: MapGrid) -> Ar
         f"map:{spec.kind}", side, mode, (grid.rows, grid.cols), "float32",
         ("aggregate", "row", "column"), spec.unit,
         content_key({"heat": spec.key, **MAP_SETTINGS, **surface}),
-        len(AGGREGATES), (("aggregates", ",".join(AGGREGATES)),),
+        len(AGGREGATES), (("aggregates", ",".join(AGGREGATES)),), spec.first_iid,
     )  # fmt: skip
 
 
 def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
-    """Mean, max, sum and count grids of one kind on one side, for each of its modes.
+    """Mean, max, sum and count grids of a part, of one kind on one side, for each of its modes.
 
     Heat is projected by the side's valid depth and calibrated rays; for kinds that compare both
     views, by the aligned rays at the nearer of both surfaces.
@@ -63,7 +63,8 @@ def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDA
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
     planes = HEATMAP_KINDS[kind].planes
-    valid = stage.valid_instances(store.path)
+    instances = stage.source_range("prediction")
+    valid = stage.valid_instances(store.path, instances)
     other: Side = "real" if side == "sim" else "sim"
     floor_heat = FloorHeat(
         run_domain(store, run, side), run_domain(store, run, other), store.dataset, side,
@@ -73,9 +74,9 @@ def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDA
     frames = RunFrames(store, run, stage.rendered_arrays(store.path))
     poses = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     grids = {spec: MapGrid(store.dataset.bounds) for spec in unit.missing}
-    for start in range(0, valid.size, _READ_ROWS):
-        stop = min(start + _READ_ROWS, valid.size)
-        rows = np.flatnonzero(valid[start:stop])
+    for start in range(instances.start, instances.stop, _READ_ROWS):
+        stop = min(start + _READ_ROWS, instances.stop)
+        rows = np.flatnonzero(valid[start - instances.start : stop - instances.start])
         if not rows.size:
             continue
         depths = {

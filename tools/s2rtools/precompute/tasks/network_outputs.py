@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Run
+from s2rstore.records import SIDES, Part, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
@@ -24,21 +24,33 @@ HEATMAP_ROWS = 64
 def network_stages(
     store: Store,
     run: Run,
+    part: Part,
     model: LoadedModel,
     backend: dict[str, Any],
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
 ) -> tuple[Stage, list[Stage]]:
-    """The forward stage, and one stage per heatmap kind that needs many passes.
+    """The forward stage of a part, and one stage per heatmap kind that needs many passes.
 
     The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
     only. `frames` are the arrays of rendered frames that the stages read.
     """
-    facts = run_dependencies(store, run, backend)
+    facts = run_dependencies(store, run, part, backend)
     key = content_key({**facts, "kind": "prediction"})
-    n, size = len(store.instances), model.network.embedding_size
+    size = model.network.embedding_size
     specs = [
-        ArraySpec(kind, side, None, item, dtype, ("iid", axis), unit, key, n)
+        ArraySpec(
+            kind,
+            side,
+            None,
+            item,
+            dtype,
+            ("iid", axis),
+            unit,
+            key,
+            part.instances,
+            first_iid=part.first_iid,
+        )
         for kind, item, dtype, axis, unit in (
             ("prediction", (3,), "float64", "x y heading", "m m rad"),
             ("embedding", (size,), "float16", "feature", ""),
@@ -47,7 +59,7 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(store, run, facts, kind, model)
+        heatmaps = _kind_specs(store, run, part, facts, kind, model)
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -56,7 +68,7 @@ def network_stages(
 
 
 def _kind_specs(
-    store: Store, run: Run, facts: dict[str, Any], name: str, model: LoadedModel
+    store: Store, run: Run, part: Part, facts: dict[str, Any], name: str, model: LoadedModel
 ) -> list[ArraySpec]:
     kind = HEATMAP_KINDS[name]
     if kind.aligned:
@@ -67,7 +79,8 @@ def _kind_specs(
     key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
-                  out.unit, key, len(store.instances), tuple(sorted(out.attributes.items())))
+                  out.unit, key, part.instances, tuple(sorted(out.attributes.items())),
+                  part.first_iid)
         for out in kind.outputs(model)
     ]  # fmt: skip
 
@@ -79,7 +92,7 @@ def compute_outputs(
     alignment = rig_calibration.load_alignment(store, run)
     truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
-    rows, size = unit.rows, backend.model.network.input_size
+    rows, size = unit.instances, backend.model.network.input_size
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
         poses = truth[iid : iid + len(frames["sim"].x)]

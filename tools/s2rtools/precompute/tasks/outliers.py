@@ -8,13 +8,13 @@ feasible for a million instances.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.precompute.tasks.umap_projection import sample_rows
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
@@ -37,14 +37,27 @@ OUTLIER_ROWS = 32_768
 _RESOLUTION = 1e-6
 
 
-def outlier_stage(store: Store, forward: Stage, projection: Stage) -> Stage:
-    """Distances to the nearest principal components of the same side."""
-    n = len(store.instances)
-    components = projection.specs_of_kind("pca")
-    key = content_key({"pca": components[0].key, **asdict(SETTINGS)})
-    specs = [ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, n) for side in SIDES]
-    sources = forward.specs_of_kind("prediction") + components
-    return Stage("outlier", forward.run, tuple(specs), OUTLIER_ROWS, sources)
+def outlier_stages(projections: Sequence[Stage]) -> list[Stage]:
+    """Distances to the nearest principal components of the same side, a stage per projection.
+
+    Neighbours are instances that the first projection was fitted on.
+    """
+    fit = projections[0].specs_of_kind("pca")
+    stages = []
+    for projection in projections:
+        components = projection.specs_of_kind("pca")
+        key = content_key({"pca": components[0].key, **asdict(SETTINGS)})
+        specs = tuple(
+            ArraySpec(KIND, side, None, (), "float32", ("iid",), "", key, projection.rows,
+                      first_iid=projection.first_iid)
+            for side in SIDES
+        )  # fmt: skip
+        predictions = (spec for spec in projection.sources if spec.kind == "prediction")
+        sources = tuple(dict.fromkeys((*predictions, *fit, *components)))
+        stages.append(
+            Stage("outlier", projection.run, specs, OUTLIER_ROWS, sources, projection.fitted)
+        )
+    return stages
 
 
 def compute_distances(
@@ -52,8 +65,9 @@ def compute_distances(
 ) -> dict[ArraySpec, NDArray[np.float32]]:
     """Neighbour distances of a unit's instances, for each missing side."""
     stage = unit.stage
-    sample = sample_rows(stage.valid_instances(root), SETTINGS.sample, SETTINGS.seed)
-    iids = np.array(unit.rows)
+    valid = stage.valid_instances(root, range(stage.fitted))
+    sample = sample_rows(valid, SETTINGS.sample, SETTINGS.seed)
+    iids = np.array(unit.instances)
     distances = {}
     for spec in unit.missing:
         points = stage.source_array(root, "pca", spec.side)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Run
+from s2rstore.records import SIDES, Part, Run
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
@@ -18,27 +18,29 @@ from s2rtools.rendering import renderer_version
 FRAME_ROWS = 32
 
 
-def frames_stages(store: Store, run: Run) -> list[Stage]:
+def frames_stages(store: Store, run: Run, part: Part) -> list[Stage]:
     """One stage for the sides whose cameras are moved; none if no camera is moved."""
     specs = []
     for side in SIDES:
         domain, move = store.domain(run.domain(side)), run_camera_move(store, run, side)
         if move == UNMOVED:
             continue
-        depth = store.frames(domain.domain, 0, 1, ("depth",))["depth"].dtype.name
+        first = part.first_iid
+        depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name
         frame = store.dataset.frame_height, store.dataset.frame_width
         facts = {
-            "dataset": store.dataset.hash,
+            "dataset": part.hash,
             "domain": domain.domain,
             "move": asdict(move),
             "renderer": renderer_version(store),
         }
         key = content_key({**facts, "kind": "frames"})
-        n, axes = len(store.instances), ("iid", "row", "column")
+        n, axes = part.instances, ("iid", "row", "column")
         specs += [
             ArraySpec(FRAME_KINDS["rgb"], side, None, (*frame, 3), "uint8", (*axes, "channel"), "",
-                      key, n),
-            ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n),
+                      key, n, first_iid=first),
+            ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n,
+                      first_iid=first),
         ]  # fmt: skip
     return [Stage("frames", run.run, tuple(specs), FRAME_ROWS)] if specs else []
 
@@ -48,7 +50,7 @@ def render_frames(frames: RunFrames, unit: WorkUnit) -> dict[ArraySpec, NDArray[
     values: dict[ArraySpec, NDArray[Any]] = {}
     for side in SIDES:
         specs = [spec for spec in unit.missing if spec.side == side]
-        images = frames.read(side, unit.rows.start, unit.rows.stop) if specs else {}
+        images = frames.read(side, unit.instances.start, unit.instances.stop) if specs else {}
         by_kind = {FRAME_KINDS[image]: rows for image, rows in images.items()}
         values |= {spec: by_kind[spec.kind] for spec in specs}
     return values

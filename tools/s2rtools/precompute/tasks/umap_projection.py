@@ -1,13 +1,17 @@
 """Task: one seeded UMAP over both sides of a run, so that the two panels are comparable.
 
 PCA is fitted first, in batches of both sides, so that memory does not grow with the data set. UMAP
-is fitted on at most `fit_instances` seeded instances; the others are transformed. Source: McInnes
-et al., "UMAP", 2018.
+is fitted on at most `fit_instances` seeded instances; the others are transformed.
+
+Instances that were appended after the fit are transformed, too, so that the points of the others
+stay where they are. For that the fit is repeated, which gives the same model by its seed. Source:
+McInnes et al., "UMAP", 2018.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.reader import Store
+from s2rstore.arrays.row_array import RowArray
 from s2rstore.records import SIDES
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
@@ -37,41 +41,97 @@ class ProjectionSettings:
 SETTINGS = ProjectionSettings()
 
 
-def projection_stage(store: Store, forward: Stage) -> Stage:
-    """PCA and joint UMAP of the forward stage's embeddings, in a single unit."""
-    n = len(store.instances)
-    embedding = forward.specs_of_kind("embedding")[0]
-    key = content_key({"embedding": embedding.key, **asdict(SETTINGS)})
-    specs = [
-        ArraySpec(kind, side, None, (width,), "float32", ("iid", axis), "", key, n)
+def projection_stages(forwards: Sequence[Stage], fitted: int) -> list[Stage]:
+    """PCA and joint UMAP of the embeddings of the forward stages of all parts.
+
+    One stage, of a single unit, for the instances [0, `fitted`), which are whole parts, and one for
+    each later part.
+    """
+    early = [forward for forward in forwards if forward.first_iid < fitted]
+    keys = [_embedding_key(forward) for forward in early]
+    facts: dict[str, Any] = {"embedding": keys[0] if len(keys) == 1 else keys, **asdict(SETTINGS)}
+    stages = [_stage(early, content_key(facts), 0, fitted, fitted)]
+    for forward in forwards[len(early) :]:
+        key = content_key({**facts, "transformed": _embedding_key(forward)})
+        stages.append(_stage([*early, forward], key, forward.first_iid, forward.rows, fitted))
+    return stages
+
+
+def _embedding_key(forward: Stage) -> str:
+    return forward.specs_of_kind("embedding")[0].key
+
+
+def _stage(forwards: Sequence[Stage], key: str, first: int, count: int, fitted: int) -> Stage:
+    specs = tuple(
+        ArraySpec(
+            kind, side, None, (width,), "float32", ("iid", axis), "", key, count, first_iid=first
+        )
         for kind, width, axis in (("pca", SETTINGS.components, "component"), ("umap", 2, "u v"))
         for side in SIDES
-    ]
-    sources = forward.specs_of_kind("prediction") + forward.specs_of_kind("embedding")
-    return Stage("projection", forward.run, tuple(specs), max(n, 1), sources)
+    )
+    sources = tuple(
+        spec
+        for kind in ("prediction", "embedding")
+        for forward in forwards
+        for spec in forward.specs_of_kind(kind)
+    )
+    return Stage("projection", forwards[0].run, specs, max(count, 1), sources, fitted)
 
 
 def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
-    """Principal components and UMAP coordinates of both sides."""
+    """Principal components and UMAP coordinates of both sides of the stage's instances."""
     stage = unit.stage
-    valid = stage.valid_instances(root)
-    embeddings = tuple(stage.source_array(root, "embedding", side) for side in SIDES)
-    sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid)
-    computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid)}
-    return {spec: computed[spec.kind][spec.side == "real"] for spec in unit.missing}
+    first, fitted = stage.first_iid, stage.fitted
+    valid = stage.valid_instances(root, range(fitted))
+    embeddings = [stage.source_array(root, "embedding", side) for side in SIDES]
+    if first:
+        later = range(first, first + stage.rows)
+        valid = np.concatenate([valid, stage.valid_instances(root, later)])
+        embeddings = [_Joined(side, fitted, later) for side in embeddings]
+    sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid, fitted=fitted)
+    computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid, fitted=fitted)}
+    wanted = slice(fitted, None) if first else slice(None)
+    return {spec: computed[spec.kind][spec.side == "real"][wanted] for spec in unit.missing}
+
+
+class _Joined(RowArray):
+    """The rows [0, `fitted`) of an array, then its rows `later`."""
+
+    def __init__(self, array: RowArray, fitted: int, later: range) -> None:
+        self._array, self._fitted, self._later = array, fitted, later
+        self.shape = (fitted + len(later), *array.shape[1:])
+        self.dtype, self.attrs = array.dtype, array.attrs
+
+    @property
+    def path(self) -> Path:
+        return self._array.path
+
+    @property
+    def block_rows(self) -> int:
+        return self._array.block_rows
+
+    def rows(self, start: int, stop: int) -> NDArray[Any]:
+        self._check_range(start, stop)
+        shift = self._later.start - self._fitted
+        early = self._array.rows(min(start, self._fitted), min(stop, self._fitted))
+        low, high = max(start, self._fitted), max(stop, self._fitted)
+        return np.concatenate([early, self._array.rows(low + shift, high + shift)])
 
 
 def principal_components(
-    sides: tuple[Any, Any], valid: NDArray[np.bool_], settings: ProjectionSettings = SETTINGS
+    sides: tuple[Any, Any],
+    valid: NDArray[np.bool_],
+    settings: ProjectionSettings = SETTINGS,
+    fitted: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """PCA over both sides together.
+    """PCA over both sides together, fitted on the first `fitted` rows (default: all).
 
     `sides` are two (N, D) arrays (Zarr or numpy) of embeddings; rows that are not valid become
     NaN. Returns two (N, components) arrays and the share of variance that they explain.
     """
     from sklearn.decomposition import IncrementalPCA
 
-    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
+    rows = sample_rows(valid[:fitted], settings.fit_instances // 2, settings.seed)
     sim, real = (np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides)
     if rows.size == 0:
         return sim, real, float("nan")
@@ -96,18 +156,22 @@ def joint_umap(
     sides: tuple[NDArray[np.float32], NDArray[np.float32]],
     valid: NDArray[np.bool_],
     settings: ProjectionSettings = SETTINGS,
+    fitted: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid."""
+    """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid.
+
+    Fitted on the first `fitted` rows (default: all).
+    """
     sim, real = (np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in sides)
-    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
+    rows = sample_rows(valid[:fitted], settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
         return sim, real
     points = np.concatenate([side[rows] for side in sides])
     if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
-        fitted, transform = points[:, :2], lambda others: others[:, :2]
+        embedded, transform = points[:, :2], lambda others: others[:, :2]
     else:
-        fitted, transform = _fit(points, settings)
-    sim[rows], real[rows] = np.split(fitted, 2)
+        embedded, transform = _fit(points, settings)
+    sim[rows], real[rows] = np.split(embedded, 2)
     others = np.setdiff1d(np.flatnonzero(valid), rows)
     for start in range(0, others.size, 4096):
         part = others[start : start + 4096]

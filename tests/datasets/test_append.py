@@ -1,0 +1,257 @@
+"""What an append adds to a store, and what stays."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tarfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.files.ingest_folder import appending_folders
+from s2rstore.maintenance.verify import check, verify
+from s2rtools.datasets import append, build
+from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.scan import Scan
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
+from tests.datasets.conftest import N
+from tests.datasets.helpers import SIZE, add, files, ingest, kinds, scan_of
+from tests.support import image_folders, pairs
+from tests.support.copies import copy_store
+
+
+def rows_by_trajectory(store: Path) -> dict[str, object]:
+    """All rows of instances, frames and trajectories without iids, and the frames themselves."""
+    with s2rstore.open(store) as opened:
+        found: dict[str, object] = {
+            "trajectory": opened.execute("FROM trajectory ORDER BY trajectory"),
+            "room": opened.execute("FROM room ORDER BY position"),
+            "domain": opened.execute("FROM domain ORDER BY domain"),
+            "instance": opened.execute(
+                "SELECT * EXCLUDE (iid) FROM instance ORDER BY trajectory, seq"
+            ),
+            "frame": opened.execute(
+                "SELECT trajectory, seq, frame.* EXCLUDE (iid) FROM frame JOIN instance USING "
+                "(iid) ORDER BY trajectory, seq, domain"
+            ),
+            "checksums": dict(opened.checksums),
+        }
+        for domain in opened.domains:
+            images = opened.frames(domain, 0, len(opened.instances))
+            for trajectory in opened.trajectories:
+                first = opened.first_iid(trajectory.trajectory)
+                rows = slice(first, first + trajectory.instances)
+                digest = hashlib.sha256(images["rgb"][rows].tobytes())
+                digest.update(images["depth"][rows].tobytes())
+                found[f"{domain} {trajectory.trajectory}"] = digest.hexdigest()
+    return found
+
+
+def test_appending_equals_ingesting_at_once_except_for_the_iids(
+    source: tuple[Path, Path], scan: Scan, store: Path, tmp_path: Path
+) -> None:
+    ingest("sim2realviz", source[0], tmp_path / "once.s2r", header=source[1])
+    assert add(scan, store) == {"a": N, "b": N}
+    assert rows_by_trajectory(store) == rows_by_trajectory(tmp_path / "once.s2r")
+    assert verify(store) == []
+    assert check(store).notes == ()
+
+
+def test_existing_iids_frames_and_index_files_stay(scan: Scan, store: Path) -> None:
+    before = files(store)
+    with s2rstore.open(store) as opened:
+        rows = opened.execute("FROM instance ORDER BY iid"), opened.execute("FROM frame")
+        frame = opened.frame(3, "real").rgb
+    add(scan, store)
+    after = files(store)
+    assert {path: after[path] for path in before} == before
+    with s2rstore.open(store) as opened:
+        assert opened.generation == 2
+        assert opened.execute(f"FROM instance WHERE iid < {N} ORDER BY iid") == rows[0]
+        assert sorted(opened.execute(f"FROM frame WHERE iid < {N}")) == sorted(rows[1])
+        assert (opened.frame(3, "real").rgb == frame).all()
+
+
+def test_trajectories_are_in_the_order_of_their_instances(scan: Scan, store: Path) -> None:
+    add(scan, store)
+    with s2rstore.open(store) as opened:
+        assert [t.trajectory for t in opened.trajectories] == ["c", "a", "b"]
+        truth = opened.instances
+        assert truth.trajectory.tolist() == [0] * N + [1] * N + [2] * N
+        assert [opened.first_iid(name) for name in "cab"] == [0, N, 2 * N]
+        both = opened.frames("sim", N - 2, N + 2)["rgb"]
+        for row, iid in enumerate(range(N - 2, N + 2)):
+            assert (both[row] == opened.frame(iid, "sim").rgb).all()
+        expected = opened.frames_array("sim", "a", "rgb")[0]
+        assert (opened.frame(N, "sim").rgb == expected).all()
+
+
+def test_parts_hash_and_provenance(scan: Scan, store: Path, source: tuple[Path, Path]) -> None:
+    with s2rstore.open(store) as opened:
+        original, facts = opened.dataset.hash, opened.provenance("dataset")
+        assert opened.identity == original
+    for name in ("b", "a"):
+        add(scan_of("sim2realviz", source[0], header=source[1], trajectories=(name,)), store)
+    with s2rstore.open(store) as opened:
+        parts = opened.parts
+        assert [(p.part, p.first_iid, p.instances) for p in parts] == [
+            (0, 0, N), (1, N, N), (2, 2 * N, N)
+        ]  # fmt: skip
+        assert parts[0].hash == original == opened.identity
+        assert parts[0].added_at == facts["ingested_at"]
+        assert len({part.hash for part in parts}) == 3
+        joined = "".join(part.hash for part in parts)
+        assert opened.dataset.hash == hashlib.sha256(joined.encode()).hexdigest()
+        assert layout.read_current(store).dataset_hash == opened.dataset.hash
+        now = opened.provenance("dataset")
+        assert facts.items() <= now.items()
+        added = json.loads(now["append:2"])
+        assert added["command"] == "s2r ingest"
+        assert added["trajectories"] == {"a": N}
+        assert added["problems"] == {}
+
+
+def test_the_hash_of_a_part_depends_on_its_poses_and_images(
+    scan: Scan, first_store: Path, tmp_path: Path
+) -> None:
+    hashes = []
+    for number, names in enumerate((("a",), ("a",), ("b",))):
+        copy = copy_store(first_store, tmp_path / f"{number}.s2r")
+        add(replace(scan, trajectories={name: scan.trajectories[name] for name in names}), copy)
+        with s2rstore.open(copy) as opened:
+            hashes.append(opened.parts[1].hash)
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_a_trajectory_of_the_store_is_skipped_and_nothing_new_publishes_nothing(
+    scan: Scan, store: Path
+) -> None:
+    lines: list[str] = []
+    add(scan, store, lines=lines)
+    assert lines == ["trajectory c: already in the store"]
+    before = files(store)
+    lines.clear()
+    assert add(scan, store, lines=lines) == {}
+    assert lines[:3] == [f"trajectory {name}: already in the store" for name in "abc"]
+    assert "nothing to append" in lines[3]
+    assert files(store) == before
+
+
+def test_an_unusable_pair_that_was_left_out_does_not_make_a_difference(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
+    image = sorted((tmp_path / "data" / "a" / "real").glob("*_rgb.jpeg"))[2]
+    image.write_bytes(image.read_bytes()[:300])
+    store = tmp_path / "s.s2r"
+    first = ingest("sim2realviz", tmp_path / "data", store, header=header, trajectories=("a",))
+    assert sum(kinds(first).values()) == 1
+    assert add(scan_of("sim2realviz", tmp_path / "data", header=header), store) == {"b": N}
+
+
+def test_an_unusable_pair_is_left_out_and_strict_refuses_it(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a", "b"))
+    store = tmp_path / "s.s2r"
+    ingest("sim2realviz", tmp_path / "data", store, header=header, trajectories=("a",))
+    image = sorted((tmp_path / "data" / "b" / "sim").glob("*_depth.jpeg"))[1]
+    image.write_bytes(b"")
+    options = {"header": header, "trajectories": ("b",)}
+    before = files(store)
+    with pytest.raises(RequestError, match="nothing was ingested"):
+        add(scan_of("sim2realviz", tmp_path / "data", **options), store, strict=True)
+    assert files(store) == before
+    assert not appending_folders(store)
+    assert add(scan_of("sim2realviz", tmp_path / "data", **options), store) == {"b": N - 1}
+    assert verify(store) == []
+
+
+def test_images_without_poses_can_be_appended(tmp_path: Path) -> None:
+    sources = image_folders.folders(tmp_path / "data")
+    frame = (64, 64)
+    names = ("real_day", "sim_loop")
+    store = tmp_path / "s.s2r"
+    image_folders.ingest(sources, store, trajectories=names)
+    lines: list[str] = []
+    added = add(scan_of("images", Path(), folders=sources, frame=frame), store, lines=lines)
+    assert added == {"real_night": 3, "sim_city": 2}
+    assert lines == [f"trajectory {name}: already in the store" for name in names]
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert [t.trajectory for t in opened.trajectories] == [*names, "real_night", "sim_city"]
+        assert opened.imaged_trajectories["real"] == {"real_day", "real_night"}
+        assert opened.imaged("real").tolist() == [True] * 4 + [False] * 5 + [True] * 3 + [False] * 2
+        assert opened.frames("real", 9, 12)["rgb"].shape == (3, 32, 64, 3)
+
+
+def test_the_synthetic_world_grows_with_the_same_recipe_only(tmp_path: Path) -> None:
+    world = {"seed": 3, "count": 2}
+    both = replace(scan_of("world", Path(), world=world), drives=None)
+    store = tmp_path / "w.s2r"
+    first = replace(both, trajectories={"traj2": both.trajectories["traj2"]})
+    build.build(first, store, "s2r ingest", True, lambda steps: None)
+    ((section, facts),) = both.provenance.items()
+    other = {section: {**facts, "recipe": {**facts["recipe"], "count": 3}}}
+    with pytest.raises(RequestError, match="another recipe of"):
+        add(replace(both, provenance=other), store)
+    assert add(both, store, strict=True) == {"traj1": 2}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        data = WorldData(WorldRecipe(**world, frame=SIZE[0]))
+        assert data.matches(opened)
+        assert data.noise_numbers(opened).tolist() == [1_000_000, 1_000_001, 0, 1]
+
+
+def test_a_store_of_version_0_1_0_can_be_appended_to(tmp_path: Path) -> None:
+    archive = Path(__file__).parents[1] / "fixtures" / "store-0.1.0" / "store.tar.xz"
+    with tarfile.open(archive) as packed:
+        packed.extractall(tmp_path, filter="data")
+    (store,) = tmp_path.glob("*.s2r")
+    before = files(store)
+    with s2rstore.open(store) as opened:
+        old, domains = opened.dataset, dict(opened.domains)
+        count, bounds = len(opened.instances), old.bounds
+        runs = list(opened.runs)
+    assert verify(store) == []
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("zz",))
+    added = scan_of("sim2realviz", tmp_path / "data", header=header,
+                    frame=(old.frame_height, old.frame_width))  # fmt: skip
+    added.y_down, added.bounds, added.accuracy_scale = old.y_down, bounds, old.accuracy_scale
+    added.domains = domains
+    for name in ("sim", "real"):
+        assert name in added.trajectories["zz"][0].sources
+    assert add(added, store) == {"zz": N}
+    after = files(store)
+    assert {path: after[path] for path in before} == before
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == count + N
+        assert opened.identity == old.hash != opened.dataset.hash
+        valid = opened.run_columns(runs[0]).valid
+        assert valid[:count].any()
+        assert not valid[count:].any()
+    assert any("computed for" in note for note in check(store).notes)
+
+
+def test_an_image_is_decoded_once_and_compared_ones_not_at_all(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[Path] = []
+    decode = ImageFiles.decode
+
+    def counted(self: ImageFiles, *arguments: object) -> object:
+        decoded.append(self.rgb)
+        return decode(self, *arguments)
+
+    monkeypatch.setattr(ImageFiles, "decode", counted)
+    add(scan, store)
+    assert len(decoded) == len(set(decoded)) == 2 * 2 * N
+    assert not any("/c/" in path.as_posix() for path in decoded)
+
+
+def test_progress_adds_up(scan: Scan, store: Path) -> None:
+    steps: list[int] = []
+    append.append(scan, store, "s2r ingest", False, steps.append)
+    assert sum(steps) == 2 * 2 * 3 * N

@@ -1,0 +1,136 @@
+"""What must agree with the store, and what is reported."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rtools.datasets import build
+from s2rtools.datasets.scan import Scan
+from tests.datasets.conftest import N
+from tests.datasets.helpers import add, files, ingest, kinds, scan_of
+from tests.support import image_folders, pairs
+
+
+def test_other_images_or_poses_of_a_stored_trajectory_are_refused(tmp_path: Path) -> None:
+    manifest = pairs.manifest(tmp_path / "data")
+    store = tmp_path / "s.s2r"
+    ingest("csv", manifest, store, trajectories=("a",))
+    before = files(store)
+    text = manifest.read_text()
+    first = text.splitlines()[1]
+    manifest.write_text(text.replace(first.split(",")[5], "6.9"))
+    with pytest.raises(RequestError, match="trajectory a: the source differs"):
+        add(scan_of("csv", manifest), store)
+    manifest.write_text(text)
+    shutil.copy(tmp_path / "data" / "sim" / "1_rgb.png", tmp_path / "data" / "sim" / "0_rgb.png")
+    with pytest.raises(RequestError, match=r"trajectory a: the source differs.*another name"):
+        add(scan_of("csv", manifest), store)
+    assert files(store) == before
+
+
+def test_a_shorter_or_longer_recording_of_a_stored_trajectory_is_refused(
+    scan: Scan, store: Path
+) -> None:
+    for records in (
+        scan.trajectories["c"][:-1],
+        [*scan.trajectories["c"], scan.trajectories["a"][0]],
+    ):
+        scan.trajectories["c"] = records
+        with pytest.raises(RequestError, match="trajectory c: the source differs"):
+            add(scan, store)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("accuracy_scale = 10.0", "accuracy_scale = 11.0", "another accuracy_scale: 11 m"),
+        ("y_down = true", "y_down = false", "another y_down"),
+        ("camera_height = 0.6", "camera_height = 0.7", "another camera_height of domain sim: 0.7"),
+        ("hfov = 70.0", "hfov = 71.0", "another rgb_fx of domain real"),
+        ("depth_raw_max = 249", "depth_raw_max = 248", "another depth_raw_max of domain sim"),
+        ('kind = "sim"', 'kind = "real"', "another kind of domain sim: real, the store sim"),
+    ],
+)
+def test_another_calibration_is_refused_by_name(
+    source: tuple[Path, Path], store: Path, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    header = tmp_path / "other.toml"
+    header.write_text(source[1].read_text().replace(old, new))
+    before = files(store)
+    with pytest.raises(RequestError, match=message):
+        add(scan_of("sim2realviz", source[0], header=header), store)
+    assert files(store) == before
+
+
+def test_another_frame_size_and_other_domains_are_refused(
+    source: tuple[Path, Path], store: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(RequestError, match=r"frame size \(--size\): 48x48, the store 32x32"):
+        add(scan_of("sim2realviz", source[0], header=source[1], frame=(48, 48)), store)
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("d",), edit=True)
+    with pytest.raises(RequestError, match="set of domains: real, sim, sim_edit, the store real"):
+        add(scan_of("sim2realviz", tmp_path / "data", header=header), store)
+    folders = image_folders.folders(tmp_path / "images")
+    with pytest.raises(RequestError, match="kind of data: images without poses"):
+        add(scan_of("images", Path(), folders=folders), store)
+
+
+def test_cameras_that_differ_by_rounding_agree(scan: Scan, store: Path) -> None:
+    domain = scan.domains["sim"]
+    scan.domains["sim"] = replace(domain, depth_scale=np.nextafter(domain.depth_scale, 1))
+    assert add(scan, store) == {"a": N, "b": N}
+
+
+def test_no_store_is_made(scan: Scan, tmp_path: Path) -> None:
+    with pytest.raises(RequestError, match="leave out --append"):
+        add(scan, tmp_path / "missing.s2r")
+    assert not (tmp_path / "missing.s2r").exists()
+
+
+def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
+    source: tuple[Path, Path], store: Path, tmp_path: Path
+) -> None:
+    text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0").replace('"west"', '"front"')
+    header = tmp_path / "other.toml"
+    header.write_text(text)
+    with s2rstore.open(store) as opened:
+        dataset, rooms = opened.dataset, opened.rooms
+    other = scan_of("sim2realviz", source[0], header=header)
+    other.floor_plan = np.full((40, 60, 3), 99, np.uint8)
+    with pytest.raises(RequestError, match="bounds"):
+        add(other, store, strict=True)
+    other.issues.clear()
+    add(other, store)
+    assert kinds(other) == {"other bounds": 1, "other rooms": 1, "other floor plan": 1}
+    with s2rstore.open(store) as opened:
+        assert (opened.dataset.bounds, opened.rooms) == (dataset.bounds, rooms)
+        assert opened.dataset.floor_plan is None
+        truth = opened.instances
+        assert (truth.room[:N] == truth.room[N : 2 * N]).all()
+        recorded = json.loads(opened.provenance("dataset")["append:1"])["problems"]
+        assert recorded == kinds(other)
+
+
+def test_the_same_floor_plan_is_not_reported(
+    source: tuple[Path, Path], scan: Scan, tmp_path: Path
+) -> None:
+    plan = np.random.default_rng(0).integers(0, 255, (40, 60, 3)).astype(np.uint8)
+    first = scan_of("sim2realviz", source[0], header=source[1], trajectories=("c",))
+    first.floor_plan = scan.floor_plan = plan
+    build.build(first, tmp_path / "s.s2r", "s2r ingest", False, lambda steps: None)
+    add(scan, tmp_path / "s.s2r", strict=True)
+    assert scan.issues == []
+
+
+def test_poses_outside_the_bounds_of_the_store_are_reported(scan: Scan, store: Path) -> None:
+    scan.trajectories["a"][0] = replace(scan.trajectories["a"][0], x=99.0)
+    add(scan, store)
+    assert kinds(scan) == {"pose outside the bounds": 1}

@@ -1,0 +1,171 @@
+"""Appends that are killed or run at the same time, and what prune makes of their remains."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, layout
+from s2rstore.files.ingest_folder import appending_folder
+from s2rstore.index import transaction
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import append, build
+from s2rtools.datasets.scan import Scan
+from tests.datasets.conftest import N
+from tests.datasets.helpers import add, files, scan_of
+
+
+class Killed(BaseException):
+    """Stands for the end of the process at this point."""
+
+
+def _kill(*arguments: object, **options: object) -> None:
+    raise Killed
+
+
+def _kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
+    done = 0
+
+    def counted(*arguments: object, **options: object) -> object:
+        nonlocal done
+        if done == calls:
+            raise Killed
+        done += 1
+        return function(*arguments, **options)
+
+    return counted
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        "frames",
+        "second trajectory",
+        "first move",
+        "third move",
+        "ledger",
+        "rows",
+        "index file",
+        "current",
+    ],
+)
+def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch, point: str
+) -> None:
+    """The building folder stays, too, as after a real kill."""
+    before, current = files(store), layout.read_current(store)
+    moves = {"first move": 1, "third move": 3}
+    with monkeypatch.context() as patch:
+        patch.setattr(append.shutil, "rmtree", lambda *arguments, **options: None)
+        if point in moves:
+            patch.setattr(atomic_writes, "move", _kill_after(atomic_writes.move, moves[point]))
+        elif point == "second trajectory":
+            patch.setattr(build, "_write_trajectory", _kill_after(build._write_trajectory, 1))
+        else:
+            owner, name = {
+                "frames": (append, "write_frames"),
+                "ledger": (append.Ledger, "add_entries"),
+                "rows": (append, "insert_instances"),
+                "index file": (transaction, "_publish"),
+                "current": (layout, "write_current"),
+            }[point]
+            patch.setattr(owner, name, _kill)
+        with pytest.raises(Killed):
+            add(scan, store)
+    assert layout.read_current(store) == current
+    after = files(store)
+    assert {path: after[path] for path in before} == before
+    assert verify(store) == []
+    assert add(scan, store) == {"a": N, "b": N}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == 3 * N
+
+
+def test_prune_removes_unreferenced_frames_and_keeps_all_others(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(append, "insert_instances", _kill)
+        with pytest.raises(Killed):
+            add(scan, store)
+    leftovers = {f"{layout.FRAMES}/{domain}/{name}" for domain in ("sim", "real") for name in "ab"}
+    assert leftovers <= set(prune(store, dry_run=True).paths)
+    assert set(prune(store).paths) == leftovers
+    assert verify(store) == []
+    add(scan, store)
+    assert prune(store, keep=1).paths == ("index/index-000001.duckdb",)
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert opened.frame(0, "sim").rgb.any()
+
+
+def test_prune_keeps_the_folder_in_which_another_process_appends(store: Path) -> None:
+    folder = appending_folder(store)
+    (folder / "ledger").mkdir(parents=True)
+    (folder / ".x.partial").write_bytes(b"1")
+    assert prune(store).paths == ()
+    assert (folder / ".x.partial").exists()
+    assert verify(store) == []
+
+
+def test_frames_of_a_kept_generation_are_never_replaced(scan: Scan, store: Path) -> None:
+    """A user has put back an older generation of the data under a new number."""
+    old = layout.read_current(store)
+    add(scan, store)
+    third = layout.index_name(3)
+    shutil.copy(store / old.index, store / third)
+    layout.write_current(
+        store,
+        layout.Current(3, third, old.sha256, old.bytes, old.schema, old.dataset_hash),
+    )
+    before = files(store)
+    with pytest.raises(RequestError, match="a kept generation has these frames"):
+        add(scan, store)
+    assert files(store) == before
+
+
+def test_two_appends_do_not_mix(
+    scan: Scan, source: tuple[Path, Path], store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = scan_of("sim2realviz", source[0], header=source[1], trajectories=("a",))
+    checked = append._checked_entries
+
+    def interrupted(folder: Path) -> object:
+        entries = checked(folder)
+        monkeypatch.setattr(append, "_checked_entries", checked)
+        add(other, store)
+        return entries
+
+    monkeypatch.setattr(append, "_checked_entries", interrupted)
+    with pytest.raises(RequestError, match="append again"):
+        add(scan, store)
+    assert add(scan, store) == {"b": N}
+    assert verify(store) == []
+
+
+def _is_shard(path: Path) -> bool:
+    return path.is_file() and path.name != "zarr.json"
+
+
+def test_damaged_frames_are_not_moved(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = append.write_frames
+
+    def damaged(*arguments: object) -> object:
+        stored = write(*arguments)
+        shard = next(path for path in arguments[1].rglob("a/rgb/**/*") if _is_shard(path))
+        shard.write_bytes(shard.read_bytes()[:-1])
+        return stored
+
+    monkeypatch.setattr(append, "write_frames", damaged)
+    with pytest.raises(RequestError, match="differs from what was written"):
+        add(scan, store)
+    assert verify(store) == []

@@ -1,0 +1,163 @@
+"""Precompute of a data set of several parts: each part has arrays of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import verify
+from s2rstore.metrics.nearest_neighbours import neighbours
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.precompute import pipeline
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("computed")
+KINDS = ("activation", "pixel_difference")
+FIRST = 24
+"""Instances of the first part."""
+
+
+def split_into_parts(path: Path, *stops: int) -> None:
+    """Declare that the instances up to each stop were ingested together."""
+    with s2rstore.open(path) as store:
+        hashes = [store.dataset.hash, *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops)]
+    with edit(path) as draft:
+        draft.delete("part")
+        for part, (first, stop) in enumerate(zip((0, *stops), stops, strict=False)):
+            draft.insert_row(
+                "part",
+                {"part": part, "first_iid": first, "instances": stop - first, "hash": hashes[part]},
+            )
+
+
+@pytest.fixture(scope="module")
+def whole(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A computed store of one part."""
+    path = tmp_path_factory.mktemp("whole") / "s.s2r"
+    shutil.copytree(trained_store, path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    return path
+
+
+@pytest.fixture(scope="module")
+def parted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A computed store of two parts, whose projection is fitted on the first one."""
+    path = tmp_path_factory.mktemp("parted") / "s.s2r"
+    shutil.copytree(trained_store, path)
+    split_into_parts(path, FIRST, 40)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "_fitted_instances", lambda *arguments: FIRST)
+        precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    return path
+
+
+def values(store: Store, kind: str, side: str | None, mode: str | None = None) -> np.ndarray:
+    return np.asarray(store.array("vanilla", kind, side, mode)[1])
+
+
+def test_arrays_of_parts_equal_those_of_one_part(whole: Path, parted: Path) -> None:
+    with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
+        assert len(two.arrays("vanilla")) == len(one.arrays("vanilla"))
+        assert len(two.array_parts("vanilla")) == 2 * len(one.arrays("vanilla"))
+        for record in one.arrays("vanilla"):
+            if record.axes[0] == "iid" and record.kind in ("prediction", "embedding", *KINDS):
+                names = record.kind, record.side, record.mode
+                np.testing.assert_allclose(
+                    values(two, *names), values(one, *names), rtol=1e-3, atol=1e-5
+                )
+        for side in SIDES:
+            of_one, of_two = (store.run_columns("vanilla").side(side) for store in (one, two))
+            np.testing.assert_allclose(of_two.error, of_one.error, atol=1e-5)
+            np.testing.assert_array_equal(of_two.rank, of_one.rank)
+
+
+def test_map_grids_of_parts_are_merged(whole: Path, parted: Path) -> None:
+    with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
+        for aggregate in ("mean", "max", "sum", "count"):
+            expected = one.map_grid("vanilla", "pixel_difference", "real", aggregate=aggregate)
+            merged = two.map_grid("vanilla", "pixel_difference", "real", aggregate=aggregate)
+            np.testing.assert_allclose(merged, expected, rtol=1e-5, atol=1e-6)
+        with pytest.raises(RequestError, match="read it by `map_grid`"):
+            two.array("vanilla", "map:pixel_difference", "real", "rgb")
+
+
+def test_later_parts_are_projected_by_the_fit_of_the_first(parted: Path) -> None:
+    with s2rstore.open(parted) as store:
+        for side in SIDES:
+            plane = values(store, "umap", side)
+            assert plane.shape == (40, 2)
+            assert np.isfinite(plane).all()
+            low, high = plane[:FIRST].min(axis=0), plane[:FIRST].max(axis=0)
+            assert ((plane[FIRST:] > low - 5) & (plane[FIRST:] < high + 5)).all()
+            assert np.isfinite(values(store, "neighbour_distance", side)).all()
+
+
+def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
+    parted: Path, whole: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(parted, path)
+    with s2rstore.open(path) as store:
+        before = values(store, "umap", "sim")
+    assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS)) == []
+    options = PrecomputeOptions(KINDS, refit=True)
+    assert precompute(path, SilentReporter(), ["vanilla"], options) == ["vanilla"]
+    with s2rstore.open(path) as store, s2rstore.open(whole) as one:
+        assert not np.array_equal(values(store, "umap", "sim"), before)
+        for side in SIDES:
+            np.testing.assert_allclose(
+                np.abs(values(store, "pca", side)), np.abs(values(one, "pca", side)), atol=1e-2
+            )
+    assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS)) == []
+    assert verify(path) == []
+
+
+def test_a_new_part_leaves_the_files_of_the_others_as_they_are(whole: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(whole, path)
+    files = [each for each in (path / "runs.zarr").rglob("*") if each.is_file()]
+    before = {each: each.read_bytes() for each in files}
+    split_into_parts(path, 40)
+    assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS)) == []
+    assert {each: each.read_bytes() for each in files} == before
+
+
+def test_reading_a_part_that_is_not_computed_is_refused(parted: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(parted, path)
+    with edit(path) as draft:
+        for (name,) in draft.rows("SELECT path FROM zarr_array WHERE first_iid > 0"):
+            draft.delete("zarr_array", path=name)
+    with s2rstore.open(path) as store:
+        assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
+        with pytest.raises(RequestError, match="not computed for all instances"):
+            store.heatmap("vanilla", "activation", "sim", FIRST)
+        assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
+        near, _ = neighbours(store, "vanilla", "sim", 0, 40)
+        assert near.max() < FIRST
+
+
+@pytest.mark.parametrize(
+    "rows", [[(0, 0, 24), (1, 25, 15)], [(0, 0, 24)], [(1, 0, 40)], [(0, 0, 40), (0, 40, 1)]]
+)
+def test_parts_with_gaps_or_other_counts_are_refused(
+    whole: Path, tmp_path: Path, rows: list[tuple[int, int, int]]
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(whole, path)
+    with edit(path) as draft:
+        for part, first, count in rows:
+            draft.insert_row(
+                "part", {"part": part, "first_iid": first, "instances": count, "hash": "0" * 64}
+            )
+    with pytest.raises(RequestError, match="table part"):
+        s2rstore.open(path)

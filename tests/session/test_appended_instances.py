@@ -1,0 +1,139 @@
+"""A session and the user's notes on a store to which instances are appended."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rstore.language import evaluation
+from s2rstore.maintenance.verify import check
+from s2rtui.cli import main
+from s2rtui.session import Session, navigation, pending_target, shared_selection
+from s2rtui.user_data.notebook import Notebook
+from tests.support.appended import append_trajectory
+
+N = 40
+"""Instances of the tiny store; its trajectories are a and b."""
+
+
+@pytest.fixture
+def notebooks(tmp_path: Path) -> partial[Notebook]:
+    return partial(Notebook, folder=tmp_path / "notes")
+
+
+def test_an_open_session_notices_the_instances_and_says_so(store_copy: Path) -> None:
+    session = Session(store_copy)
+    session.select("real.error > 0.5")
+    before = session.state
+    append_trajectory(store_copy, "a0", 5)
+    assert session.check_for_updates()
+    assert session.state.newest == before.generation + 1
+    state = session.open_newest_generation()
+    assert state.message.startswith(f"generation {state.generation}; 5 instances added")
+    assert state.selected.size == state.base.size == N + 5
+    assert state.expression == before.expression
+    assert (state.selected[:N] == before.selected).all()
+    assert not state.selected[N:].any()  # not computed for any run yet
+    session.set_cursor(N + 2)
+    assert session.dispatch(navigation.move_cursor, 1).cursor in range(N)
+    session.close()
+
+
+def test_deferred_loading_says_so_too(store_copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pending_target, "SMALL_STORE", 0)
+    session = Session(store_copy)
+    session.defers_loading = True
+    append_trajectory(store_copy, "a0", 1)
+    session.open_newest_generation()
+    state = session.complete_pending(s2rstore.open(store_copy))
+    assert "1 instance added" in state.message
+    assert state.selected.size == N + 1
+    session.close()
+
+
+def test_notes_tags_and_selections_are_found_again(
+    store_copy: Path, notebooks: partial[Notebook]
+) -> None:
+    session = Session(store_copy, notebooks=notebooks)
+    notebook = session.writable_notebook
+    session.select("ids(3, 4)")
+    notebook.save("mine", shared_selection.current_selection(session.state))
+    notebook.note(3, "a cable")
+    notebook.toggle_tag([4], "seen")
+    line = shared_selection.shared_text(
+        shared_selection.current_selection(session.state), session.store.identity
+    )
+    session.close()
+    append_trajectory(store_copy, "a0", 5)
+    session = Session(store_copy, notebooks=notebooks)
+    assert session.store.identity != session.store.dataset.hash
+    assert set(session.notes.selections) == {"mine"}
+    assert session.notes.remarks[3].note == "a cable"
+    assert session.select("@seen").selected.nonzero()[0].tolist() == [4]
+    state = session.dispatch(shared_selection.select_text, line)
+    assert state.selected.nonzero()[0].tolist() == [3, 4]
+    assert "saved: 2 on vanilla, generation 2" in state.message
+    session.close()
+
+
+def test_a_selection_of_another_store_is_refused(store_copy: Path) -> None:
+    append_trajectory(store_copy, "a0", 5)
+    session = Session(store_copy)
+    line = f"all  # data set {'1' * 12}, generation 1, run vanilla, 3 instances"
+    with pytest.raises(RequestError, match="belongs to data set 111111111111"):
+        session.dispatch(shared_selection.select_text, line)
+    session.close()
+
+
+def test_another_data_set_in_the_place_of_the_store_is_refused(store_copy: Path) -> None:
+    session = Session(store_copy)
+    with edit(store_copy) as draft:
+        draft.update("dataset", {"name": "tiny"}, {"hash": "2" * 64})
+    state = session.open_newest_generation()
+    assert "holds another data set" in state.message
+    session.close()
+
+
+def test_commands_find_the_notes(
+    store_copy: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    Notebook("0" * 64).toggle_tag([7], "seen")
+    append_trajectory(store_copy, "a0", 5)
+    assert main(["query", str(store_copy), "@seen", "--format", "csv"]) == 0
+    assert [line.split(",")[0] for line in capsys.readouterr().out.splitlines()][1:] == ["7"]
+
+
+def test_both_back_ends_leave_out_instances_that_are_not_computed(store_copy: Path) -> None:
+    append_trajectory(store_copy, "a0", 5)
+    with s2rstore.open(store_copy) as store:
+        assert [t.trajectory for t in store.trajectories] == ["a", "b", "a0"]
+        for expression in ("all", "worst(20%, real.error)", "traj:a0", "x > 2", "!curved"):
+            mask = evaluation.select(store, expression, "vanilla")
+            text, parameters = evaluation.sql(store, expression, "vanilla")
+            rows = [row[0] for row in store.execute(text, parameters)]
+            assert sorted(rows) == mask.nonzero()[0].tolist()
+            assert not mask[N:].any()
+
+
+def test_verify_notes_runs_that_are_not_computed_for_all_parts(store_copy: Path) -> None:
+    append_trajectory(store_copy, "a0", 5)
+    report = check(store_copy)
+    assert report.damages == ()
+    notes = [note for note in report.notes if "computed for" in note]
+    assert len(notes) == 2
+    assert notes[0].startswith("run vanilla: computed for 40 of 45 instances")
+
+
+def test_verify_finds_a_run_that_lacks_some_instances_of_a_part(store_copy: Path) -> None:
+    append_trajectory(store_copy, "a0", 5)
+    with edit(store_copy) as draft:
+        draft._connection.execute("DELETE FROM prediction WHERE run = 'vanilla' AND iid = 7")
+    found = [damage.what for damage in check(store_copy).damages]
+    assert "run vanilla: 39 of 40 sim rows" in found
