@@ -256,9 +256,13 @@ class Store(IndexCatalog):
             return first, self.stored(first)
         if not is_of_instances:
             raise RequestError(f"run {run!r}: {kind} has several parts; read it by `map_grid`")
+        starts, stops = zip(*((part.first_iid, part.stop) for part in self.parts), strict=True)
+        for record in records:
+            rows = record.shape[0]
+            if record.first_iid not in starts or record.first_iid + rows not in stops:
+                raise RequestError(f"run {run!r}: {kind} has {rows} rows; run `s2r verify`")
         parts = [(record.first_iid, self.stored(record)) for record in records]
-        missing = f"run {run!r}: {kind} is not computed for all instances; run `s2r precompute`"
-        return first, PartedArray(parts, count, missing)
+        return first, PartedArray(parts, count, _incomplete(run, kind))
 
     def _records_of(
         self, run: str, kind: str, side: Side | None, mode: str | None
@@ -312,6 +316,9 @@ class Store(IndexCatalog):
         is mean, max, sum or count.
         """
         records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
+        computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
+        if computed - {record.first_iid for record in records}:
+            raise RequestError(_incomplete(run, kind))
         grids = []
         for array in map(self.stored, records):
             known = str(array.attrs["aggregates"]).split(",")
@@ -327,6 +334,10 @@ class Store(IndexCatalog):
         """
         name = self.dataset.floor_plan
         return safe_files.checked_path(self.path, name) if name else None
+
+
+def _incomplete(run: str, kind: str) -> str:
+    return f"run {run!r}: {kind} is not computed for all instances; run `s2r precompute`"
 
 
 def _check_metadata(

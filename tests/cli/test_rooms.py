@@ -59,6 +59,8 @@ def test_renaming_a_room_computes_nothing_again(
         ("nowhere", "x", "room 'nowhere': not in"),
         (None, None, "exists already"),
         (None, "", "printable"),
+        (None, " x ", "blanks"),
+        (None, "no room", "outside all rooms"),
         (None, "a\x1b[2J", "printable"),
         (None, "n" * 1001, "1 to 1000"),
     ],

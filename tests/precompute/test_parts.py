@@ -18,6 +18,9 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.precompute import pipeline
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.tasks import umap_projection
+from s2rtools.precompute.tasks.umap_projection import projection_stages
+from s2rtui.cli import main
 from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("computed")
@@ -55,7 +58,11 @@ def parted(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     shutil.copytree(trained_store, path)
     split_into_parts(path, FIRST, 40)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "_fitted_instances", lambda *arguments: FIRST)
+        patch.setattr(
+            pipeline,
+            "_projections",
+            lambda store, run, forwards, refit: projection_stages(forwards, FIRST),
+        )
         precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
     return path
 
@@ -121,17 +128,61 @@ def test_a_further_precompute_keeps_the_projection_unless_it_is_fitted_again(
     assert verify(path) == []
 
 
-def test_a_new_part_leaves_the_files_of_the_others_as_they_are(whole: Path, tmp_path: Path) -> None:
+def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.s2r"
-    shutil.copytree(whole, path)
-    files = [each for each in (path / "runs.zarr").rglob("*") if each.is_file()]
-    before = {each: each.read_bytes() for each in files}
-    split_into_parts(path, 40)
-    assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS)) == []
-    assert {each: each.read_bytes() for each in files} == before
+    shutil.copytree(parted, path)
+    later = [
+        array.path
+        for array in Store(path).array_parts("vanilla")
+        if array.kind == "umap" and array.first_iid
+    ]
+    assert len(later) == 2
+    for each in later:
+        shutil.rmtree(path / "runs.zarr" / each)
+    joint_umap = umap_projection.joint_umap
+
+    def on_another_processor(*arguments, **options):
+        return tuple(side[:, ::-1] for side in joint_umap(*arguments, **options))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(umap_projection, "joint_umap", on_another_processor)
+        with pytest.raises(RequestError, match=r"cannot be repeated here.*--refit"):
+            precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    assert verify(path) == []
 
 
-def test_reading_a_part_that_is_not_computed_is_refused(parted: Path, tmp_path: Path) -> None:
+def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(parted, path)
+    with edit(path) as draft:
+        query = "SELECT path FROM zarr_array WHERE first_iid > 0 AND kind LIKE 'map:pixel%'"
+        for (name,) in draft.rows(query):
+            draft.delete("zarr_array", path=name)
+    with s2rstore.open(path) as store:
+        assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
+        with pytest.raises(RequestError, match="not computed for all instances"):
+            store.map_grid("vanilla", "pixel_difference", "sim")
+
+
+def test_verify_notes_heatmaps_of_some_parts(
+    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(parted, path)
+    with edit(path) as draft:
+        query = "SELECT path FROM zarr_array WHERE first_iid > 0 AND kind = 'activation'"
+        for (name,) in draft.rows(query):
+            draft.delete("zarr_array", path=name)
+    assert main(["verify", str(path)]) == 0
+    output = capsys.readouterr()
+    note = "run vanilla: computed for some instances only: activation real, activation sim"
+    assert note in output.out + output.err
+
+
+def test_reading_a_part_that_is_not_computed_is_refused(
+    parted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "s.s2r"
     shutil.copytree(parted, path)
     with edit(path) as draft:
@@ -144,6 +195,8 @@ def test_reading_a_part_that_is_not_computed_is_refused(parted: Path, tmp_path: 
         assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
         near, _ = neighbours(store, "vanilla", "sim", 0, 40)
         assert near.max() < FIRST
+    assert main(["runs", str(path)]) == 0
+    assert f"computed for {FIRST} of 40 instances" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.geometry.rooms import NO_ROOM
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, Bools, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
@@ -14,7 +15,6 @@ from s2rtui.canvas import Mark
 from s2rtui.charts.shared.points import valid_cursor
 
 NAMES = ("sim", "truth", "real")
-NO_ROOM = "no room"
 Counts = NDArray[np.intp]
 Codes = NDArray[np.integer]
 

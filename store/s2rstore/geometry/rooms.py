@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Room
 
+NO_ROOM = "no room"
+"""What views call the instances outside all rooms."""
+
 
 def room_codes(
     x: NDArray[np.float64], y: NDArray[np.float64], rooms: Sequence[Room], names: Sequence[str]

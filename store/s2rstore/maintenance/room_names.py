@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.index.row_check import MAX_TEXT
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
@@ -17,8 +18,12 @@ def rename_room(root: Path, old: str, new: str) -> int:
     Computed arrays stay valid, since none depends on names of rooms. Raises RequestError for an
     unknown room, and for a new name that another room has or that cannot be typed.
     """
-    if not new.strip() or len(new) > MAX_TEXT or printable(new) != new:
-        raise RequestError(f"room name {new!r}: give 1 to {MAX_TEXT} printable characters")
+    if not new.strip() or len(new) > MAX_TEXT or printable(new) != new or new != new.strip():
+        raise RequestError(
+            f"room name {new!r}: give 1 to {MAX_TEXT} printable characters, without blanks around"
+        )
+    if new == NO_ROOM:
+        raise RequestError(f"room name {new!r}: stands for instances outside all rooms")
     with Store(root) as store:
         rooms, poses_known = store.stored_rooms, store.has_poses
     if not poses_known or old not in rooms:

@@ -482,3 +482,11 @@ def _uncomputed_parts(store: Store) -> Iterator[str]:
                 f"run {name}: computed for {counts[name]} of {total} instances; `s2r precompute` "
                 "computes the others"
             )
+        rows: dict[str, int] = {}
+        for record in store.array_parts(name):
+            if record.axes[:1] == ("iid",) and record.kind != "prediction":
+                label = " ".join(filter(None, (record.kind, record.mode, record.side)))
+                rows[label] = rows.get(label, 0) + record.shape[0]
+        partial = [label for label, count in rows.items() if count < counts.get(name, 0)]
+        if partial:
+            yield f"run {name}: computed for some instances only: {', '.join(sorted(partial))}"

@@ -43,6 +43,8 @@ from s2rtools.datasets.index_rows import (
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.store_agreement import in_store_terms, new_trajectories
 
+_ROOMS = "SELECT position, room FROM room ORDER BY position"
+
 
 def append(
     scan: Scan,
@@ -103,6 +105,8 @@ def _publish(scan: Scan, stored: StoredRecords, folder: Path, store: Store, comm
     with edit(store.path) as draft:
         if draft.rows("SELECT hash FROM dataset") != [(store.dataset.hash,)]:
             raise RequestError(f"{store.path}: another process has changed the data; append again")
+        if draft.rows(_ROOMS) != store.execute(_ROOMS):
+            raise RequestError(f"{store.path}: another process has renamed rooms; append again")
         _move_frames(folder, store.path)
         Ledger(store.path).add_entries(entries)
         draft.record_checksums(checksums)

@@ -142,18 +142,17 @@ def _short(text: str | None) -> str:
 
 
 def _report_other_map(scan: Scan, store: Store) -> None:
-    """Add issues for bounds, rooms and a floor plan that differ from the store's."""
+    """Add issues for bounds, rectangles of rooms and a floor plan that differ from the store's."""
     if not scan.has_poses:
         return
     if not all(map(_is_close, _edges(scan.bounds), _edges(store.dataset.bounds))):
         _report_kept(scan, "bounds")
-    rooms = [(room.room, *_edges(room)) for room in scan.rooms]
-    kept = [(store.stored_rooms[room.room], *_edges(room)) for room in store.rooms]
+    rooms, kept = ([_edges(room) for room in each] for each in (scan.rooms, store.rooms))
     same = len(rooms) == len(kept) and all(
         _is_close(a, b) for one, other in zip(rooms, kept, strict=True)
         for a, b in zip(one, other, strict=True)
     )  # fmt: skip
-    if rooms and not same:
+    if rooms and not same:  # names may have been changed by `s2r rooms`
         _report_kept(scan, "rooms")
     plan = floor_plan_image(scan)
     if plan is None:

@@ -105,9 +105,15 @@ def _compute_run(
         backend = _choose_backend(store, run, model, options.backend)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         groups = _stage_groups(store, run, model, backend, allowed, options.refit)
+        planned = store.parts
     for group in groups:
         lease.check()
         _compute_stages(root, group, backend["name"], options, reporter, lease)
+    with s2rstore.open(root) as store:
+        has_grown = store.parts != planned
+    if has_grown:
+        reporter.say(f"{name}: instances were added meanwhile; computing them, too")
+        return _compute_run(root, name, kinds, options, reporter, lease)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
     published = publish_run(root, name, stages, backend, lease.check)
@@ -140,24 +146,23 @@ def _stage_groups(
         forwards.append(forward)
         heatmaps += others
         maps += map_stages(store, forward, others)
-    projections = projection_stages(forwards, _fitted_instances(store, run, refit))
-    return [frames, [*forwards, *heatmaps], [*projections, *maps], outlier_stages(projections)]
+    fit, *later = projections = _projections(store, run, forwards, refit)
+    network = [*forwards, *heatmaps]
+    return [frames, network, [fit, *maps], later, outlier_stages(projections)]
 
 
-def _fitted_instances(store: Store, run: Run, refit: bool) -> int:
-    """The instances [0, n) that the run's projection is fitted on.
+def _projections(store: Store, run: Run, forwards: Sequence[Stage], refit: bool) -> list[Stage]:
+    """The stages of the run's projection, fitted on the instances of the published one.
 
-    Those of the published projection, so that points stay where they are; all with `refit`, and
-    where none is published.
+    So points stay where they are. Fitted on all with `refit`, and where no projection of the same
+    embeddings is published.
     """
-    published = [
-        record.shape[0]
-        for record in store.array_parts(run.run)
-        if record.kind == "umap" and record.first_iid == 0
-    ]
-    if not refit and published and published[0] in {part.stop for part in store.parts}:
-        return published[0]
-    return len(store.instances)
+    for record in store.array_parts(run.run):
+        if record.kind == "umap" and record.first_iid == 0 and not refit:
+            stages = projection_stages(forwards, record.shape[0])
+            if record.path in {spec.path(run.run) for spec in stages[0].specs}:
+                return stages
+    return projection_stages(forwards, len(store.instances))
 
 
 def _choose_backend(store: Store, run: Run, model: LoadedModel, name: str) -> dict[str, Any]:

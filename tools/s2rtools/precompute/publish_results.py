@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import bootstrap
@@ -43,6 +44,9 @@ def publish_run(
     key = _run_key(specs)
     with s2rstore.open(root) as store:
         predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
+        count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
+        if count != len(store.instances):
+            raise RequestError(f"{root}: instances were added meanwhile; run the command again")
         listed = store.array_parts(run)
         same = bool(predicted & {record.path for record in listed})
         listed = listed if same else []

@@ -4,15 +4,18 @@ PCA is fitted first, in batches of both sides, so that memory does not grow with
 is fitted on at most `fit_instances` seeded instances; the others are transformed.
 
 Instances that were appended after the fit are transformed, too, so that the points of the others
-stay where they are. For that the fit is repeated, which gives the same model by its seed. Source:
-McInnes et al., "UMAP", 2018.
+stay where they are. For that the fit is repeated, which gives the same model by its seed on the
+same machine. The repeated points are compared with the stored ones: with another processor or
+library they may be others, and new points would not fit among them.
+
+Source: McInnes et al., "UMAP", 2018.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays.row_array import RowArray
+from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
 _BATCH = 512
+_REPEATED = 1e-3
+"""Differences to a repeated fit that are allowed, as a share of the spread of its points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +59,8 @@ def projection_stages(forwards: Sequence[Stage], fitted: int) -> list[Stage]:
     stages = [_stage(early, content_key(facts), 0, fitted, fitted)]
     for forward in forwards[len(early) :]:
         key = content_key({**facts, "transformed": _embedding_key(forward)})
-        stages.append(_stage([*early, forward], key, forward.first_iid, forward.rows, fitted))
+        stage = _stage([*early, forward], key, forward.first_iid, forward.rows, fitted)
+        stages.append(replace(stage, sources=stage.sources + stages[0].specs))
     return stages
 
 
@@ -90,8 +97,24 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
         embeddings = [_Joined(side, fitted, later) for side in embeddings]
     sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid, fitted=fitted)
     computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid, fitted=fitted)}
+    if first:
+        for kind, sides in computed.items():
+            for name, values in zip(SIDES, sides, strict=True):
+                stored = stage.source_array(root, kind, name).rows(0, fitted)
+                _check_repeated(stage.run, stored, values[:fitted])
     wanted = slice(fitted, None) if first else slice(None)
     return {spec: computed[spec.kind][spec.side == "real"][wanted] for spec in unit.missing}
+
+
+def _check_repeated(run: str, stored: NDArray[np.float32], repeated: NDArray[np.float32]) -> None:
+    """Raise RequestError where a repeated fit (n, d) differs from the stored one."""
+    spread = float(np.ptp(stored[np.isfinite(stored)])) if np.isfinite(stored).any() else 0.0
+    if not np.allclose(stored, repeated, rtol=0, atol=_REPEATED * spread, equal_nan=True):
+        raise RequestError(
+            f"run {run!r}: the projection of the first {len(stored)} instances cannot be repeated "
+            "here, because it was fitted with another processor or library; add --refit to fit "
+            "it on all instances again"
+        )
 
 
 class _Joined(RowArray):
