@@ -149,7 +149,9 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         f"new trajectories {trajectories}"
     )
     if runs:
-        print(f"`s2r precompute {shlex.quote(str(options.store))}` computes the runs for them")
+        print(
+            f"`s2r precompute {shlex.quote(str(options.store))}` computes the runs for the new instances"
+        )
     return 0
 
 
