@@ -98,7 +98,8 @@ def test_no_store_is_made(scan: Scan, tmp_path: Path) -> None:
 def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
     source: tuple[Path, Path], store: Path, tmp_path: Path
 ) -> None:
-    text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0").replace('"west"', '"front"')
+    text = source[1].read_text().replace("x1 = 8.0", "x1 = 6.0")
+    text = text.replace("0.0, 4.0, 6.0", "0.0, 3.0, 6.0")
     header = tmp_path / "other.toml"
     header.write_text(text)
     with s2rstore.open(store) as opened:
@@ -117,6 +118,18 @@ def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
         assert (truth.room[:N] == truth.room[N : 2 * N]).all()
         recorded = json.loads(opened.provenance("dataset")["append:1"])["problems"]
         assert recorded == kinds(other)
+
+
+def test_other_names_of_rooms_are_not_reported(
+    source: tuple[Path, Path], store: Path, tmp_path: Path
+) -> None:
+    header = tmp_path / "other.toml"
+    header.write_text(source[1].read_text().replace('"west"', '"front"'))
+    other = scan_of("sim2realviz", source[0], header=header)
+    add(other, store, strict=True)
+    assert other.issues == []
+    with s2rstore.open(store) as opened:
+        assert list(opened.stored_rooms) == ["west", "east"]
 
 
 def test_the_same_floor_plan_is_not_reported(

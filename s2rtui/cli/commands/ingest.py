@@ -149,9 +149,8 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         f"new trajectories {trajectories}"
     )
     if runs:
-        print(
-            f"`s2r precompute {shlex.quote(str(options.store))}` computes the runs for the new instances"
-        )
+        command = f"s2r precompute {shlex.quote(str(options.store))}"
+        print(f"`{command}` computes the runs for the new instances")
     return 0
 
 
