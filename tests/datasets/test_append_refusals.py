@@ -12,6 +12,9 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.maintenance.room_names import rename_room
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import append as append_module
 from s2rtools.datasets import build
 from s2rtools.datasets.scan import Scan
 from tests.datasets.conftest import N
@@ -130,6 +133,25 @@ def test_other_names_of_rooms_are_not_reported(
     assert other.issues == []
     with s2rstore.open(store) as opened:
         assert list(opened.stored_rooms) == ["west", "east"]
+
+
+def test_a_room_that_is_renamed_meanwhile_is_noticed(
+    scan: Scan, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_frames = append_module.write_frames
+
+    def rename_and_write(*arguments):
+        rename_room(store, "west", "hall")
+        return write_frames(*arguments)
+
+    monkeypatch.setattr(append_module, "write_frames", rename_and_write)
+    with pytest.raises(RequestError, match="another process has renamed rooms; append again"):
+        add(scan, store)
+    monkeypatch.undo()
+    add(scan, store)
+    with s2rstore.open(store) as opened:
+        assert set(opened.instances.room_names) == {"hall", "east"}
+    assert verify(store) == []
 
 
 def test_the_same_floor_plan_is_not_reported(

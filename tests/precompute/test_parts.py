@@ -29,10 +29,16 @@ FIRST = 24
 """Instances of the first part."""
 
 
-def split_into_parts(path: Path, *stops: int) -> None:
-    """Declare that the instances up to each stop were ingested together."""
+def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> None:
+    """Declare that the instances up to each stop were ingested together.
+
+    `first_hash` is the hash of the first part, that of the data set by default.
+    """
     with s2rstore.open(path) as store:
-        hashes = [store.dataset.hash, *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops)]
+        hashes = [
+            first_hash or store.dataset.hash,
+            *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops),
+        ]
     with edit(path) as draft:
         draft.delete("part")
         for part, (first, stop) in enumerate(zip((0, *stops), stops, strict=False)):
@@ -178,6 +184,27 @@ def test_verify_notes_heatmaps_of_some_parts(
     output = capsys.readouterr()
     note = "run vanilla: computed for some instances only: activation real, activation sim"
     assert note in output.out + output.err
+
+
+def test_a_data_set_that_grows_meanwhile_is_planned_again(
+    trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(trained_store, path)
+    compute_stages = pipeline._compute_stages
+
+    def grow(*arguments) -> None:
+        compute_stages(*arguments)
+        with s2rstore.open(path) as store:
+            if len(store.parts) == 1:
+                split_into_parts(path, FIRST, 40, first_hash="f" * 64)
+
+    monkeypatch.setattr(pipeline, "_compute_stages", grow)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))
+    with s2rstore.open(path) as store:
+        firsts = [r.first_iid for r in store.array_parts("vanilla") if r.kind == "prediction"]
+        assert sorted(firsts) == [0, 0, FIRST, FIRST]
+        assert store.run_columns("vanilla").valid.all()
 
 
 def test_reading_a_part_that_is_not_computed_is_refused(
