@@ -48,6 +48,14 @@ def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> 
             )
 
 
+def withdraw_later_arrays(path: Path, condition: str) -> None:
+    """Remove the arrays of later parts that meet an SQL condition from the index."""
+    with edit(path) as draft:
+        query = f"SELECT path FROM zarr_array WHERE first_iid > 0 AND {condition}"
+        for (name,) in draft.rows(query):
+            draft.delete("zarr_array", path=name)
+
+
 @pytest.fixture(scope="module")
 def whole(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A computed store of one part."""
@@ -161,10 +169,7 @@ def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) 
 def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.s2r"
     shutil.copytree(parted, path)
-    with edit(path) as draft:
-        query = "SELECT path FROM zarr_array WHERE first_iid > 0 AND kind LIKE 'map:pixel%'"
-        for (name,) in draft.rows(query):
-            draft.delete("zarr_array", path=name)
+    withdraw_later_arrays(path, "kind LIKE 'map:pixel%'")
     with s2rstore.open(path) as store:
         assert np.isfinite(store.map_grid("vanilla", "activation", "sim")).any()
         with pytest.raises(RequestError, match="not computed for all instances"):
@@ -176,10 +181,7 @@ def test_verify_notes_heatmaps_of_some_parts(
 ) -> None:
     path = tmp_path / "s.s2r"
     shutil.copytree(parted, path)
-    with edit(path) as draft:
-        query = "SELECT path FROM zarr_array WHERE first_iid > 0 AND kind = 'activation'"
-        for (name,) in draft.rows(query):
-            draft.delete("zarr_array", path=name)
+    withdraw_later_arrays(path, "kind = 'activation'")
     assert main(["verify", str(path)]) == 0
     output = capsys.readouterr()
     note = "run vanilla: computed for some instances only: activation real, activation sim"
@@ -212,9 +214,7 @@ def test_reading_a_part_that_is_not_computed_is_refused(
 ) -> None:
     path = tmp_path / "s.s2r"
     shutil.copytree(parted, path)
-    with edit(path) as draft:
-        for (name,) in draft.rows("SELECT path FROM zarr_array WHERE first_iid > 0"):
-            draft.delete("zarr_array", path=name)
+    withdraw_later_arrays(path, "true")
     with s2rstore.open(path) as store:
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
         with pytest.raises(RequestError, match="not computed for all instances"):

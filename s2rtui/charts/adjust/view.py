@@ -14,7 +14,7 @@ from s2rtui.session import Session, adjusting
 from s2rtui.session.state import Adjust
 
 _IMAGE_ROWS = 16
-"""Rows in which the images and the table of errors fit."""
+"""Screen rows that the images and the table of errors need."""
 
 
 class AdjustView(View):

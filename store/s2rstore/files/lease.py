@@ -52,7 +52,7 @@ _EARLIER_RELEASE = re.compile(rb"process \d{1,10} on [A-Za-z0-9_.-]{1,255}")
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Seconds between two heartbeats, and without one until a lease is stale.
+    """`interval`: seconds between heartbeats; `limit`: seconds of silence that make a lease stale.
 
     The limit is several times what network file systems cache the attributes of a file for (up to
     20 s by default in sshfs; NFS asks again at every opening).
@@ -268,7 +268,9 @@ def _is_stale(file: LockFile, found: Found, observer: _Observer) -> bool:
 
 
 def _end(file: LockFile, found: Found, observer: _Observer) -> bool:
-    """Remove a lease that still has this content; of several processes at most one does.
+    """Remove the file of a lease if its content is still `found`; True if this process did it.
+
+    Of several processes that try it at once, at most one removes the file.
 
     A claim that a killed process has left is ended in the same way, by a claim on the claim.
     """

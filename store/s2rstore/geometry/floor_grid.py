@@ -67,7 +67,7 @@ class MapGrid:
 def merged_aggregate(
     grids: Sequence[Mapping[str, NDArray[np.float32]]], aggregate: str
 ) -> NDArray[np.float32]:
-    """One aggregate (rows, cols) of all instances, from the aggregates of parts of them.
+    """Merge the map grids of several parts of a data set into one aggregate, (rows, cols).
 
     Each of `grids` maps the names in `AGGREGATES` to arrays of `MapGrid.aggregates`.
     """

@@ -38,7 +38,7 @@ _PROBE = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(1, 16, 16, 3)
 _UNREADABLE = (
     SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError,
 )  # fmt: skip
-"""Errors of reading tensors and header."""
+"""Errors that reading the tensors and the header of a file can raise."""
 _DAMAGE = (
     KeyError, IndexError, TypeError, ValueError, ArithmeticError, RuntimeError, MemoryError,
     np.linalg.LinAlgError, cv2.error,

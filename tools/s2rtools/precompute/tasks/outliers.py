@@ -38,9 +38,10 @@ _RESOLUTION = 1e-6
 
 
 def outlier_stages(projections: Sequence[Stage]) -> list[Stage]:
-    """Distances to the nearest principal components of the same side, a stage per projection.
+    """Stages that compute distances of instances to their nearest neighbours, one per projection.
 
-    Neighbours are instances that the first projection was fitted on.
+    Neighbours are instances of the same side that the first projection was fitted on; distances
+    are those of principal components.
     """
     fit = projections[0].specs_of_kind("pca")
     stages = []

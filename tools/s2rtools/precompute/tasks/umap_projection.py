@@ -107,7 +107,7 @@ def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[An
 
 
 def _check_repeated(run: str, stored: NDArray[np.float32], repeated: NDArray[np.float32]) -> None:
-    """Raise RequestError where a repeated fit (n, d) differs from the stored one."""
+    """Raise RequestError where `repeated` points (n, d) of a fit differ from the `stored` ones."""
     spread = float(np.ptp(stored[np.isfinite(stored)])) if np.isfinite(stored).any() else 0.0
     if not np.allclose(stored, repeated, rtol=0, atol=_REPEATED * spread, equal_nan=True):
         raise RequestError(
