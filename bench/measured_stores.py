@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor, nn
 from torch.nn import functional
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
@@ -59,13 +59,13 @@ def frames_store(path: Path, n: int, size: int, network: PoseNetwork) -> Path:
     for domain in ("sim", "real"):
         for image, rows in block.items():
             relative = Path(layout.FRAMES, domain, "t", image)
-            stored_array.create(
-                path / relative, stored_array.plan_layout(n, rows.shape[1:], "uint8", SHARD)
+            array_writer.create(
+                path / relative, array_writer.plan_layout(n, rows.shape[1:], "uint8", SHARD)
             )
             for shard in range(-(-n // SHARD)):
                 count = min(SHARD, n - shard * SHARD)
-                file = stored_array.write_shard(path / relative, shard, rows[:count])
-                ledger.add(f"{relative}:{shard}", [(file.relative_to(path).as_posix(), count)])
+                file = array_writer.write_shard(path / relative, shard, rows[:count])
+                ledger.add(f"{relative}:{shard}", [(file.path, count)])
     return path
 
 

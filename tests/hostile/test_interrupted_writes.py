@@ -19,7 +19,7 @@ from s2rstore.maintenance.verify import check
 from s2rtools.precompute.executors import run_units
 
 LEFTOVERS = (
-    "frames.zarr/sim/a/rgb/c/0/0/0/0.0123456789abcdef0123456789abcdef.partial",
+    "frames.zarr/sim/a/rgb/.c.0.0.0.0.0123456789abcdef.partial",
     "runs.zarr/vanilla/key0/activation.real/zarr.0123456789abcdef0123456789abcdef.partial",
     "index/.building-99999999.duckdb",
     ".CURRENT.json.99999999",
@@ -95,17 +95,17 @@ import resource, signal, sys
 from argparse import Namespace
 from pathlib import Path
 import numpy as np
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer
 from s2rtui.cli.main import execute_command
 
 root = Path(sys.argv[1])
 path = root / "runs.zarr/vanilla/key9/large"
-stored_array.create(path, stored_array.plan_layout(64, (64, 64), "float32", 64))
+array_writer.create(path, array_writer.plan_layout(64, (64, 64), "float32", 64))
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 rows = np.random.default_rng(0).random((64, 64, 64)).astype(np.float32)
 def write(options):
-    stored_array.write_shard(path, 0, rows)
+    array_writer.write_shard(path, 0, rows)
 raise SystemExit(execute_command(Namespace(execute=write, debug=False)))
 """
 
@@ -115,7 +115,7 @@ def test_a_full_disk_names_the_file_of_the_store(store_copy: Path) -> None:
     command = [sys.executable, "-c", _FULL_DISK_SCRIPT, str(store_copy)]
     process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert process.returncode == 2
-    assert str(store_copy / "runs.zarr/vanilla/key9/large/c/0/0/0") in process.stderr
+    assert str(store_copy / "runs.zarr/vanilla/key9/large/c.0.0.0") in process.stderr
     assert "standard output" not in process.stderr
     assert not [note for note in check(store_copy).notes if "killed" in note]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
@@ -21,7 +21,7 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from tests.hostile.inputs import deadline
 
-SHARD = "frames.zarr/sim/a/rgb/c/0/0/0/0"
+SHARD = "frames.zarr/sim/a/rgb/c.0.0.0.0"
 ARRAY = "runs.zarr/vanilla/key0/activation.real"
 
 
@@ -48,8 +48,8 @@ def _read(root: Path) -> None:
     "relative",
     [
         "CURRENT.json", "index", "frames.zarr", "frames.zarr/sim", "frames.zarr/sim/a/rgb", SHARD,
-        "frames.zarr/sim/a/rgb/zarr.json", "frames.zarr/sim/a/rgb/c", "runs.zarr",
-        "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c/0/0/0/0",
+        "frames.zarr/sim/a/rgb/zarr.json", "runs.zarr",
+        "runs.zarr/vanilla", f"{ARRAY}/zarr.json", f"{ARRAY}/c.0.0.0.0",
     ],
 )  # fmt: skip
 def test_links_inside_a_store_are_not_followed(
@@ -160,12 +160,12 @@ def test_nothing_is_written_through_a_link(store_copy: Path, tmp_path: Path) -> 
     _replace_by_link(store_copy, "runs.zarr/vanilla", outside)
     before = sorted(outside.rglob("*"))
     with pytest.raises(RequestError, match="symbolic link"):
-        stored_array.create(
-            store_copy / "runs.zarr/vanilla/new/a", stored_array.plan_layout(4, (2,), "float32", 4)
+        array_writer.create(
+            store_copy / "runs.zarr/vanilla/new/a", array_writer.plan_layout(4, (2,), "float32", 4)
         )
     rows = np.zeros((16, 4, 4, 4), np.float32)
     with pytest.raises(RequestError, match="symbolic link"):
-        stored_array.write_shard(store_copy / ARRAY, 0, rows)
+        array_writer.write_shard(store_copy / ARRAY, 0, rows)
     assert sorted(outside.rglob("*")) == before
 
 

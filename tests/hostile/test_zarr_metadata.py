@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import s2rstore
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer, stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index.transaction import edit
@@ -64,7 +64,7 @@ CHANGES: dict[str, Callable[[dict[str, Any]], Any]] = {
     "other shards": lambda d: d["chunk_grid"]["configuration"]["chunk_shape"].__setitem__(0, 32),
     "other chunks": lambda d: _sharding(d)["chunk_shape"].__setitem__(0, 8),
     "no shards": lambda d: d.update(codecs=_sharding(d)["codecs"]),
-    "another separator": lambda d: d["chunk_key_encoding"]["configuration"].update(separator="."),
+    "another separator": lambda d: d["chunk_key_encoding"]["configuration"].update(separator="-"),
     "a transformer": lambda d: d["storage_transformers"].append({"name": "x"}),
     "an unknown key": lambda d: d.update(must_understand_me={}),
     "an attribute": lambda d: d["attributes"].update(scale="2"),
@@ -174,7 +174,7 @@ def _reindex(content: bytearray, offset: int, size: int) -> None:
     "damage", [_bomb, _cut_chunk, _far_chunk, _long_chunk, _missing_chunk], ids=lambda f: f.__name__
 )
 def test_a_damaged_chunk_is_rejected(store_copy: Path, damage: Callable[[bytearray], None]) -> None:
-    shard = store_copy / ARRAY / "c/0/0/0/0"
+    shard = store_copy / ARRAY / "c.0.0.0.0"
     content = bytearray(shard.read_bytes())
     damage(content)
     shard.write_bytes(content)
@@ -183,7 +183,7 @@ def test_a_damaged_chunk_is_rejected(store_copy: Path, damage: Callable[[bytearr
 
 
 def test_a_shard_that_is_too_large_is_rejected(store_copy: Path) -> None:
-    shard = store_copy / ARRAY / "c/0/0/0/0"
+    shard = store_copy / ARRAY / "c.0.0.0.0"
     content = shard.read_bytes()
     with shard.open("wb") as file:
         file.truncate(10 * 2**30)
@@ -239,12 +239,12 @@ def test_the_zarr_library_reads_the_written_arrays(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan_layout(rows, shape, dtype, shard)
-    stored_array.create(path, plan, {"method": "as tested"})
+    plan = array_writer.plan_layout(rows, shape, dtype, shard)
+    array_writer.create(path, plan, {"method": "as tested"})
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *shape)) * rng.random((rows, *shape)) * 200).astype(dtype)
     for number in range(plan.shards):
-        stored_array.write_shard(path, number, data[number * shard : (number + 1) * shard])
+        array_writer.write_shard(path, number, data[number * shard : (number + 1) * shard])
     by_zarr = zarr.open_array(path, mode="r")
     by_store = stored_array.open_read(path)
     assert (by_zarr.shape, by_zarr.dtype, by_zarr.chunks, by_zarr.shards) == (

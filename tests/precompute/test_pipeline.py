@@ -16,6 +16,7 @@ import torch
 import s2rstore
 from s2rstore.errors import RequestError, StoreBusyError
 from s2rstore.files import layout
+from s2rstore.files.ledger import Ledger
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import parse_adjustment
@@ -152,30 +153,34 @@ def test_a_killed_precompute_loses_only_unfinished_units(
         )  # the rig calibration may be published
         with s2rstore.open(path) as store:
             assert store.run("vanilla").key is None
-    proven = {p: p.stat().st_mtime_ns for p in (path / "runs.zarr").rglob("0") if p.is_file()}
-    assert proven
+    recorded = [path / e.path for e in Ledger(path).entries() if e.path.startswith("runs.zarr")]
+    complete = {p: p.stat().st_mtime_ns for p in recorded}
+    assert _finished(path)
     precompute(path, SilentReporter())
     assert verify(path) == []
-    assert {p: p.stat().st_mtime_ns for p in proven} == proven
+    assert {p: p.stat().st_mtime_ns for p in complete} == complete
+    assert not list((path / "units").iterdir())
     _assert_equal_arrays(path, computed, 0)
 
 
 def _start_and_kill(path: Path, tmp_path: Path, number: int) -> None:
-    """Start a precompute and kill it once it has added to the ledger."""
+    """Start a precompute and kill it once it has finished a unit."""
     command = [sys.executable, "-m", "s2rtui", "precompute", str(path)]
-    lines_before = _ledger_lines(path)
+    before = _finished(path)
     with (tmp_path / f"{number}.log").open("w") as log:
         process = subprocess.Popen(command, stderr=log, stdout=log)
         deadline = time.monotonic() + 120
-        while _ledger_lines(path) == lines_before and process.poll() is None:
+        while _finished(path) == before and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
         process.wait()
 
 
-def _ledger_lines(path: Path) -> int:
-    return sum(p.read_bytes().count(b"\n") for p in (path / "ledger").glob("*.jsonl"))
+def _finished(path: Path) -> set[Path]:
+    """The results of units and the files of shards."""
+    results = (p for p in (path / "units").rglob("*") if p.name.isdigit())
+    return {*results, *(path / "runs.zarr").rglob("c.*")}
 
 
 class _TakingReporter(SilentReporter):

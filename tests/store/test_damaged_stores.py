@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.arrays import stored_array
+from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import input_files, layout
 from s2rstore.index.transaction import edit
@@ -124,9 +124,10 @@ def _read_all(root: Path) -> None:
 
 def test_a_missing_or_damaged_shard_is_an_error(store_copy: Path) -> None:
     with s2rstore.open(store_copy) as store:
-        record, _ = store.array("vanilla", "occlusion", "real", "rgbd")
+        _, array = store.array("vanilla", "occlusion", "real", "rgbd")
+        assert isinstance(array, StoredArray)
         assert np.abs(store.heatmap("vanilla", "occlusion", "real", 0)).max() > 0
-    shard = stored_array.shard_file(store_copy / "runs.zarr" / record.path, 0, len(record.shape))
+    shard = store_copy / array.file(0)
     content = shard.read_bytes()
     shard.unlink()
     with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="missing"):
@@ -134,7 +135,7 @@ def test_a_missing_or_damaged_shard_is_an_error(store_copy: Path) -> None:
     shard.write_bytes(content[:-40])
     with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="damaged"):
         store.heatmap("vanilla", "occlusion", "real", 0)
-    (store_copy / "runs.zarr" / record.path / "zarr.json").write_text("[]")
+    (array.path / "zarr.json").write_text("[]")
     with s2rstore.open(store_copy) as store, pytest.raises(RequestError, match="metadata"):
         store.heatmap("vanilla", "occlusion", "real", 0)
     assert verify(store_copy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer, stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
 
@@ -72,24 +73,27 @@ def test_shards_contain_the_written_rows(
     dtype: str, seed: int,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("array") / "a"
-    plan = stored_array.plan_layout(rows, shape, dtype, shard)
-    stored_array.create(path, plan)
+    plan = array_writer.plan_layout(rows, shape, dtype, shard)
+    array_writer.create(path, plan)
     rng = np.random.default_rng(seed)
     data = (rng.integers(0, 2, (rows, *shape)) * rng.integers(0, 200)).astype(dtype)
     for number in range(plan.shards):
         block = data[number * shard : (number + 1) * shard]
-        assert stored_array.write_shard(path, number, block).is_file()
+        written = array_writer.write_shard(path, number, block)
+        content = (path.parent / written.path).read_bytes()
+        assert written.bytes == len(content)
+        assert written.sha256 == hashlib.sha256(content).hexdigest()
     assert (stored_array.open_read(path)[:] == data).all()
 
 
 def test_an_array_of_another_shape_is_never_overwritten(tmp_path: Path) -> None:
-    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 2))
-    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 2))
+    array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 2))
+    array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 2))
     with pytest.raises(RequestError, match="another array"):
-        stored_array.create(tmp_path / "a", stored_array.plan_layout(5, (2,), "float32", 2))
+        array_writer.create(tmp_path / "a", array_writer.plan_layout(5, (2,), "float32", 2))
 
 
 def test_an_incomplete_shard_is_refused(tmp_path: Path) -> None:
-    stored_array.create(tmp_path / "a", stored_array.plan_layout(4, (2,), "float32", 4))
+    array_writer.create(tmp_path / "a", array_writer.plan_layout(4, (2,), "float32", 4))
     with pytest.raises(ValueError, match="holds 4 rows"):
-        stored_array.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))
+        array_writer.write_shard(tmp_path / "a", 0, np.zeros((3, 2), np.float32))

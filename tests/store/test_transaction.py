@@ -166,15 +166,14 @@ def test_prune_keeps_data_of_retained_generations(store_copy: Path) -> None:
 
 
 def _damage_shard(root: Path) -> None:
-    shard = next((root / "runs.zarr").rglob("c/0/*/0"))
-    shard = next(path for path in (root / "runs.zarr").rglob("0") if path.is_file())
+    shard = next((root / "runs.zarr").rglob("c.0.*"))
     content = bytearray(shard.read_bytes())
     content[len(content) // 2] ^= 0xFF
     shard.write_bytes(content)
 
 
 def _remove_shard(root: Path) -> None:
-    next(path for path in (root / "frames.zarr").rglob("0") if path.is_file()).unlink()
+    next((root / "frames.zarr").rglob("c.0.*")).unlink()
 
 
 def _cut_index(root: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
@@ -18,12 +18,12 @@ def add(path: Path, run: str, points: dict[str, np.ndarray], kind: str = "pca") 
     with edit(path) as draft:
         for side, rows in points.items():
             relative = f"{run}/made/{kind}.{side}"
-            plan = stored_array.plan_layout(len(rows), rows.shape[1:], "float32", len(rows))
-            stored_array.create(path / layout.RUNS / relative, plan)
-            file = stored_array.write_shard(
+            plan = array_writer.plan_layout(len(rows), rows.shape[1:], "float32", len(rows))
+            array_writer.create(path / layout.RUNS / relative, plan)
+            file = array_writer.write_shard(
                 path / layout.RUNS / relative, 0, rows.astype(np.float32)
             )
-            ledger.add(f"{relative}:0", [(file.relative_to(path).as_posix(), len(rows))])
+            ledger.add(f"{relative}:0", [(file.path, len(rows))])
             draft.insert_row(
                 "zarr_array",
                 {"run": run, "kind": kind, "side": side, "mode": None, "path": relative,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.rooms import room_codes
@@ -140,8 +140,8 @@ def _frames(path: Path, n: int, first: int, rng) -> None:
         for name, count in (("a", first), ("b", n - first)):
             for image, shape, top in (("rgb", (SIZE, SIZE, 3), 256), ("depth", (SIZE, SIZE), 256)):
                 relative = Path(layout.FRAMES, domain, name, image)
-                stored_array.create(
-                    path / relative, stored_array.plan_layout(count, shape, "uint8", 16)
+                array_writer.create(
+                    path / relative, array_writer.plan_layout(count, shape, "uint8", 16)
                 )
                 rows = rng.integers(0, top, (count, *shape)).astype(np.uint8)
                 _write(path, ledger, relative, rows, 16)
@@ -164,8 +164,8 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
             for kind, side, mode, shape, axes in specs:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
-                plan = stored_array.plan_layout(n, shape, "float32", 16)
-                stored_array.create(path / layout.RUNS / relative, plan)
+                plan = array_writer.plan_layout(n, shape, "float32", 16)
+                array_writer.create(path / layout.RUNS / relative, plan)
                 rows = rng.normal(0, 1, (n, *shape)).astype(np.float32)
                 _write(path, ledger, Path(layout.RUNS, relative), rows, 16)
                 draft.insert_row(
@@ -178,8 +178,8 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
 
 def _write(path: Path, ledger: Ledger, relative: Path, rows: np.ndarray, shard: int) -> None:
     for number, start in enumerate(range(0, len(rows), shard)):
-        file = stored_array.write_shard(path / relative, number, rows[start : start + shard])
-        relative_file = file.relative_to(path).as_posix()
+        file = array_writer.write_shard(path / relative, number, rows[start : start + shard])
+        relative_file = file.path
         ledger.add(
             f"{relative.as_posix()}:{number}", [(relative_file, len(rows[start : start + shard]))]
         )

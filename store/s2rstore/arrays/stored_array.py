@@ -1,10 +1,9 @@
-"""Zarr arrays of a store: created once, written a whole shard at a time, read row by row.
+"""Read the Zarr arrays of a store row by row; `array_writer` writes them.
 
-Chunks are small for random reads of one instance; a shard is one work unit's file, written by
-one process. zarr encodes what is written. This module reads only that form (`zarr_metadata`), on
-`safe_files`: no link is followed, a missing shard is an error and never zeros, and no chunk takes
-more memory than the metadata of its array states. zarr cannot be configured to do so, takes longer
-to import, and needs three times as long to read one instance.
+Chunks are small for random reads of one instance; a shard is one file of many chunks. Only the form
+of `zarr_metadata` is read, on `safe_files`: no link is followed, a missing shard is an error and
+never zeros, and no chunk takes more memory than the metadata of its array states. zarr cannot be
+configured to do so, takes longer to import, and needs three times as long to read one instance.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,51 +22,23 @@ from numpy.typing import NDArray
 
 from s2rstore.arrays import zarr_metadata
 from s2rstore.arrays.row_array import RowArray
-from s2rstore.arrays.zarr_metadata import CHUNK_BYTES, Layout
+from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, safe_files
+from s2rstore.files import safe_files
 from s2rstore.files.layout import CURRENT
 
 METADATA = "zarr.json"
 
 _BLOSC_HEADER = 16
 _BLOSC_ZSTD = 4
-_INDEX_CHECKSUM = 4
-_ABSENT = 2**64 - 1
+INDEX_CHECKSUM = 4
+ABSENT = 2**64 - 1
 _READ_BYTES = 16 * 2**20
 _PARALLEL_CHUNKS = 8
 _PARALLEL_BYTES = 64 * 1024
 
 
-def plan_layout(rows: int, item: tuple[int, ...], dtype: str, shard_rows: int) -> Layout:
-    """The layout of an array of `rows` items, with chunks of about 256 kB."""
-    size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
-    requested = max(1, min(shard_rows, CHUNK_BYTES // max(size, 1)))
-    per_chunk = next(n for n in range(requested, 0, -1) if shard_rows % n == 0)
-    return Layout((rows, *item), dtype, shard_rows, per_chunk)
-
-
-def create(
-    path: Path, layout: Layout, attributes: dict[str, Any] | None = None, root: Path | None = None
-) -> None:
-    """Create an empty array; an equal one is left unchanged.
-
-    `root` is the store that `path` lies in; see `open_read`. Raises RequestError where another
-    array lies there: stored arrays are never rewritten.
-    """
-    root, relative = _place(path, root)
-    document = f"{relative}/{METADATA}"
-    if safe_files.kind(root, document) is not None:
-        existing = open_read(path, root)
-        if existing.layout != layout:
-            raise RequestError(f"{path}: holds another array; run `s2r prune`, or remove it")
-        return
-    content = zarr_metadata.document(layout, attributes or {})
-    zarr_metadata.parse_document(content, str(path))
-    atomic_writes.write(root, document, content)
-
-
-def _place(path: Path, root: Path | None) -> tuple[Path, str]:
+def place_of(path: Path, root: Path | None) -> tuple[Path, str]:
     """The folder below which no link is followed, and the array's path in it.
 
     Without `root` that is the store that the path lies in, or else the closest existing folder.
@@ -115,7 +85,7 @@ class StoredArray(RowArray):
 
     def file(self, shard: int) -> str:
         """A shard's file, inside the root that the array was opened with."""
-        return shard_file(Path(self._relative), shard, self.ndim).as_posix()
+        return f"{self._relative}/{shard_name(self.layout, shard)}"
 
     def rows_in(self, shard: int) -> int:
         """How many rows a shard holds; fewer in the last one."""
@@ -163,17 +133,17 @@ class StoredArray(RowArray):
         import google_crc32c
 
         layout = self.layout
-        length = 16 * layout.shard_chunks + _INDEX_CHECKSUM
+        length = 16 * layout.shard_chunks + INDEX_CHECKSUM
         most = layout.shard_chunks * (layout.chunk_bytes + _BLOSC_HEADER) + length
         size = os.fstat(descriptor).st_size
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
         content = os.pread(descriptor, length, size - length)
-        stated = int.from_bytes(content[-_INDEX_CHECKSUM:], "little")
-        if len(content) != length or google_crc32c.value(content[:-_INDEX_CHECKSUM]) != stated:
+        stated = int.from_bytes(content[-INDEX_CHECKSUM:], "little")
+        if len(content) != length or google_crc32c.value(content[:-INDEX_CHECKSUM]) != stated:
             raise _damaged(where, "the index does not fit its checksum")
         index = np.frombuffer(content, dtype="<u8", count=2 * layout.shard_chunks).reshape(-1, 2)
-        known = index[(index != _ABSENT).all(axis=1)]
+        known = index[(index != ABSENT).all(axis=1)]
         room = size - length
         if known.size and ((known > room).any() or (known.sum(axis=1) > room).any()):
             raise _damaged(where, "the index leads out of the file")
@@ -183,16 +153,32 @@ class StoredArray(RowArray):
         self, part: memoryview, start: int, stop: int, target: NDArray[Any], where: Path
     ) -> None:
         """Rows [start, stop) of a chunk into `target`."""
-        codec = _codec(self.layout.dtype)
-        try:
-            if stop - start == self.layout.rows_per_chunk and target.flags.c_contiguous:
-                codec.decode(part, target)
-                return
-            whole = np.empty((self.layout.rows_per_chunk, *self.shape[1:]), dtype=self.dtype)
-            codec.decode(part, whole)
-        except (RuntimeError, ValueError, BufferError) as error:
-            raise _damaged(where, str(error)) from error
+        if stop - start == self.layout.rows_per_chunk and target.flags.c_contiguous:
+            _decompress(part, self.layout, target, where)
+            return
+        whole = np.empty((self.layout.rows_per_chunk, *self.shape[1:]), dtype=self.dtype)
+        _decompress(part, self.layout, whole, where)
         target[...] = whole[start:stop]
+
+
+def decode_chunk(
+    chunk: bytes | memoryview, layout: Layout, target: NDArray[Any], where: Path
+) -> None:
+    """Decompress a chunk into `target`, which is contiguous and has the size of a chunk.
+
+    Raises RequestError, which names `where`, for a damaged chunk.
+    """
+    _check_header(chunk, len(chunk), layout.chunk_bytes, where)
+    _decompress(chunk, layout, target, where)
+
+
+def _decompress(
+    chunk: bytes | memoryview, layout: Layout, target: NDArray[Any], where: Path
+) -> None:
+    try:
+        codec(layout.dtype).decode(chunk, target)
+    except (RuntimeError, ValueError, BufferError) as error:
+        raise _damaged(where, str(error)) from error
 
 
 @contextmanager
@@ -230,7 +216,7 @@ def _parts(
 
 def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tuple[int, int]:
     """First byte and end of neighbouring chunks, each of which must follow the one before."""
-    if (index == _ABSENT).any():
+    if (index == ABSENT).any():
         raise _damaged(where, "a chunk is missing")
     offsets, sizes = index[:, 0].tolist(), index[:, 1].tolist()
     behind = [offset + size for offset, size in zip(offsets, sizes, strict=True)]
@@ -255,7 +241,8 @@ def _damaged(where: Path, why: str) -> RequestError:
 
 
 @cache
-def _codec(dtype: str) -> Any:
+def codec(dtype: str) -> Any:
+    """The Blosc codec of the chunks of a data type."""
     from numcodecs import blosc
 
     blosc.use_threads = False
@@ -269,7 +256,7 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     Raises RequestError where the array is missing, where a link leads to it, and where its
     metadata is not of the form that this module writes.
     """
-    root, relative = _place(path, root)
+    root, relative = place_of(path, root)
     try:
         content = safe_files.read(root, f"{relative}/{METADATA}", zarr_metadata.DOCUMENT_BYTES)
     except FileNotFoundError as error:
@@ -289,36 +276,7 @@ def read_rows(array: RowArray, start: int, stop: int) -> NDArray[Any]:
     return array.rows(min(start, stop), stop)
 
 
-def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = None) -> Path:
-    """Write shard number `shard` completely; gives the file that holds it.
-
-    `rows` has as many rows as the shard holds in this array (fewer in the last one). The ledger
-    makes the file durable when the unit is recorded.
-    """
-    array = open_read(path, root)
-    expected = (array.rows_in(shard), *array.shape[1:])
-    if rows.shape != expected:
-        raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
-    root, _ = _place(path, root)
-    name = array.file(shard)
-    atomic_writes.write(root, name, _encoded(array.layout, rows), durable=False)
-    return root / name
-
-
-def _encoded(layout: Layout, rows: NDArray[Any]) -> bytes:
-    """Encode the rows of one shard with zarr; gives the content of its file."""
-    import zarr
-    from zarr.core.buffer import default_buffer_prototype
-    from zarr.storage import MemoryStore
-
-    alone = replace(layout, shape=(len(rows), *layout.shape[1:]))
-    metadata = default_buffer_prototype().buffer.from_bytes(zarr_metadata.document(alone, {}))
-    content = {METADATA: metadata}
-    with zarr.config.set({"array.write_empty_chunks": True}):
-        zarr.open_array(MemoryStore(content), mode="r+")[...] = rows
-    (shard,) = content.keys() - {METADATA}
-    return content[shard].to_bytes()
-
-
-def shard_file(path: Path, shard: int, ndim: int) -> Path:
-    return path.joinpath("c", str(shard), *["0"] * (ndim - 1))
+def shard_name(layout: Layout, shard: int) -> str:
+    """The file of a shard within the folder of its array."""
+    separator = "." if layout.is_flat else "/"
+    return separator.join(("c", str(shard), *["0"] * (len(layout.shape) - 1)))

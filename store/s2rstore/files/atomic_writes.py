@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,7 +28,8 @@ _PARTIAL_NAME = re.compile(
     re.DOTALL,
 )
 
-Content = bytes | bytearray | memoryview
+Content = bytes | bytearray | memoryview | Iterator[bytes]
+"""What a file shall hold; an iterator is written piece by piece."""
 
 
 def write(
@@ -90,7 +91,7 @@ def _write_partial(path: Path, parent: int | None, content: Content, durable: bo
     descriptor = safe_files.open_descriptor(path.with_name(partial), flags, parent)
     try:
         with errors_of(path), os.fdopen(descriptor, "wb") as file:
-            file.write(content)
+            file.writelines(content if isinstance(content, Iterator) else [content])
             file.flush()
             if durable:
                 os.fsync(descriptor)

@@ -1,8 +1,9 @@
-"""The ledger: one JSON line per finished work unit; nothing else proves that a unit is done.
+"""The ledger: one JSON line per finished file; nothing else proves that a file is complete.
 
-Each process appends to a separate file with a random name, so that no two processes, also of two
-hosts, share one. Lines that a killed
-process left unfinished do not count.
+The lines of computed arrays lie in `ledger/arrays/RUN/KEY.*.jsonl`, so that those of one key can be
+read without the others; all other lines lie in `ledger/*.jsonl`, and so do those that releases up
+to 0.2.0 wrote. Each process appends to files with a random name, so that no two processes, also of
+two hosts, share one. Lines that a killed process left unfinished do not count.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.process_identity import host_name, process_token
 
+_ARRAYS = f"{layout.LEDGER}/arrays"
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
 _MAX_LINE = 65_536
 _MAX_FILE = 2 << 30
@@ -46,17 +48,38 @@ class Ledger:
 
     def entries(self) -> Iterator[LedgerEntry]:
         """Every entry that was completely written, in no particular order."""
-        for line in self._lines():
+        return self._parsed(self._files())
+
+    def array_entries(self, array_key: str) -> dict[str, list[LedgerEntry]]:
+        """The entries of the arrays of one key, given as RUN/KEY, by file.
+
+        Without those that releases up to 0.2.0 wrote, see `shared_entries`.
+        """
+        run, _, key = array_key.partition("/")
+        folder = f"{_ARRAYS}/{run}"
+        files = [p for p in self._files_in(folder) if p.startswith(f"{folder}/{key}.")]
+        return _by_path(self._parsed(files))
+
+    def shared_entries(self) -> dict[str, list[LedgerEntry]]:
+        """The entries that do not lie in a file of their array key, by file."""
+        return _by_path(self._parsed(self._files_in(layout.LEDGER)))
+
+    def by_path(self) -> dict[str, list[LedgerEntry]]:
+        """All entries by file; a file that was written several times has several."""
+        return _by_path(self.entries())
+
+    def unreadable_lines(self) -> int:
+        """The number of lines without an entry: unfinished by a killed process, or damaged."""
+        return sum(_parsed(line) is None for line in self._lines(self._files()))
+
+    def _parsed(self, files: Iterable[str]) -> Iterator[LedgerEntry]:
+        for line in self._lines(files):
             entry = _parsed(line)
             if entry is not None:
                 yield entry
 
-    def unreadable_lines(self) -> int:
-        """The number of lines without an entry: unfinished by a killed process, or damaged."""
-        return sum(_parsed(line) is None for line in self._lines())
-
-    def _lines(self) -> Iterator[bytes]:
-        for name in self._files():
+    def _lines(self, files: Iterable[str]) -> Iterator[bytes]:
+        for name in files:
             with io.BufferedReader(safe_files.open_read(self._root, name)) as file:
                 size = os.fstat(file.fileno()).st_size
                 if size > _MAX_FILE:
@@ -66,7 +89,14 @@ class Ledger:
                         yield line.rstrip(b"\n")
 
     def _files(self) -> list[str]:
-        entries = safe_files.names(self._root, layout.LEDGER)
+        return [f for name in (layout.LEDGER, *self._run_folders()) for f in self._files_in(name)]
+
+    def _run_folders(self) -> list[str]:
+        entries = safe_files.names(self._root, _ARRAYS)
+        return [entry.path for entry in entries if entry.kind == "folder"]
+
+    def _files_in(self, folder: str) -> list[str]:
+        entries = safe_files.names(self._root, folder)
         return [e.path for e in entries if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
@@ -84,43 +114,70 @@ class Ledger:
 
     def add_entries(self, entries: Iterable[LedgerEntry]) -> None:
         """Record files that are complete and durable."""
-        lines = map(_line, entries)
-        own = f"{layout.LEDGER}/{host_name()}-{process_token()}.jsonl"
-        atomic_writes.append_lines(self._root, own, "".join(lines).encode())
-        atomic_writes.sync(self._root, own)
+        self._append(f"{layout.LEDGER}/{host_name()}-{process_token()}.jsonl", entries)
 
-    def by_path(self) -> dict[str, list[LedgerEntry]]:
-        """Entries grouped by file; a file that was written several times has several."""
-        grouped: dict[str, list[LedgerEntry]] = {}
-        for entry in self.entries():
-            grouped.setdefault(entry.path, []).append(entry)
-        return grouped
+    def add_array_entries(self, array_key: str, entries: Iterable[LedgerEntry]) -> None:
+        """Record complete and durable files of the arrays of one key, given as RUN/KEY."""
+        name = f"{_ARRAYS}/{array_key}.{host_name()}-{process_token()}.jsonl"
+        atomic_writes.make_folder(self._root, Path(name).parent)
+        self._append(name, entries)
+
+    def _append(self, name: str, entries: Iterable[LedgerEntry]) -> None:
+        lines = "".join(map(_line, entries))
+        atomic_writes.append_lines(self._root, name, lines.encode())
+        atomic_writes.sync(self._root, name)
 
     def proves(self, entries: list[LedgerEntry]) -> bool:
         """Whether one of a file's entries states its size and checksum.
 
         Raises LinkError where the path leads through a symbolic link.
         """
+        if not self.states_size(entries):
+            return False
         try:
-            size = safe_files.size(self._root, entries[0].path) if entries else None
-            if all(entry.bytes != size for entry in entries):
-                return False
             checksum = safe_files.sha256(self._root, entries[0].path)
         except OSError:
             return False
-        return any((entry.bytes, entry.checksum) == (size, checksum) for entry in entries)
+        return any(entry.checksum == checksum for entry in entries)
+
+    def states_size(self, entries: list[LedgerEntry]) -> bool:
+        """Whether the file of some entries exists and one of them states its size."""
+        try:
+            size = safe_files.size(self._root, entries[0].path) if entries else None
+        except OSError:
+            return False
+        return any(entry.bytes == size for entry in entries)
 
     def remove_entries(self, removed: set[str]) -> None:
         """Remove the entries of removed files, given by their paths inside the store.
 
         Only for the holder of the store's compute lock: other processes must not be adding.
         """
-        lines = "".join(_line(entry) for entry in self.entries() if entry.path not in removed)
-        old = self._files()
-        atomic_writes.write(self._root, _COMPACTED, lines.encode())
+        for folder in self._run_folders():
+            for name in self._files_in(folder):
+                self._rewrite([name], name, removed)
+            if not safe_files.names(self._root, folder):
+                atomic_writes.remove(self._root, folder)
+        self._rewrite(self._files_in(layout.LEDGER), _COMPACTED, removed)
+
+    def _rewrite(self, old: list[str], new: str, removed: set[str]) -> None:
+        """Replace files by one without the removed entries, or by none."""
+        entries = list(self._parsed(old))
+        kept = [entry for entry in entries if entry.path not in removed]
+        if old == [new] and len(kept) == len(entries):
+            return
+        if kept:
+            atomic_writes.write(self._root, new, "".join(map(_line, kept)).encode())
         for path in old:
-            if path != _COMPACTED:
+            if path != new or not kept:
                 atomic_writes.remove(self._root, path)
+
+
+def _by_path(entries: Iterable[LedgerEntry]) -> dict[str, list[LedgerEntry]]:
+    grouped: dict[str, list[LedgerEntry]] = {}
+    for entry in entries:
+        grouped.setdefault(entry.path, []).append(entry)
+    return grouped
 
 
 def _line(entry: LedgerEntry) -> str:

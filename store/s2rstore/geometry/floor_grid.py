@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -82,6 +82,24 @@ def merged_aggregate(
     if aggregate == "count":
         return np.asarray(count, dtype=np.float32)
     return np.asarray(np.where(count == 0, np.nan, planes[aggregate]), dtype=np.float32)
+
+
+def merge_partial_grids(grids: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Merge arrays (4, rows, cols) of `MapGrid.aggregates` over different instances into one."""
+    total = highest = count = None
+    for grid in grids:
+        _, largest, added, number = grid.astype(np.float64)
+        if total is None or highest is None or count is None:
+            total, highest, count = np.nan_to_num(added), largest, number
+        else:
+            total, highest = total + np.nan_to_num(added), np.fmax(highest, largest)
+            count = count + number
+    if total is None or highest is None or count is None:
+        raise ValueError("no grids")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        planes = [total / count, highest, total]
+    stacked = [np.where(count == 0, np.nan, plane) for plane in planes]
+    return np.stack([*stacked, count]).astype(np.float32)
 
 
 class Projector:

@@ -136,6 +136,7 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     ]
     models = _entries(root, layout.MODELS, "file")
     unused += [entry.path for entry in models if entry.name.split(".")[0] not in weights]
+    unused += [entry.path for entry in _entries(root, layout.UNITS, "folder")]
     fitted = _entries(root, layout.TRANSLATORS, "file")
     return unused + [entry.path for entry in fitted if entry.name.split(".")[0] not in translators]
 

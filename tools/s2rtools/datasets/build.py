@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer, stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
@@ -236,11 +236,11 @@ def _write_frames(
         for image, rows in images.items():
             relative = folder / image
             if shard == 0:
-                plan = stored_array.plan_layout(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
-                stored_array.create(root / relative, plan, root=root)
-            file = stored_array.write_shard(root / relative, shard, rows, root)
+                plan = array_writer.plan_layout(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
+                array_writer.create(root / relative, plan, root=root)
+            file = array_writer.write_shard(root / relative, shard, rows, root)
             key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
-            ledger.add(key, [(file.relative_to(root).as_posix(), len(rows))])
+            ledger.add(key, [(file.path, len(rows))])
         shard += 1
         yield from (FrameChecksum(frame.sha256, frame.valid_fraction) for frame in block)
 

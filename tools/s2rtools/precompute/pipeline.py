@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.files.lease import Lease
+from s2rstore.geometry.floor_grid import merge_partial_grids
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -31,7 +32,8 @@ from s2rtools.precompute.tasks.outliers import outlier_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtools.precompute.unit_computer import UnitComputer
-from s2rtools.precompute.work_units import Stage, missing_units
+from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.work_units import Stage
 
 
 class ProgressReporter(Protocol):
@@ -64,8 +66,8 @@ def precompute(
 ) -> list[str]:
     """Compute and publish the named runs (all by default); return those that were published.
 
-    Arrays that the ledger and checksums prove are not computed again. Raises StoreBusyError if
-    another process computes, RequestError for unknown runs or kinds.
+    Arrays that are published or that the ledger records are not computed again. Raises
+    StoreBusyError if another process computes, RequestError for unknown runs or kinds.
     """
     options = options or PrecomputeOptions()
     for kind in options.kinds or ():
@@ -106,9 +108,10 @@ def _compute_run(
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
         groups = _stage_groups(store, run, model, backend, allowed, options.refit)
         planned = store.parts
+        published = {record.path for record in store.array_parts(name)}
     for group in groups:
         lease.check()
-        _compute_stages(root, group, backend["name"], options, reporter, lease)
+        _compute_stages(root, group, published, backend["name"], options, reporter, lease)
     with s2rstore.open(root) as store:
         has_grown = store.parts != planned
     if has_grown:
@@ -180,21 +183,23 @@ def _choose_backend(store: Store, run: Run, model: LoadedModel, name: str) -> di
 def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
+    published: Collection[str],
     backend: str,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
 ) -> None:
-    for stage in stages:
-        stage.create(root)
-    units = list(missing_units(root, stages))
-    if not units:
-        return
-    names = list(dict.fromkeys(unit.stage.name for unit in units))
-    label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
-    reporter.begin(f"{units[0].stage.run}: {label}", sum(len(unit.rows) for unit in units))
-    workers = min(options.workers, len(units), os.cpu_count() or 1)
-    opener = partial(UnitComputer, backend, options.trust)
-    for unit in run_units(root, units, opener, workers):
-        reporter.advance(len(unit.rows))
-        lease.raise_if_lost()
+    plan = UnitPlan(root, stages, published, merge_partial_grids)
+    units = plan.units
+    if units:
+        names = list(dict.fromkeys(unit.stage.name for unit in units))
+        label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
+        total = sum(len(unit.instances) for unit in units)
+        reporter.begin(f"{units[0].stage.run}: {label}", total)
+        workers = min(options.workers, len(units), os.cpu_count() or 1)
+        opener = partial(UnitComputer, backend, options.trust)
+        for unit in run_units(root, units, opener, workers):
+            lease.raise_if_lost()
+            plan.finish(unit)
+            reporter.advance(len(unit.instances))
+    plan.close()

@@ -6,8 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import s2rstore
+from s2rstore.arrays import array_writer
+from s2rstore.arrays.zarr_metadata import Layout
 from s2rtools.inference import Backend, open_backend
 from s2rtools.models.load_model import load_model
+from s2rtools.precompute import unit_results
 from s2rtools.precompute.frame_reader import Renderers, RunFrames
 from s2rtools.precompute.tasks import (
     map_grids,
@@ -29,10 +32,17 @@ class UnitComputer:
         self._backend_name, self._trust = backend, trust
         self._backends: dict[str, Backend] = {}
         self._renderers: Renderers = {}
+        self._layouts: dict[str, Layout] = {}
 
     def __call__(self, unit: WorkUnit) -> None:
-        """Compute and write the missing arrays of one shard."""
-        unit.stage.write(self._root, unit.shard, self._compute(unit))
+        """Compute the missing arrays of a unit and write them as its result."""
+        chunks = {}
+        for spec, rows in self._compute(unit).items():
+            path = spec.path(unit.stage.run)
+            if path not in self._layouts:
+                self._layouts[path] = spec.open_array(self._root, unit.stage.run).layout
+            chunks[path] = array_writer.encode_chunks(self._layouts[path], rows)
+        unit_results.write(self._root, unit, chunks)
 
     def _compute(self, unit: WorkUnit) -> dict[ArraySpec, Any]:
         run = self._store.run(unit.stage.run)

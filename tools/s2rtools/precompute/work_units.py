@@ -1,14 +1,15 @@
-"""Work units of a run: arrays with content keys, stages and shards.
+"""Work units of a run: arrays with content keys, stages and the units of a stage.
 
 An array's key is a hash over everything that its values depend on, so the array of a key never
-changes. A stage is a group of arrays that are computed together; a unit is one shard of them.
+changes. A stage is a group of arrays that are computed together; a unit computes them for a range
+of instances. The results of units become shards of arrays once a shard is complete (`unit_plan`).
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays import stored_array
+from s2rstore.arrays import array_writer, stored_array
 from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
+from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rstore.run_inputs import FRAME_KINDS
@@ -67,18 +68,20 @@ class ArraySpec:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Arrays that are computed together, `shard_rows` rows at a time.
+    """Arrays that are computed together, for `unit_rows` instances at a time.
 
     `sources` are the complete arrays of the same run that they are computed from. Where something
-    is fitted, it is fitted on the instances [0, `fitted`).
+    is fitted, it is fitted on the instances [0, `fitted`). The rows of the arrays are instances,
+    or, if `is_aggregate`, aggregates over the instances of the sources.
     """
 
     name: str
     run: str
     specs: tuple[ArraySpec, ...]
-    shard_rows: int
+    unit_rows: int
     sources: tuple[ArraySpec, ...] = ()
     fitted: int = 0
+    is_aggregate: bool = False
 
     @property
     def rows(self) -> int:
@@ -88,15 +91,31 @@ class Stage:
     def first_iid(self) -> int:
         return self.specs[0].first_iid
 
+    @property
+    def instances(self) -> range:
+        """The instances that the stage is computed for."""
+        if self.is_aggregate:
+            return self.source_range("prediction")
+        return range(self.first_iid, self.first_iid + self.rows)
+
+    def unit_instances(self, number: int) -> range:
+        """The instances of a unit."""
+        start = number * self.unit_rows
+        return self.instances[start : start + self.unit_rows]
+
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)
 
-    def create(self, root: Path) -> None:
-        """Create the stage's empty arrays that do not exist yet."""
-        for spec in self.specs:
-            plan = stored_array.plan_layout(spec.rows, spec.item, spec.dtype, self.shard_rows)
-            path = root / layout.RUNS / spec.path(self.run)
-            stored_array.create(path, plan, dict(spec.attributes), root)
+    def create(self, root: Path, spec: ArraySpec) -> StoredArray:
+        """Open one of the stage's arrays, which is created empty if it does not exist."""
+        path = root / layout.RUNS / spec.path(self.run)
+        return array_writer.create(path, self._layout(spec), dict(spec.attributes), root)
+
+    def _layout(self, spec: ArraySpec) -> Layout:
+        """Shards of many units, none larger than the array."""
+        unit = spec.rows if self.is_aggregate else self.unit_rows
+        units = max(1, min(array_writer.SHARD_ROWS // unit, -(-spec.rows // unit)))
+        return array_writer.plan_layout(spec.rows, spec.item, spec.dtype, units * unit, unit)
 
     def rendered_arrays(self, root: Path) -> Callable[[str, str], Any] | None:
         """Function that opens the source arrays of rendered frames; None if there are none."""
@@ -133,41 +152,18 @@ class Stage:
         ]
         return np.asarray(np.isfinite(poses).all(axis=(0, 2)))
 
-    def shard_file(self, spec: ArraySpec, shard: int) -> str:
-        """Path of a shard's file inside the store."""
-        folder = Path(layout.RUNS) / spec.path(self.run)
-        return stored_array.shard_file(folder, shard, 1 + len(spec.item)).as_posix()
-
-    def write(self, root: Path, shard: int, values: dict[ArraySpec, Any]) -> None:
-        """Write one shard of each array in `values` and record the files in the ledger."""
-        files = []
-        for spec, rows in values.items():
-            path = root / layout.RUNS / spec.path(self.run)
-            file = stored_array.write_shard(path, shard, rows, root)
-            files.append((file.relative_to(root).as_posix(), len(rows)))
-        digest = hashlib.sha256("|".join(spec.path(self.run) for spec in self.specs).encode())
-        Ledger(root).add(f"{self.run}:{self.name}:{digest.hexdigest()[:12]}:{shard}", files)
-
 
 @dataclass(frozen=True, slots=True)
 class WorkUnit:
-    """One shard of a stage, and the arrays whose shard is missing."""
+    """A range of instances of a stage, and the arrays that are missing there."""
 
     stage: Stage
-    shard: int
+    number: int
     missing: tuple[ArraySpec, ...]
 
     @property
-    def rows(self) -> range:
-        """Rows of the shard in the arrays."""
-        start = self.shard * self.stage.shard_rows
-        return range(start, min(start + self.stage.shard_rows, self.stage.rows))
-
-    @property
     def instances(self) -> range:
-        """Instances of the rows of the shard, where rows are instances."""
-        first = self.stage.first_iid
-        return range(first + self.rows.start, first + self.rows.stop)
+        return self.stage.unit_instances(self.number)
 
 
 def open_parts(specs: Sequence[ArraySpec], root: Path, run: str) -> RowArray:
@@ -203,17 +199,3 @@ def run_dependencies(store: Store, run: Run, part: Part, backend: dict[str, Any]
 def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The chain without the names of translators, on which no value depends."""
     return [{**step, "name": "translate"} if "sha256" in step else step for step in chain]
-
-
-def missing_units(root: Path, stages: Sequence[Stage]) -> Iterator[WorkUnit]:
-    """The units that the ledger and checksums do not prove complete."""
-    ledger = Ledger(root)
-    entries = ledger.by_path()
-    for stage in stages:
-        for shard in range(-(-stage.rows // stage.shard_rows)):
-            missing = tuple(
-                spec for spec in stage.specs
-                if not ledger.proves(entries.get(stage.shard_file(spec, shard), []))
-            )  # fmt: skip
-            if missing:
-                yield WorkUnit(stage, shard, missing)

@@ -17,6 +17,7 @@ from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
 
 MAP_SETTINGS: dict[str, Any] = {"cells": CELLS, "heights": list(HEIGHTS), "version": 1}
+MAP_ROWS = 4096
 _READ_ROWS = 64
 
 
@@ -36,8 +37,8 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
                     for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
                 ]
                 stages.append(
-                    Stage(f"map:{kind}:{side}", stage.run, tuple(specs),
-                          len(AGGREGATES), predictions + heat + forward.sources)
+                    Stage(f"map:{kind}:{side}", stage.run, tuple(specs), MAP_ROWS,
+                          predictions + heat + forward.sources, is_aggregate=True)
                 )  # fmt: skip
     return stages
 
@@ -54,7 +55,7 @@ def _map_spec(spec: ArraySpec, side: str, mode: str | None, grid: MapGrid) -> Ar
 
 
 def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
-    """Mean, max, sum and count grids of a part, of one kind on one side, for each of its modes.
+    """Mean, max, sum and count grids of a unit, of one kind on one side, for each of its modes.
 
     Heat is projected by the side's valid depth and calibrated rays; for kinds that compare both
     views, by the aligned rays at the nearer of both surfaces.
@@ -63,7 +64,7 @@ def compute_grids(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDA
     side: Side = "sim" if stage.name.endswith(":sim") else "real"
     kind = stage.specs[0].kind.removeprefix("map:")
     planes = HEATMAP_KINDS[kind].planes
-    instances = stage.source_range("prediction")
+    instances = unit.instances
     valid = stage.valid_instances(store.path, instances)
     other: Side = "real" if side == "sim" else "sim"
     floor_heat = FloorHeat(

@@ -1,0 +1,190 @@
+"""Which units of stages are to be computed, and the shards that their results complete."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from s2rstore.arrays import array_writer
+from s2rstore.arrays.stored_array import StoredArray
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, safe_files
+from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rtools.precompute import unit_results
+from s2rtools.precompute.unit_results import UnitResult
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+
+Merge = Callable[[Iterable[NDArray[Any]]], NDArray[Any]]
+
+
+@dataclass(eq=False, slots=True)
+class _Shard:
+    """A shard that is not complete, and the units that it waits for."""
+
+    stage: Stage
+    spec: ArraySpec
+    array: StoredArray
+    number: int
+    units: range
+    waiting: set[int]
+
+
+class UnitPlan:
+    """The units of some stages of a run that are to be computed, in order.
+
+    Finished units are passed to `finish`, which writes and records the shards that are complete.
+    """
+
+    def __init__(
+        self, root: Path, stages: Sequence[Stage], published: Collection[str], merge: Merge
+    ) -> None:
+        """`published` are paths in runs.zarr of arrays that are complete.
+
+        Of these, only shards whose file is missing are computed; of others, those that the ledger
+        does not record. `merge` joins the aggregates of several units, in order. Results of an
+        earlier process are used.
+        """
+        self._root, self._merge = root, merge
+        self._ledger = Ledger(root)
+        self._results: dict[str, UnitResult] = {}
+        self._shards: dict[str, list[_Shard]] = {}
+        self._uses: Counter[str] = Counter()
+        self._folders: list[str] = []
+        self.units: list[WorkUnit] = []
+        for stage in stages:
+            self._plan(stage, published)
+
+    def _plan(self, stage: Stage, published: Collection[str]) -> None:
+        folder = unit_results.folder(stage)
+        missing: dict[int, list[_Shard]] = defaultdict(list)
+        for spec in stage.specs:
+            for shard in self._missing_shards(stage, spec, published):
+                for unit in shard.units:
+                    missing[unit].append(shard)
+        if missing:
+            self._folders.append(folder)
+        elif safe_files.kind(self._root, folder) is not None:
+            atomic_writes.remove(self._root, folder)
+        complete = []
+        earlier = {entry.path for entry in safe_files.names(self._root, folder)}
+        for number, shards in sorted(missing.items()):
+            specs = tuple(dict.fromkeys(shard.spec for shard in shards))
+            unit, name = WorkUnit(stage, number, specs), unit_results.file_name(stage, number)
+            self._shards[name], self._uses[name] = shards, len(shards)
+            result = unit_results.read(self._root, name) if name in earlier else None
+            if result and result.places.keys() >= {spec.path(stage.run) for spec in specs}:
+                self._results[name] = result
+                complete.append(unit)
+            else:
+                self.units.append(unit)
+        for unit in complete:
+            self._complete(unit)
+
+    def _missing_shards(
+        self, stage: Stage, spec: ArraySpec, published: Collection[str]
+    ) -> Iterator[_Shard]:
+        array = stage.create(self._root, spec)
+        path = spec.path(stage.run)
+        entries = {} if path in published else self._entries(spec, stage.run, array)
+        files = _file_sizes(self._root, array)
+        per_shard, per_unit = array.layout.shard_rows, stage.unit_rows
+        for number in range(array.layout.shards):
+            name = array.file(number)
+            sizes = {entry.bytes for entry in entries.get(name, ())}
+            if name in files and (path in published or files[name] in sizes):
+                continue
+            if stage.is_aggregate:
+                units = range(-(-len(stage.instances) // per_unit))
+            else:
+                if per_unit % array.layout.rows_per_chunk:
+                    raise RequestError(
+                        f"{array.path}: begun by another release; remove it and run the command "
+                        "again"
+                    )
+                stop = number * per_shard + array.rows_in(number)
+                units = range(number * per_shard // per_unit, -(-stop // per_unit))
+            yield _Shard(stage, spec, array, number, units, set(units))
+
+    def _entries(
+        self, spec: ArraySpec, run: str, array: StoredArray
+    ) -> dict[str, list[LedgerEntry]]:
+        """The ledger's entries of an array; releases up to 0.2.0 wrote them among all others."""
+        if not array.layout.is_flat:
+            return self._ledger.shared_entries()
+        return self._ledger.array_entries(f"{run}/{spec.key}")
+
+    def finish(self, unit: WorkUnit) -> None:
+        """Use the result of a unit that has been computed."""
+        name = unit_results.file_name(unit.stage, unit.number)
+        result = unit_results.read(self._root, name, is_checked=False)
+        if result is None:
+            raise RequestError(f"{self._root / name}: removed while it was used; run it again")
+        self._results[name] = result
+        self._complete(unit)
+
+    def close(self) -> None:
+        """Remove the folders of the results; all units are finished."""
+        for folder in self._folders:
+            atomic_writes.remove(self._root, folder)
+        for folder in dict.fromkeys(str(Path(folder).parent) for folder in self._folders):
+            if not safe_files.names(self._root, folder):
+                atomic_writes.remove(self._root, folder)
+
+    def _complete(self, unit: WorkUnit) -> None:
+        """Write and record the shards that waited for this unit only, then drop their results."""
+        entries: dict[str, list[LedgerEntry]] = defaultdict(list)
+        assembled = []
+        for shard in self._shards.pop(unit_results.file_name(unit.stage, unit.number)):
+            shard.waiting.discard(unit.number)
+            if not shard.waiting:
+                key = f"{shard.stage.run}/{shard.spec.key}"
+                entries[key].append(self._write(shard))
+                assembled.append(shard)
+        for key, recorded in entries.items():
+            self._ledger.add_array_entries(key, recorded)
+        for shard in assembled:
+            for number in shard.units:
+                name = unit_results.file_name(shard.stage, number)
+                self._uses[name] -= 1
+                if not self._uses[name]:
+                    del self._results[name]
+                    atomic_writes.remove(self._root, name)
+
+    def _write(self, shard: _Shard) -> LedgerEntry:
+        """Write a shard from the results of its units."""
+        path = shard.spec.path(shard.stage.run)
+        results = [self._results[unit_results.file_name(shard.stage, n)] for n in shard.units]
+        parts = (list(result.chunks(path)) for result in results)
+        if shard.stage.is_aggregate:
+            rows = self._merge(array_writer.decode_chunks(shard.array, part) for part in parts)
+            chunks: Iterable[bytes] = array_writer.encode_chunks(shard.array.layout, rows)
+        else:
+            chunks = islice(chain.from_iterable(parts), *_chunk_range(shard))
+        written = array_writer.write_chunks(shard.array, shard.number, chunks, self._root)
+        unit = f"{shard.stage.run}:{shard.stage.name}:{shard.number}"
+        rows_in = shard.array.rows_in(shard.number)
+        return LedgerEntry(unit, written.path, written.bytes, written.sha256, rows_in)
+
+
+def _chunk_range(shard: _Shard) -> tuple[int, int]:
+    """Those of the chunks of the shard's units that lie in the shard."""
+    layout = shard.array.layout
+    first_row = shard.number * layout.shard_rows - shard.units.start * shard.stage.unit_rows
+    first = first_row // layout.rows_per_chunk
+    return first, first - (-shard.array.rows_in(shard.number) // layout.rows_per_chunk)
+
+
+def _file_sizes(root: Path, array: StoredArray) -> dict[str, int]:
+    """The sizes of the shards of an array that exist, by their paths inside the store."""
+    folder = array.path.relative_to(root)
+    if array.layout.is_flat:
+        return {e.path: e.bytes for e in safe_files.names(root, folder) if e.kind == "file"}
+    return {
+        entry.path: entry.bytes for entry in safe_files.walk(root, folder) if entry.kind == "file"
+    }
