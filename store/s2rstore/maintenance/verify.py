@@ -103,9 +103,9 @@ def _leftovers(root: Path) -> Iterator[str]:
             f"{entry.path}: unfinished; unless something is being written now, a killed write left "
             "it and `s2r prune` removes it"
         )
-    for folder in safe_files.names(root, layout.UNITS):
+    for entry in safe_files.names(root, layout.UNITS):
         yield (
-            f"{folder.path}: results of a run that is not completely computed; `s2r precompute` "
+            f"{entry.path}: results of a run that is not completely computed; `s2r precompute` "
             "uses them, `s2r prune` removes them"
         )
     for folder in (*building_folders(root), *appending):

@@ -119,9 +119,9 @@ def _compute_run(
         return _compute_run(root, name, kinds, options, reporter, lease)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
-    published = publish_run(root, name, stages, backend, lease.check)
-    reporter.say(f"{name}: {'published' if published else 'up to date'}")
-    return published
+    is_new = publish_run(root, name, stages, backend, lease.check)
+    reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
+    return is_new
 
 
 def _stage_groups(

@@ -65,8 +65,8 @@ class UnitPlan:
         missing: dict[int, list[_Shard]] = defaultdict(list)
         for spec in stage.specs:
             for shard in self._missing_shards(stage, spec, published):
-                for unit in shard.units:
-                    missing[unit].append(shard)
+                for number in shard.units:
+                    missing[number].append(shard)
         if missing:
             self._folders.append(folder)
         elif safe_files.kind(self._root, folder) is not None:
