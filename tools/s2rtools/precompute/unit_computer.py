@@ -40,8 +40,8 @@ class UnitComputer:
             return umap_projection.compute_projection(self._root, unit)
         if unit.stage.name == "outlier":
             return dict(outliers.compute_distances(self._root, unit, self._threads))
-        if unit.stage.name.startswith("map:"):
-            return map_grids.compute_grids(self._store, run, unit)
+        if unit.stage.name == map_grids.STAGE:
+            return map_grids.compute_unit(self._store, run, unit)
         if unit.stage.name == "frames":
             frames = RunFrames(self._store, run, renderers=self._renderers)
             return rendered_frames.render_frames(frames, unit)
