@@ -157,9 +157,9 @@ def _project(
     truth = store.instances
     domain, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     recorded = store.provenance_object(f"run:{run.run}", "surfaces")
-    rig_offset = store.rig_offset(run.sim_domain, run.real_domain)
+    rig_offset, ray = store.rig_offset(run.sim_domain, run.real_domain), ray_of(heat)
     floor_heat = FloorHeat(
-        domain, other, store.dataset, heat.side, rig_offset, recorded.get(heat.kind)
+        domain, other, store.dataset, heat.side, rig_offset, recorded.get(heat.kind), ray
     )
 
     def depth(side: Side) -> NDArray[Any]:
@@ -170,4 +170,4 @@ def _project(
     poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
     other_depth = depth(far) if floor_heat.needs_other else None
     samples = floor_heat.samples(depth(near), other_depth, poses, grid)
-    grid.add(*samples.values(values, ray_of(heat)))
+    grid.add(*samples.values(values, ray))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -24,6 +24,13 @@ HEIGHTS = (0.1, 2.0)
 """Metres above the floor between which points count."""
 
 
+HeatCells = Callable[[tuple[int, int], Ray], NDArray[np.int64]]
+"""Flat index into a heatmap of shape (rows, cols) for each of the S x S samples of a frame.
+
+-1 where the image of the ray's camera does not see the sample.
+"""
+
+
 class FloorSamples:
     """The depth samples of a batch of images that lie on a map grid, for heat of any kind.
 
@@ -32,19 +39,19 @@ class FloorSamples:
 
     def __init__(
         self,
-        cells: list[NDArray[np.int64]],
-        samples: list[NDArray[np.intp]],
-        heat_cells: Callable[[tuple[int, int], Ray], NDArray[np.int64]],
+        cells: Sequence[NDArray[np.int64]],
+        samples: Sequence[NDArray[np.intp]],
+        heat_cells: HeatCells,
+        ray: Ray | None,
     ) -> None:
         """`cells` and `samples` (k,) per image: cells of the grid and numbers of the samples.
 
-        `heat_cells(shape, ray)` gives for each sample its flat index into a heatmap of that shape,
-        -1 where the ray's image does not see it.
+        Samples that heat of other rays than `ray` needs may be missing, none for None.
         """
         self._counts = [part.size for part in cells]
         self._cells = np.concatenate(cells) if cells else np.empty(0, np.int64)
         self._samples = np.concatenate(samples) if samples else np.empty(0, np.intp)
-        self._heat_cells = heat_cells
+        self._heat_cells, self._ray = heat_cells, ray
         self._found: dict[
             tuple[tuple[int, int], Ray], tuple[NDArray[np.int64], NDArray[np.int64]]
         ] = {}
@@ -52,9 +59,14 @@ class FloorSamples:
     def values(
         self, heat: NDArray[np.float32], ray: Ray
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Cells and finite values, each (k,), of heat (n, h, w) over the whole images."""
+        """Cells and finite values, each (k,), of heat (n, h, w) of any size over whole images.
+
+        Raises ValueError if the samples were chosen for another ray.
+        """
+        if self._ray not in (None, ray):
+            raise ValueError(f"heat of the {ray} ray at samples of the {self._ray} ray")
         cells, places = self._places((heat.shape[1], heat.shape[2]), ray)
-        values = heat.reshape(-1)[places].astype(np.float64)
+        values = heat.reshape(-1).take(places).astype(np.float64)
         finite = np.isfinite(values)
         return (cells, values) if finite.all() else (cells[finite], values[finite])
 
@@ -63,10 +75,11 @@ class FloorSamples:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Cells of the samples that see heat of this shape, and flat indices into (n, *shape)."""
         if (shape, ray) not in self._found:
-            places = self._heat_cells(shape, ray)[self._samples]
+            places = self._heat_cells(shape, ray).take(self._samples)
             seen = places >= 0
-            size = shape[0] * shape[1]
-            places += np.repeat(np.arange(len(self._counts)) * size, self._counts)
+            if len(self._counts) > 1:
+                starts = np.arange(len(self._counts)) * (shape[0] * shape[1])
+                places += np.repeat(starts, self._counts)
             self._found[shape, ray] = (
                 (self._cells, places) if seen.all() else (self._cells[seen], places[seen])
             )
@@ -99,18 +112,8 @@ class Projector:
         self._shares = v / frame[0], u / frame[1]
         u, v, self._visible = camera.into_rgb(self._rays, domain.rgb, frame)
         self._u, self._v = u / frame[1], v / frame[0]
-        self._usable = self._usable_samples()
+        self._samples: dict[Ray | None, Samples] = {}
         self._lookups: dict[tuple[tuple[int, int], Ray], NDArray[np.int64]] = {}
-
-    @property
-    def pixels(self) -> NDArray[np.intp]:
-        """Flat indices (m,) of the sampled pixels that some valid depth puts at the heights."""
-        return self._usable.pixels
-
-    def usable_depth(self, depth: NDArray[Any]) -> NDArray[Any]:
-        """The values (n, m) of images (n, H, W) at `pixels`."""
-        flat = depth.reshape(len(depth), depth.shape[1] * depth.shape[2])
-        return np.take(flat, self._usable.pixels, axis=1)
 
     def points(
         self, depth: NDArray[np.uint8] | NDArray[np.uint16], poses: NDArray[np.float64]
@@ -139,46 +142,52 @@ class Projector:
         `heat` (n, h, w) of any size over the whole image, NaN = no value; `depth` (n, H, W);
         `poses` (n, 3).
         """
-        raw = self.usable_depth(depth)
-        return self.floor_samples(raw, poses, grid).values(heat, ray)
+        samples = self.samples(ray)
+        return self.floor_samples(samples, samples.of(depth), poses, grid).values(heat, ray)
+
+    def samples(self, ray: Ray | None) -> Samples:
+        """The samples that can carry heat of a ray, or of any ray for None."""
+        if ray not in self._samples:
+            can_carry = self._low <= self._high
+            if ray == "rgb":
+                can_carry &= self._visible.ravel()
+            numbers = np.flatnonzero(can_carry)
+            self._samples[ray] = Samples(
+                numbers, self._pixels[numbers], self._low[numbers], self._high[numbers],
+                self._rays.right.ravel()[numbers], self._rays.forward.ravel()[numbers], ray,
+            )  # fmt: skip
+        return self._samples[ray]
 
     def floor_samples(
-        self, raw: NDArray[Any], poses: NDArray[np.float64], grid: MapGrid
+        self, samples: Samples, raw: NDArray[Any], poses: NDArray[np.float64], grid: MapGrid
     ) -> FloorSamples:
         """The samples of a batch that lie on the cells of a grid.
 
-        `raw` (n, m) depth at `pixels`, `poses` (n, 3). One image at a time stays in the processor's
-        cache.
+        `raw` (n, m) depth of `samples`, `poses` (n, 3). One image at a time stays in the
+        processor's cache.
         """
-        parts = [self._one(*item, grid) for item in zip(raw, poses, strict=True)]
-        cells, samples = zip(*parts, strict=True) if parts else ((), ())
-        return FloorSamples(list(cells), list(samples), self._heat_cells)
+        parts = [self._one(samples, *item, grid) for item in zip(raw, poses, strict=True)]
+        cells, numbers = zip(*parts, strict=True) if parts else ((), ())
+        return FloorSamples(cells, numbers, self._heat_cells, samples.ray)
 
     def _one(
-        self, raw: NDArray[Any], pose: NDArray[np.float64], grid: MapGrid
+        self, samples: Samples, raw: NDArray[Any], pose: NDArray[np.float64], grid: MapGrid
     ) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
-        """Cells of one image and their samples: raw (m,), pose (3,)."""
-        usable = self._usable
-        picked = np.flatnonzero((raw >= usable.low) & (raw <= usable.high))
-        metres = raw[picked] * np.float64(self._domain.depth_scale)
-        forward = metres * usable.forward[picked] + self._domain.forward_offset
-        right = metres * usable.right[picked] * (1.0 if self._y_down else -1.0)
+        """Cells of one image and the numbers of their samples: raw (m,), pose (3,)."""
+        picked = np.flatnonzero((raw >= samples.low) & (raw <= samples.high))
+        metres = raw.take(picked) * np.float64(self._domain.depth_scale)
+        forward = metres * samples.forward.take(picked) + self._domain.forward_offset
+        right = metres * samples.right.take(picked) * (1.0 if self._y_down else -1.0)
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        cells = grid.cell(
+        inside, cells = grid.locate(
             pose[0] + forward * cos - right * sin, pose[1] + forward * sin + right * cos
         )
-        inside = cells >= 0
-        return (cells, picked) if inside.all() else (cells[inside], picked[inside])
-
-    def _usable_samples(self) -> _Usable:
-        usable = np.flatnonzero(self._low <= self._high)
-        return _Usable(
-            usable, self._pixels[usable], self._low[usable], self._high[usable],
-            self._rays.right.ravel()[usable], self._rays.forward.ravel()[usable],
-        )  # fmt: skip
+        if not inside.all():
+            cells, picked = cells[inside], picked[inside]
+        return cells, samples.numbers.take(picked)
 
     def _heat_cells(self, shape: tuple[int, int], ray: Ray) -> NDArray[np.int64]:
-        """Flat index into a heatmap of (rows, cols) for each usable sample; -1 if not visible."""
+        """Flat index into a heatmap of (rows, cols) for each of the S x S samples; -1 unseen."""
         if (shape, ray) not in self._lookups:
             if ray == "depth":
                 rows, cols = (np.floor(self._shares[axis] * shape[axis]) for axis in (0, 1))
@@ -187,23 +196,30 @@ class Projector:
                 rows = np.clip(np.floor(self._v * shape[0]), 0, shape[0] - 1)
                 cols = np.clip(np.floor(self._u * shape[1]), 0, shape[1] - 1)
                 cells = np.where(self._visible, rows * shape[1] + cols, -1)
-            self._lookups[shape, ray] = cells.ravel()[self._usable.samples].astype(np.int64)
+            self._lookups[shape, ray] = cells.ravel().astype(np.int64)
         return self._lookups[shape, ray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Usable:
-    """Samples (m,) that some valid depth puts between the heights.
+class Samples:
+    """Samples (m,) of a frame that some valid depth puts between the heights.
 
-    Number of each sample, its pixel, the raw values that count, and its ray.
+    Number of each among the S x S samples, its pixel, the raw values that count, its direction;
+    `ray` names the camera whose image sees all of them, None where some are not seen by both.
     """
 
-    samples: NDArray[np.intp]
+    numbers: NDArray[np.intp]
     pixels: NDArray[np.intp]
     low: NDArray[np.uint16]
     high: NDArray[np.uint16]
     right: NDArray[np.float64]
     forward: NDArray[np.float64]
+    ray: Ray | None
+
+    def of(self, depth: NDArray[Any]) -> NDArray[Any]:
+        """The values (n, m) of images (n, H, W) at the samples."""
+        flat = depth.reshape(len(depth), depth.shape[1] * depth.shape[2])
+        return np.take(flat, self.pixels, axis=1)
 
 
 class FloorHeat:
@@ -215,13 +231,17 @@ class FloorHeat:
 
     def __init__(
         self, view: Domain, other: Domain, dataset: Dataset, side: Side,
-        rig_offset: RigOffset | None, surface: str | None,
+        rig_offset: RigOffset | None, surface: str | None, ray: Ray | None = None,
     ) -> None:  # fmt: skip
-        """`view` is the domain of `side`, `other` that of the other side; see `heat_surface`."""
+        """`view` is the domain of `side`, `other` that of the other side; see `heat_surface`.
+
+        `ray` is that of all heat that is looked up, None where it differs.
+        """
         frame = dataset.frame_height, dataset.frame_width
         domain, nearer_to = heat_surface(view, other, side == "real", rig_offset, surface)
         self._projector = _projector(_DomainKey(domain), frame, dataset.y_down)
-        self._nearer = nearer_to and NearerSurface(domain, nearer_to, frame, self._projector.pixels)
+        self._samples = self._projector.samples(ray)
+        self._nearer = nearer_to and NearerSurface(domain, nearer_to, frame, self._samples.pixels)
 
     @property
     def needs_other(self) -> bool:
@@ -240,12 +260,12 @@ class FloorHeat:
         `own` and `other` are the raw depth (n, h, w) of the side and of the other side. Raises
         ValueError without the other one where it is needed.
         """
-        raw = self._projector.usable_depth(own)
+        raw = self._samples.of(own)
         if self._nearer is not None:
             if other is None:
                 raise ValueError("the nearer surface needs the depth of both sides")
             raw = self._nearer(raw, other)
-        return self._projector.floor_samples(raw, poses, grid)
+        return self._projector.floor_samples(self._samples, raw, poses, grid)
 
 
 class _DomainKey:

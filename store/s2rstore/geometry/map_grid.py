@@ -32,12 +32,18 @@ class MapGrid:
 
     def cell(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
         """Flat cell index of each point, -1 outside the bounds."""
+        inside, flat = self.locate(x, y)
+        return np.where(inside, flat, -1)
+
+    def locate(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Whether each point lies in the bounds, and its flat cell index, undefined outside."""
         col = (x - self.bounds.x0) * (self.cols / self.bounds.width)
         row = (y - self.bounds.y0) * (self.rows / self.bounds.height)
         inside = (col >= 0) & (col < self.cols) & (row >= 0) & (row < self.rows)
         with np.errstate(invalid="ignore"):
-            flat = row.astype(np.int64) * self.cols + col.astype(np.int64)
-        return np.where(inside, flat, -1)
+            return inside, row.astype(np.int64) * self.cols + col.astype(np.int64)
 
     def add(self, cells: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         """Accumulate finite values, shape (k,), in cells that lie inside."""
@@ -81,11 +87,12 @@ def merge_totals(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
 def aggregates(totals: NDArray[np.float64]) -> NDArray[np.float32]:
     """Shape (4, rows, cols) in the order of `AGGREGATES`; NaN where nothing fell, count 0."""
     largest, total, count = totals
-    empty = count == 0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = total / count
-    planes = [np.where(empty, np.nan, plane) for plane in (mean, largest, total)]
-    return np.stack([*planes, count]).astype(np.float32)
+    planes = np.empty((len(AGGREGATES), *count.shape), dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        np.divide(total, count, out=planes[0], casting="same_kind")
+    planes[1:] = largest, total, count
+    np.copyto(planes[:3], np.nan, where=count == 0)
+    return planes
 
 
 def merged_aggregate(

@@ -206,15 +206,15 @@ class LiveModel:
         heat = result.heatmap(kind, side, mode)
         dataset, truth = self._store.dataset, self._store.instances
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
+        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
         floor_heat = FloorHeat(
             this.domain, other.domain, dataset, side,
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
-            HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None,
+            HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None, ray,
         )  # fmt: skip
         grid = MapGrid(dataset.bounds)
         other_depth = other.surface[None] if floor_heat.needs_other else None
         pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
-        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
         samples = floor_heat.samples(this.surface[None], other_depth, pose, grid)
         grid.add(*samples.values(heat[None], ray))
         return np.asarray(grid.aggregates()[0])
