@@ -112,7 +112,7 @@ class Projector:
         self._shares = v / frame[0], u / frame[1]
         u, v, self._visible = camera.into_rgb(self._rays, domain.rgb, frame)
         self._u, self._v = u / frame[1], v / frame[0]
-        self._samples: dict[Ray | None, Samples] = {}
+        self._samples: dict[Ray | None, FrameSamples] = {}
         self._lookups: dict[tuple[tuple[int, int], Ray], NDArray[np.int64]] = {}
 
     def points(
@@ -145,33 +145,33 @@ class Projector:
         samples = self.samples(ray)
         return self.floor_samples(samples, samples.of(depth), poses, grid).values(heat, ray)
 
-    def samples(self, ray: Ray | None) -> Samples:
+    def samples(self, ray: Ray | None) -> FrameSamples:
         """The samples that can carry heat of a ray, or of any ray for None."""
         if ray not in self._samples:
             can_carry = self._low <= self._high
             if ray == "rgb":
                 can_carry &= self._visible.ravel()
             numbers = np.flatnonzero(can_carry)
-            self._samples[ray] = Samples(
+            self._samples[ray] = FrameSamples(
                 numbers, self._pixels[numbers], self._low[numbers], self._high[numbers],
                 self._rays.right.ravel()[numbers], self._rays.forward.ravel()[numbers], ray,
             )  # fmt: skip
         return self._samples[ray]
 
     def floor_samples(
-        self, samples: Samples, raw: NDArray[Any], poses: NDArray[np.float64], grid: MapGrid
+        self, samples: FrameSamples, raw: NDArray[Any], poses: NDArray[np.float64], grid: MapGrid
     ) -> FloorSamples:
         """The samples of a batch that lie on the cells of a grid.
 
         `raw` (n, m) depth of `samples`, `poses` (n, 3). One image at a time stays in the
         processor's cache.
         """
-        parts = [self._one(samples, *item, grid) for item in zip(raw, poses, strict=True)]
+        parts = [self._image_cells(samples, *item, grid) for item in zip(raw, poses, strict=True)]
         cells, numbers = zip(*parts, strict=True) if parts else ((), ())
         return FloorSamples(cells, numbers, self._heat_cells, samples.ray)
 
-    def _one(
-        self, samples: Samples, raw: NDArray[Any], pose: NDArray[np.float64], grid: MapGrid
+    def _image_cells(
+        self, samples: FrameSamples, raw: NDArray[Any], pose: NDArray[np.float64], grid: MapGrid
     ) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
         """Cells of one image and the numbers of their samples: raw (m,), pose (3,)."""
         picked = np.flatnonzero((raw >= samples.low) & (raw <= samples.high))
@@ -201,7 +201,7 @@ class Projector:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class FrameSamples:
     """Samples (m,) of a frame that some valid depth puts between the heights.
 
     Number of each among the S x S samples, its pixel, the raw values that count, its direction;
@@ -241,7 +241,9 @@ class FloorHeat:
         domain, nearer_to = heat_surface(view, other, side == "real", rig_offset, surface)
         self._projector = _projector(_DomainKey(domain), frame, dataset.y_down)
         self._samples = self._projector.samples(ray)
-        self._nearer = nearer_to and NearerSurface(domain, nearer_to, frame, self._samples.pixels)
+        self._nearer = None
+        if nearer_to is not None:
+            self._nearer = NearerSurface(domain, nearer_to, frame, self._samples.pixels)
 
     @property
     def needs_other(self) -> bool:
