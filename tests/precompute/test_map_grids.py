@@ -102,6 +102,22 @@ def test_merged_ranges_equal_the_published_grids(store: Store, stops: tuple[int,
         np.testing.assert_allclose(grid, published[:], rtol=1e-6, atol=1e-6)
 
 
+def test_parts_of_different_arrays_are_not_merged(store: Store) -> None:
+    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
+    part = compute_grids(store, run, stage, range(2), stage.specs[:2])
+    assert merge_grids([]) == {}
+    with pytest.raises(ValueError, match="different map grids"):
+        merge_grids([part, {stage.specs[0]: part[stage.specs[0]]}])
+
+
+def test_merging_leaves_the_parts_unchanged(store: Store) -> None:
+    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
+    part = compute_grids(store, run, stage, range(2), stage.specs[:1])
+    before = part[stage.specs[0]].copy()
+    merge_grids([part, part])
+    np.testing.assert_array_equal(part[stage.specs[0]], before)
+
+
 def test_a_range_without_valid_instances_adds_nothing(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,7 +6,7 @@ are computed for any range of instances, merged, and turned into `AGGREGATES` on
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,8 @@ class MapGrid:
         np.maximum.at(self._max, cells, values)
 
     def totals(self) -> NDArray[np.float64]:
-        """A copy of the totals of what was added, shape (3, rows, cols)."""
-        return self._totals.copy()
+        """The totals of what was added, shape (3, rows, cols); not a copy."""
+        return self._totals
 
     def aggregates(self) -> NDArray[np.float32]:
         """Shape (4, rows, cols) in the order of `AGGREGATES`; NaN where nothing fell, count 0."""
@@ -67,21 +67,10 @@ def empty_totals(rows: int, cols: int) -> NDArray[np.float64]:
     return totals
 
 
-def merge_totals(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The totals of all parts together, (3, rows, cols); sums are added in the order of the parts.
-
-    Raises ValueError without parts.
-    """
-    merged: NDArray[np.float64] | None = None
-    for part in parts:
-        if merged is None:
-            merged = part.copy()
-        else:
-            np.maximum(merged[0], part[0], out=merged[0])
-            merged[1:] += part[1:]
-    if merged is None:
-        raise ValueError("no totals to merge")
-    return merged
+def add_totals(totals: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+    """Add the totals of further instances, (3, rows, cols), in place."""
+    np.maximum(totals[0], part[0], out=totals[0])
+    totals[1:] += part[1:]
 
 
 def aggregates(totals: NDArray[np.float64]) -> NDArray[np.float32]:

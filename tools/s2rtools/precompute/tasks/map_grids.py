@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.floor_grid import HEIGHTS, FloorHeat
-from s2rstore.geometry.map_grid import AGGREGATES, CELLS, MapGrid, aggregates, merge_totals
+from s2rstore.geometry.map_grid import AGGREGATES, CELLS, MapGrid, add_totals, aggregates
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain
@@ -88,13 +88,19 @@ def merge_grids(
     """Mean, max, sum and count, (4, rows, cols), of the totals of several ranges of instances.
 
     Sums are added in the order of `parts`: pass the ranges in ascending order for equal results.
-    Only the merged totals and one part are held at a time. Every part has the same arrays.
+    Only the merged totals and one part are held at a time. Raises ValueError if the parts do not
+    hold the same arrays.
     """
     merged: Totals = {}
     for part in parts:
+        if merged and part.keys() != merged.keys():
+            raise ValueError("the parts hold totals of different map grids")
         for spec, totals in part.items():
-            merged[spec] = merge_totals([merged[spec], totals] if spec in merged else [totals])
-    return {spec: aggregates(totals) for spec, totals in merged.items()}
+            if spec in merged:
+                add_totals(merged[spec], totals)
+            else:
+                merged[spec] = totals.copy()
+    return {spec: aggregates(merged.pop(spec)) for spec in list(merged)}
 
 
 def compute_grids(
