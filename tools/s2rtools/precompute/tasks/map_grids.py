@@ -100,6 +100,7 @@ def merge_grids(
                 add_totals(merged[spec], totals)
             else:
                 merged[spec] = totals.copy()
+        del part  # freed before the next part is computed
     return {spec: aggregates(merged.pop(spec)) for spec in list(merged)}
 
 
