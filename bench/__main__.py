@@ -19,6 +19,7 @@ from bench import (
     back_projection,
     inference,
     live_prediction,
+    map_grids,
     occlusion_speed,
     precompute_memory,
     scale,
@@ -34,6 +35,7 @@ _MEASUREMENTS = (
     "terminal_bytes",
     "scale",
     "back_projection",
+    "map_grids",
     "occlusion_speed",
     "inference",
     "live_prediction",
@@ -74,6 +76,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from scale.figures(folder)
     if "back_projection" in selected:
         yield from back_projection.figures()
+    if "map_grids" in selected:
+        yield from map_grids.figures(folder)
     if "occlusion_speed" in selected:
         yield from occlusion_speed.figures(options.threads)
     if "inference" in selected:

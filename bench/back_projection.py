@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from bench.budget import BudgetRow, seconds
-from s2rstore.geometry.floor_grid import SAMPLES, MapGrid, Projector
+from s2rstore.geometry.floor_grid import SAMPLES, Projector
+from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.records import Bounds, Domain, Intrinsics
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.floor_grid import AGGREGATES, FloorHeat, MapGrid, Ray
+from s2rstore.geometry.floor_grid import FloorHeat, Ray
+from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
@@ -156,9 +157,9 @@ def _project(
     truth = store.instances
     domain, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     recorded = store.provenance_object(f"run:{run.run}", "surfaces")
-    rig_offset = store.rig_offset(run.sim_domain, run.real_domain)
+    rig_offset, ray = store.rig_offset(run.sim_domain, run.real_domain), ray_of(heat)
     floor_heat = FloorHeat(
-        domain, other, store.dataset, heat.side, rig_offset, recorded.get(heat.kind)
+        domain, other, store.dataset, heat.side, rig_offset, recorded.get(heat.kind), ray
     )
 
     def depth(side: Side) -> NDArray[Any]:
@@ -166,6 +167,7 @@ def _project(
         return np.asarray(read["depth"][chosen])
 
     near, far = _ORDER[heat.side]
-    surface_depth = floor_heat.depth(depth(near), depth(far) if floor_heat.needs_other else None)
     poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
-    floor_heat.add(grid, values, surface_depth, poses, ray_of(heat))
+    other_depth = depth(far) if floor_heat.needs_other else None
+    samples = floor_heat.samples(depth(near), other_depth, poses, grid)
+    grid.add(*samples.values(values, ray))

@@ -16,7 +16,7 @@ from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
-from s2rstore.geometry.floor_grid import merged_aggregate
+from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns

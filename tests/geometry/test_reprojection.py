@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from s2rstore.geometry import angles
 from s2rstore.geometry.curvature import curvature
-from s2rstore.geometry.floor_grid import AGGREGATES, SAMPLES, MapGrid, Projector
+from s2rstore.geometry.floor_grid import SAMPLES, Projector
+from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 

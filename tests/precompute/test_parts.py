@@ -21,6 +21,7 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
 from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtui.cli import main
+from tests.support.plain_maps import plain_map_grid
 from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("computed")
@@ -109,6 +110,15 @@ def test_map_grids_of_parts_are_merged(whole: Path, parted: Path) -> None:
             np.testing.assert_allclose(merged, expected, rtol=1e-5, atol=1e-6)
         with pytest.raises(RequestError, match="read it by `map_grid`"):
             two.array("vanilla", "map:pixel_difference", "real", "rgb")
+
+
+@pytest.mark.parametrize("mode", ["x", "loss"])
+def test_map_grids_of_modes_in_one_array_equal_a_plain_computation(whole: Path, mode: str) -> None:
+    with s2rstore.open(whole) as store:
+        plain = plain_map_grid(store, "vanilla", "activation", "real", mode)
+        for aggregate, expected in plain.items():
+            grid = store.map_grid("vanilla", "activation", "real", mode, aggregate)
+            np.testing.assert_allclose(grid, expected, rtol=1e-5, atol=1e-5)
 
 
 def test_later_parts_are_projected_by_the_fit_of_the_first(parted: Path) -> None:

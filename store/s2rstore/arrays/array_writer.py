@@ -22,7 +22,6 @@ from s2rstore.arrays.stored_array import (
     METADATA,
     StoredArray,
     codec,
-    decode_chunk,
     open_read,
     place_of,
 )
@@ -92,15 +91,6 @@ def encode_chunks(layout: Layout, rows: NDArray[Any]) -> list[bytes]:
             chunk = filled
         chunks.append(bytes(blosc.encode(chunk)))
     return chunks
-
-
-def decode_chunks(array: StoredArray, chunks: Sequence[bytes]) -> NDArray[Any]:
-    """All rows of an array from its compressed chunks. Raises RequestError for damaged ones."""
-    layout = array.layout
-    values = np.empty((len(chunks), layout.rows_per_chunk, *layout.shape[1:]), dtype=layout.dtype)
-    for chunk, target in zip(chunks, values, strict=True):
-        decode_chunk(chunk, layout, target, array.path)
-    return values.reshape(-1, *layout.shape[1:])[: layout.shape[0]]
 
 
 def write_chunks(

@@ -161,17 +161,6 @@ class StoredArray(RowArray):
         target[...] = whole[start:stop]
 
 
-def decode_chunk(
-    chunk: bytes | memoryview, layout: Layout, target: NDArray[Any], where: Path
-) -> None:
-    """Decompress a chunk into `target`, which is contiguous and has the size of a chunk.
-
-    Raises RequestError, which names `where`, for a damaged chunk.
-    """
-    _check_header(chunk, len(chunk), layout.chunk_bytes, where)
-    _decompress(chunk, layout, target, where)
-
-
 def _decompress(
     chunk: bytes | memoryview, layout: Layout, target: NDArray[Any], where: Path
 ) -> None:

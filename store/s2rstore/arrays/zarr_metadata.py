@@ -17,7 +17,7 @@ import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
-from s2rstore.geometry.floor_grid import AGGREGATES
+from s2rstore.geometry.map_grid import AGGREGATES
 
 DATA_TYPES = ("uint8", "uint16", "float16", "float32", "float64")
 ATTRIBUTES = ("method", "aggregates")

@@ -24,6 +24,10 @@ class Rays:
     up: Floats
     forward: Floats
 
+    def at(self, samples: NDArray[np.intp]) -> Rays:
+        """The rays of samples (m,), flat indices; each array has shape (m,)."""
+        return Rays(*(part.ravel()[samples] for part in (self.right, self.up, self.forward)))
+
 
 def sample_pixels(count: int, extent: int) -> NDArray[np.intp]:
     """Indices of `count` pixels spread evenly over `extent` of them."""

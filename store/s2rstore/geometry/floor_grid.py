@@ -1,8 +1,8 @@
-"""Heat on the floor: back-projection of heatmaps and their aggregation on a grid."""
+"""Heat on the floor: back-projection of heatmaps on the cells of a map grid."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -12,94 +12,78 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry import camera
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.geometry.reprojection import HeatSurface
-from s2rstore.records import Bounds, Dataset, Domain, Side
+from s2rstore.geometry.map_grid import MapGrid
+from s2rstore.geometry.reprojection import NearerSurface, heat_surface
+from s2rstore.records import Dataset, Domain, Side
 
 Ray = Literal["rgb", "depth"]
 
-AGGREGATES = ("mean", "max", "sum", "count")
 SAMPLES = 128
 """Depth pixels per frame that are back-projected, along each axis."""
-CELLS = 264
-"""Cells on the longer side of a map grid."""
 HEIGHTS = (0.1, 2.0)
 """Metres above the floor between which points count."""
 
 
-class MapGrid:
-    """Square cells over the bounds, `cells` on the longer side; row 0 lies at y0."""
+HeatCells = Callable[[tuple[int, int], Ray], NDArray[np.int64]]
+"""Flat index into a heatmap of shape (rows, cols) for each of the S x S samples of a frame.
 
-    def __init__(self, bounds: Bounds, cells: int = CELLS) -> None:
-        self.bounds = bounds
-        self.size = max(bounds.width, bounds.height) / cells
-        self.cols = max(1, round(bounds.width / self.size))
-        self.rows = max(1, round(bounds.height / self.size))
-        count = self.rows * self.cols
-        self._sum = np.zeros(count)
-        self._count = np.zeros(count)
-        self._max = np.full(count, -np.inf)
-
-    def cell(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Flat cell index of each point, -1 outside the bounds."""
-        col = (x - self.bounds.x0) * (self.cols / self.bounds.width)
-        row = (y - self.bounds.y0) * (self.rows / self.bounds.height)
-        inside = (col >= 0) & (col < self.cols) & (row >= 0) & (row < self.rows)
-        with np.errstate(invalid="ignore"):
-            flat = row.astype(np.int64) * self.cols + col.astype(np.int64)
-        return np.where(inside, flat, -1)
-
-    def add(self, cells: NDArray[np.int64], values: NDArray[np.float64]) -> None:
-        """Accumulate values, shape (k,), in cells that lie inside."""
-        np.add.at(self._sum, cells, values)
-        np.add.at(self._count, cells, 1.0)
-        np.maximum.at(self._max, cells, values)
-
-    def aggregates(self) -> NDArray[np.float32]:
-        """Shape (4, rows, cols) in the order of `AGGREGATES`; NaN where nothing fell, count 0."""
-        empty = self._count == 0
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = self._sum / self._count
-        planes = [mean, self._max, self._sum, self._count]
-        stacked = np.stack([np.where(empty, np.nan, plane) for plane in planes[:3]] + [self._count])
-        return stacked.reshape(4, self.rows, self.cols).astype(np.float32)
+-1 where the image of the ray's camera does not see the sample.
+"""
 
 
-def merged_aggregate(
-    grids: Sequence[Mapping[str, NDArray[np.float32]]], aggregate: str
-) -> NDArray[np.float32]:
-    """Merge the map grids of several parts of a data set into one aggregate, (rows, cols).
+class FloorSamples:
+    """The depth samples of a batch of images that lie on a map grid, for heat of any kind.
 
-    Each of `grids` maps the names in `AGGREGATES` to arrays of `MapGrid.aggregates`.
+    Cells are known once per image; heat of any resolution and ray is looked up from them.
     """
-    if len(grids) == 1:
-        return grids[0][aggregate]
-    stacks = {name: np.stack([grid[name] for grid in grids]) for name in AGGREGATES}
-    count = stacks["count"].sum(axis=0, dtype=np.float64)
-    total = np.nansum(stacks["sum"], axis=0, dtype=np.float64)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = total / count
-    planes = {"mean": mean, "max": np.fmax.reduce(stacks["max"]), "sum": total}
-    if aggregate == "count":
-        return np.asarray(count, dtype=np.float32)
-    return np.asarray(np.where(count == 0, np.nan, planes[aggregate]), dtype=np.float32)
 
+    def __init__(
+        self,
+        cells: Sequence[NDArray[np.int64]],
+        samples: Sequence[NDArray[np.intp]],
+        heat_cells: HeatCells,
+        ray: Ray | None,
+    ) -> None:
+        """`cells` and `samples` (k,) per image: cells of the grid and numbers of the samples.
 
-def merge_partial_grids(grids: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Merge arrays (4, rows, cols) of `MapGrid.aggregates` over different instances into one."""
-    total = highest = count = None
-    for grid in grids:
-        _, largest, added, number = grid.astype(np.float64)
-        if total is None or highest is None or count is None:
-            total, highest, count = np.nan_to_num(added), largest, number
-        else:
-            total, highest = total + np.nan_to_num(added), np.fmax(highest, largest)
-            count = count + number
-    if total is None or highest is None or count is None:
-        raise ValueError("no grids")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        planes = [total / count, highest, total]
-    stacked = [np.where(count == 0, np.nan, plane) for plane in planes]
-    return np.stack([*stacked, count]).astype(np.float32)
+        Samples that heat of other rays than `ray` needs may be missing, none for None.
+        """
+        self._counts = [part.size for part in cells]
+        self._cells = np.concatenate(cells) if cells else np.empty(0, np.int64)
+        self._samples = np.concatenate(samples) if samples else np.empty(0, np.intp)
+        self._heat_cells, self._ray = heat_cells, ray
+        self._found: dict[
+            tuple[tuple[int, int], Ray], tuple[NDArray[np.int64], NDArray[np.int64]]
+        ] = {}
+
+    def values(
+        self, heat: NDArray[np.float32], ray: Ray
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Cells and finite values, each (k,), of heat (n, h, w) of any size over whole images.
+
+        Raises ValueError if the samples were chosen for another ray.
+        """
+        if self._ray not in (None, ray):
+            raise ValueError(f"heat of the {ray} ray at samples of the {self._ray} ray")
+        cells, places = self._places((heat.shape[1], heat.shape[2]), ray)
+        values = heat.reshape(-1).take(places).astype(np.float64)
+        finite = np.isfinite(values)
+        return (cells, values) if finite.all() else (cells[finite], values[finite])
+
+    def _places(
+        self, shape: tuple[int, int], ray: Ray
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Cells of the samples that see heat of this shape, and flat indices into (n, *shape)."""
+        if (shape, ray) not in self._found:
+            places = self._heat_cells(shape, ray).take(self._samples)
+            seen = places >= 0
+            if len(self._counts) > 1:
+                starts = np.arange(len(self._counts)) * (shape[0] * shape[1])
+                places += np.repeat(starts, self._counts)
+            self._found[shape, ray] = (
+                (self._cells, places) if seen.all() else (self._cells[seen], places[seen])
+            )
+        return self._found[shape, ray]
 
 
 class Projector:
@@ -128,16 +112,8 @@ class Projector:
         self._shares = v / frame[0], u / frame[1]
         u, v, self._visible = camera.into_rgb(self._rays, domain.rgb, frame)
         self._u, self._v = u / frame[1], v / frame[0]
-        self._lookups: dict[tuple[int, int, Ray], _Lookup] = {}
-
-    def lookup(self, shape: tuple[int, int], ray: Ray) -> NDArray[np.int64]:
-        """Flat index into a heatmap of (rows, cols) for each depth sample; -1 where not visible."""
-        if ray == "depth":
-            across = (self._shares[1] * shape[1]).astype(np.int64)
-            return (self._shares[0] * shape[0]).astype(np.int64)[:, None] * shape[1] + across
-        rows = np.clip(np.floor(self._v * shape[0]), 0, shape[0] - 1)
-        cols = np.clip(np.floor(self._u * shape[1]), 0, shape[1] - 1)
-        return np.where(self._visible, rows * shape[1] + cols, -1).astype(np.int64)
+        self._samples: dict[Ray | None, FrameSamples] = {}
+        self._lookups: dict[tuple[tuple[int, int], Ray], NDArray[np.int64]] = {}
 
     def points(
         self, depth: NDArray[np.uint8] | NDArray[np.uint16], poses: NDArray[np.float64]
@@ -164,64 +140,89 @@ class Projector:
         """Cells and values of the heat of a batch, each (k,).
 
         `heat` (n, h, w) of any size over the whole image, NaN = no value; `depth` (n, H, W);
-        `poses` (n, 3). One image at a time stays in the processor's cache.
+        `poses` (n, 3).
         """
-        lookup = self._visible_lookup((heat.shape[1], heat.shape[2]), ray)
-        flat = heat.reshape(len(heat), heat.shape[1] * heat.shape[2])
-        parts = [self._one(*item, lookup, grid) for item in zip(flat, depth, poses, strict=True)]
-        if not parts:
-            return np.empty(0, np.int64), np.empty(0)
-        cells, values = zip(*parts, strict=True)
-        return np.concatenate(cells), np.concatenate(values)
+        samples = self.samples(ray)
+        return self.floor_samples(samples, samples.of(depth), poses, grid).values(heat, ray)
 
-    def _one(
-        self,
-        heat: NDArray[np.float32],
-        depth: NDArray[np.uint8] | NDArray[np.uint16],
-        pose: NDArray[np.float64],
-        lookup: _Lookup,
-        grid: MapGrid,
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Cells and values of one image: heat (h * w,), depth (H, W), pose (3,)."""
-        raw = depth.reshape(-1)[lookup.pixels]
-        picked = np.flatnonzero((raw >= lookup.low) & (raw <= lookup.high))
-        values = heat[lookup.cells[picked]].astype(np.float64)
-        metres = raw[picked] * np.float64(self._domain.depth_scale)
-        forward = metres * lookup.forward[picked] + self._domain.forward_offset
-        right = metres * lookup.right[picked] * (1.0 if self._y_down else -1.0)
+    def samples(self, ray: Ray | None) -> FrameSamples:
+        """The samples that can carry heat of a ray, or of any ray for None."""
+        if ray not in self._samples:
+            can_carry = self._low <= self._high
+            if ray == "rgb":
+                can_carry &= self._visible.ravel()
+            numbers = np.flatnonzero(can_carry)
+            self._samples[ray] = FrameSamples(
+                numbers, self._pixels[numbers], self._low[numbers], self._high[numbers],
+                self._rays.right.ravel()[numbers], self._rays.forward.ravel()[numbers], ray,
+            )  # fmt: skip
+        return self._samples[ray]
+
+    def floor_samples(
+        self, samples: FrameSamples, raw: NDArray[Any], poses: NDArray[np.float64], grid: MapGrid
+    ) -> FloorSamples:
+        """The samples of a batch that lie on the cells of a grid.
+
+        `raw` (n, m) depth of `samples`, `poses` (n, 3). One image at a time stays in the
+        processor's cache.
+        """
+        parts = [self._image_cells(samples, *item, grid) for item in zip(raw, poses, strict=True)]
+        cells, numbers = zip(*parts, strict=True) if parts else ((), ())
+        return FloorSamples(cells, numbers, self._heat_cells, samples.ray)
+
+    def _image_cells(
+        self, samples: FrameSamples, raw: NDArray[Any], pose: NDArray[np.float64], grid: MapGrid
+    ) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+        """Cells of one image and the numbers of their samples: raw (m,), pose (3,)."""
+        picked = np.flatnonzero((raw >= samples.low) & (raw <= samples.high))
+        metres = raw.take(picked) * np.float64(self._domain.depth_scale)
+        forward = metres * samples.forward.take(picked) + self._domain.forward_offset
+        right = metres * samples.right.take(picked) * (1.0 if self._y_down else -1.0)
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        cells = grid.cell(
+        inside, cells = grid.locate(
             pose[0] + forward * cos - right * sin, pose[1] + forward * sin + right * cos
         )
-        keep = (cells >= 0) & np.isfinite(values)
-        return cells[keep], values[keep]
+        if not inside.all():
+            cells, picked = cells[inside], picked[inside]
+        return cells, samples.numbers.take(picked)
 
-    def _visible_lookup(self, shape: tuple[int, int], ray: Ray) -> _Lookup:
-        """The samples that can carry heat of this shape."""
-        key = *shape, ray
-        if key not in self._lookups:
-            cells = self.lookup(shape, ray).ravel()
-            visible = np.flatnonzero((cells >= 0) & (self._low <= self._high))
-            self._lookups[key] = _Lookup(
-                self._pixels[visible], self._low[visible], self._high[visible], cells[visible],
-                self._rays.right.ravel()[visible], self._rays.forward.ravel()[visible],
-            )  # fmt: skip
-        return self._lookups[key]
+    def _heat_cells(self, shape: tuple[int, int], ray: Ray) -> NDArray[np.int64]:
+        """Flat index into a heatmap of (rows, cols) for each of the S x S samples; -1 unseen."""
+        if (shape, ray) not in self._lookups:
+            if ray == "depth":
+                rows, cols = (np.floor(self._shares[axis] * shape[axis]) for axis in (0, 1))
+                cells = rows[:, None] * shape[1] + cols
+            else:
+                rows = np.clip(np.floor(self._v * shape[0]), 0, shape[0] - 1)
+                cols = np.clip(np.floor(self._u * shape[1]), 0, shape[1] - 1)
+                cells = np.where(self._visible, rows * shape[1] + cols, -1)
+            self._lookups[shape, ray] = cells.ravel().astype(np.int64)
+        return self._lookups[shape, ray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Lookup:
-    """Per depth sample (m,): its pixel, the raw values that count, its heat cell, its ray."""
+class FrameSamples:
+    """Samples (m,) of a frame that some valid depth puts between the heights.
 
+    Number of each among the S x S samples, its pixel, the raw values that count, its direction;
+    `ray` names the camera whose image sees all of them, None where some are not seen by both.
+    """
+
+    numbers: NDArray[np.intp]
     pixels: NDArray[np.intp]
     low: NDArray[np.uint16]
     high: NDArray[np.uint16]
-    cells: NDArray[np.int64]
     right: NDArray[np.float64]
     forward: NDArray[np.float64]
+    ray: Ray | None
+
+    def of(self, depth: NDArray[Any]) -> NDArray[Any]:
+        """The values (n, m) of images (n, H, W) at the samples."""
+        flat = depth.reshape(len(depth), depth.shape[1] * depth.shape[2])
+        return np.take(flat, self.pixels, axis=1)
 
 
-class FloorHeat(HeatSurface):
+class FloorHeat:
     """Lays heatmaps of one side of a run on the floor.
 
     The only way from heatmaps to map grids: precomputed grids, grids of selected instances and of
@@ -230,23 +231,43 @@ class FloorHeat(HeatSurface):
 
     def __init__(
         self, view: Domain, other: Domain, dataset: Dataset, side: Side,
-        rig_offset: RigOffset | None, surface: str | None,
+        rig_offset: RigOffset | None, surface: str | None, ray: Ray | None = None,
     ) -> None:  # fmt: skip
-        """`view` is the domain of `side`, `other` that of the other side; see `HeatSurface`."""
-        frame = dataset.frame_height, dataset.frame_width
-        super().__init__(view, other, frame, side == "real", rig_offset, surface)
-        self._projector = _projector(_DomainKey(self.domain), frame, dataset.y_down)
+        """`view` is the domain of `side`, `other` that of the other side; see `heat_surface`.
 
-    def add(
+        `ray` is that of all heat that is looked up, None where it differs.
+        """
+        frame = dataset.frame_height, dataset.frame_width
+        domain, nearer_to = heat_surface(view, other, side == "real", rig_offset, surface)
+        self._projector = _projector(_DomainKey(domain), frame, dataset.y_down)
+        self._samples = self._projector.samples(ray)
+        self._nearer = None
+        if nearer_to is not None:
+            self._nearer = NearerSurface(domain, nearer_to, frame, self._samples.pixels)
+
+    @property
+    def needs_other(self) -> bool:
+        """Whether `samples` needs the images of the other rig."""
+        return self._nearer is not None
+
+    def samples(
         self,
-        grid: MapGrid,
-        heat: NDArray[np.float32],
-        depth: NDArray[Any],
+        own: NDArray[Any],
+        other: NDArray[Any] | None,
         poses: NDArray[np.float64],
-        ray: Ray,
-    ) -> None:
-        """Add heat (n, h, w) at `depth` (n, H, W), taken at `poses` (n, 3), to a grid."""
-        grid.add(*self._projector.project(heat, depth, poses, ray, grid))
+        grid: MapGrid,
+    ) -> FloorSamples:
+        """The samples of images taken at `poses` (n, 3) that lie on the cells of a grid.
+
+        `own` and `other` are the raw depth (n, h, w) of the side and of the other side. Raises
+        ValueError without the other one where it is needed.
+        """
+        raw = self._samples.of(own)
+        if self._nearer is not None:
+            if other is None:
+                raise ValueError("the nearer surface needs the depth of both sides")
+            raw = self._nearer(raw, other)
+        return self._projector.floor_samples(self._samples, raw, poses, grid)
 
 
 class _DomainKey:

@@ -51,14 +51,27 @@ class Reprojection:
 class NearerSurface:
     """Depth of one rig, shortened to the nearer of the surfaces that both rigs measure."""
 
-    def __init__(self, view: Domain, other: Domain, frame: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        view: Domain,
+        other: Domain,
+        frame: tuple[int, int],
+        pixels: NDArray[np.intp] | None = None,
+    ) -> None:
+        """`frame` is the stored (height, width) of both rigs.
+
+        `pixels` (m,) are flat indices of the pixels of `view` that are wanted, all by default.
+        """
         self._view, self._other = view, other
         self._reprojection = Reprojection(view, view.depth, other, frame)
+        if pixels is not None:
+            self._reprojection.rays = self._reprojection.rays.at(pixels)
 
     def __call__(self, depth: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
-        """Raw depth of `view` (n, h, w), shortened where the other's raw depth (n, h, w) is less.
+        """Raw depth of `view`, shortened where the other's raw depth (n, h, w) is less.
 
-        Pixels that either rig did not measure keep the value of `view`.
+        `depth` is (n, h, w), or (n, m) where `pixels` are given. Pixels that either rig did not
+        measure keep the value of `view`.
         """
         parts = [
             self._nearer(depth[row : row + _ROWS], other[row : row + _ROWS])
@@ -72,7 +85,8 @@ class NearerSurface:
         metres = np.where(valid, depth * np.float64(a.depth_scale), np.nan)
         u, v, expected, inside = self._reprojection.targets(metres, b.depth)
         col, row = (np.where(inside, value, 0).astype(np.intp) for value in (u, v))
-        values = other[np.arange(len(other))[:, None, None], row, col]
+        image = np.arange(len(other)).reshape(-1, *[1] * (depth.ndim - 1))
+        values = other[image, row, col]
         measured = inside & (values >= b.depth_raw_min) & (values <= b.depth_raw_max)
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(measured, values * np.float64(b.depth_scale) / expected, 1.0)
@@ -81,32 +95,18 @@ class NearerSurface:
         return np.where(measured, least, depth).astype(depth.dtype)
 
 
-class HeatSurface:
-    """The rig whose rays carry one side's heat to the floor, and the depth at which it lies.
+def heat_surface(
+    view: Domain, other: Domain, is_real: bool, correction: RigOffset | None, surface: str | None
+) -> tuple[Domain, Domain | None]:
+    """The rig whose rays carry one side's heat to the floor, and the rig of a nearer surface.
 
     `surface` None is the side's own, as declared; `own` the corrected rig's, `nearer` the nearer of
-    both rigs'.
+    both rigs'. The second rig is None where heat lies on the side's own surface.
     """
-
-    def __init__(
-        self, view: Domain, other: Domain, frame: tuple[int, int], is_real: bool,
-        correction: RigOffset | None, surface: str | None,
-    ) -> None:  # fmt: skip
-        self.domain, self._nearer = view, None
-        if surface is None or correction is None:
-            return
-        if is_real:
-            self.domain = view = correction.applied(view)
-        else:
-            other = correction.applied(other)
-        if surface == "nearer":
-            self._nearer = NearerSurface(view, other, frame)
-
-    @property
-    def needs_other(self) -> bool:
-        """Whether `depth` needs the images of the other rig."""
-        return self._nearer is not None
-
-    def depth(self, own: NDArray[Any], other: NDArray[Any] | None) -> NDArray[Any]:
-        """Raw depth (n, h, w) at which heat is projected: `own`, or the nearer of both surfaces."""
-        return own if self._nearer is None or other is None else self._nearer(own, other)
+    if surface is None or correction is None:
+        return view, None
+    if is_real:
+        view = correction.applied(view)
+    else:
+        other = correction.applied(other)
+    return view, other if surface == "nearer" else None

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.geometry.floor_grid import FloorHeat, MapGrid
+from s2rstore.geometry.floor_grid import FloorHeat
+from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
@@ -205,17 +206,17 @@ class LiveModel:
         heat = result.heatmap(kind, side, mode)
         dataset, truth = self._store.dataset, self._store.instances
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
+        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
         floor_heat = FloorHeat(
             this.domain, other.domain, dataset, side,
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
-            HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None,
+            HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None, ray,
         )  # fmt: skip
         grid = MapGrid(dataset.bounds)
         other_depth = other.surface[None] if floor_heat.needs_other else None
         pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
-        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
-        depth = floor_heat.depth(this.surface[None], other_depth)
-        floor_heat.add(grid, heat[None], depth, pose, ray)
+        samples = floor_heat.samples(this.surface[None], other_depth, pose, grid)
+        grid.add(*samples.values(heat[None], ray))
         return np.asarray(grid.aggregates()[0])
 
     def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:

@@ -15,7 +15,6 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.files.lease import Lease
-from s2rstore.geometry.floor_grid import merge_partial_grids
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -26,7 +25,7 @@ from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.executors import run_units
 from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.publish_results import publish_run
-from s2rtools.precompute.tasks.map_grids import map_stages
+from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
@@ -189,7 +188,7 @@ def _compute_stages(
     reporter: ProgressReporter,
     lease: Lease,
 ) -> None:
-    plan = UnitPlan(root, stages, published, merge_partial_grids)
+    plan = UnitPlan(root, stages, published, merge_grids)
     units = plan.units
     if units:
         names = list(dict.fromkeys(unit.stage.name for unit in units))

@@ -39,6 +39,9 @@ class UnitComputer:
         chunks = {}
         for spec, rows in self._compute(unit).items():
             path = spec.path(unit.stage.run)
+            if unit.stage.is_aggregate:
+                chunks[path] = unit_results.encode_totals(rows)
+                continue
             if path not in self._layouts:
                 self._layouts[path] = spec.open_array(self._root, unit.stage.run).layout
             chunks[path] = array_writer.encode_chunks(self._layouts[path], rows)
@@ -50,8 +53,10 @@ class UnitComputer:
             return umap_projection.compute_projection(self._root, unit)
         if unit.stage.name == "outlier":
             return dict(outliers.compute_distances(self._root, unit, self._threads))
-        if unit.stage.name.startswith("map:"):
-            return map_grids.compute_grids(self._store, run, unit)
+        if unit.stage.name == map_grids.STAGE:
+            return dict(
+                map_grids.compute_grids(self._store, run, unit.stage, unit.instances, unit.missing)
+            )
         if unit.stage.name == "frames":
             frames = RunFrames(self._store, run, renderers=self._renderers)
             return rendered_frames.render_frames(frames, unit)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import array_writer
@@ -17,10 +18,11 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.unit_results import UnitResult
+from s2rtools.precompute.unit_results import UnitResult, decode_totals
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
-Merge = Callable[[Iterable[NDArray[Any]]], NDArray[Any]]
+Totals = Mapping[ArraySpec, NDArray[np.float64]]
+Merge = Callable[[Iterable[Totals]], Mapping[ArraySpec, NDArray[Any]]]
 
 
 @dataclass(eq=False, slots=True)
@@ -47,8 +49,8 @@ class UnitPlan:
         """`published` are paths in runs.zarr of arrays that are complete.
 
         Of these, only shards whose file is missing are computed; of others, those that the ledger
-        does not record. `merge` joins the aggregates of several units, in order. Results of an
-        earlier process are used.
+        does not record. `merge` makes aggregates of the totals of several units, in order. Results
+        of an earlier process are used.
         """
         self._root, self._merge = root, merge
         self._ledger = Ledger(root)
@@ -162,7 +164,8 @@ class UnitPlan:
         results = [self._results[unit_results.file_name(shard.stage, n)] for n in shard.units]
         parts = (list(result.chunks(path)) for result in results)
         if shard.stage.is_aggregate:
-            rows = self._merge(array_writer.decode_chunks(shard.array, part) for part in parts)
+            totals = ({shard.spec: decode_totals(part, shard.spec.item)} for part in parts)
+            rows = self._merge(totals)[shard.spec]
             chunks: Iterable[bytes] = array_writer.encode_chunks(shard.array.layout, rows)
         else:
             chunks = islice(chain.from_iterable(parts), *_chunk_range(shard))

@@ -9,14 +9,17 @@ again.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
+from s2rstore.arrays.stored_array import codec
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rtools.precompute.work_units import Stage, WorkUnit
@@ -43,6 +46,18 @@ def folder(stage: Stage) -> str:
 def file_name(stage: Stage, number: int) -> str:
     """The file of a unit's result inside the store."""
     return f"{folder(stage)}/{number}"
+
+
+def encode_totals(totals: NDArray[np.float64]) -> list[bytes]:
+    """Compress the totals (n, *item) of a unit of a stage of aggregates as one chunk."""
+    return [bytes(codec("float64").encode(np.ascontiguousarray(totals)))]
+
+
+def decode_totals(chunks: Sequence[bytes], item: tuple[int, ...]) -> NDArray[np.float64]:
+    """The totals (n, *item) of `encode_totals`."""
+    (chunk,) = chunks
+    content: bytes = codec("float64").decode(chunk)
+    return np.frombuffer(content, dtype=np.float64).reshape(-1, *item)
 
 
 def write(root: Path, unit: WorkUnit, chunks: Mapping[str, list[bytes]]) -> None:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry.camera_offset import UNMOVED, RigOffset
-from s2rstore.geometry.floor_grid import MapGrid, Projector
+from s2rstore.geometry.floor_grid import Projector
+from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
 from s2rstore.run_inputs import run_camera_move

@@ -1,0 +1,177 @@
+"""Map grids: equal to a plain computation, from one pass over the images, merged from ranges."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.geometry.map_grid import AGGREGATES
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.models.load_model import load_model
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.tasks import map_grids
+from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
+from s2rtools.precompute.tasks.network_outputs import network_stages
+from s2rtools.precompute.tasks.rendered_frames import frames_stages
+from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.work_units import Stage, content_key
+from tests.support.copies import copy_store
+from tests.support.plain_maps import plain_map_grid
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("world")
+KINDS = ("feature_distance", "pixel_difference", "harmonised_distance")
+
+
+@pytest.fixture(scope="module")
+def store(moved_camera_store: Path) -> Store:
+    return s2rstore.open(moved_camera_store)
+
+
+def map_stage(store: Store, name: str, kinds: tuple[str, ...] = KINDS) -> Stage:
+    """The stage of the map grids of a run of the store."""
+    run, part = store.run(name), store.parts[0]
+    rendered = tuple(s for stage in frames_stages(store, run, part) for s in stage.specs)
+    backend = {"name": "torch", "precision": run.precision}
+    model = load_model(store, run.model)
+    forward, others = network_stages(store, run, part, model, backend, kinds, rendered)
+    (stage,) = map_stages(store, forward, others)
+    return stage
+
+
+@pytest.mark.parametrize("run", ["vanilla", "up", "low"])
+def test_published_grids_equal_a_plain_computation(store: Store, run: str) -> None:
+    records = [record for record in store.arrays(run) if record.kind.startswith("map:")]
+    assert len(records) == 8
+    for record in records:
+        kind = record.kind.removeprefix("map:")
+        plain = plain_map_grid(store, run, kind, record.side, record.mode)
+        assert plain["count"].sum() > 1000
+        for aggregate in AGGREGATES:
+            found = store.map_grid(run, kind, record.side, record.mode, aggregate)
+            np.testing.assert_allclose(
+                found, plain[aggregate], rtol=1e-5, atol=1e-6, err_msg=f"{record} {aggregate}"
+            )
+
+
+@pytest.mark.parametrize("run", ["vanilla", "low"])
+def test_each_depth_image_and_heatmap_is_read_once(
+    store: Store, run: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, images, heat = map_stage(store, run), Counter(), Counter()
+    read_frames, source_array = map_grids.RunFrames.read, Stage.source_array
+
+    def count_frames(self, side, start, stop, names):
+        images.update((side, name, iid) for name in names for iid in range(start, stop))
+        return read_frames(self, side, start, stop, names)
+
+    def count_arrays(self, root, kind, side, mode=None):
+        heat[kind, side, mode] += 1
+        return source_array(self, root, kind, side, mode)
+
+    monkeypatch.setattr(map_grids.RunFrames, "read", count_frames)
+    monkeypatch.setattr(Stage, "source_array", count_arrays)
+    n = len(store.instances)
+    compute_grids(store, store.run(run), stage, range(n), stage.specs)
+    assert images == Counter({(side, "depth", iid): 1 for side in SIDES for iid in range(n)})
+    assert {key: number for key, number in heat.items() if key[0] in KINDS} == {
+        ("feature_distance", None, None): 1,
+        ("pixel_difference", None, "rgb"): 1,
+        ("pixel_difference", None, "depth"): 1,
+        ("harmonised_distance", "sim", None): 1,
+        ("harmonised_distance", "real", None): 1,
+    }
+
+
+@pytest.mark.parametrize("stops", [(8,), (3, 8), (1, 2, 5, 8)])
+def test_merged_ranges_equal_the_published_grids(store: Store, stops: tuple[int, ...]) -> None:
+    stage, run = map_stage(store, "up"), store.run("up")
+    starts = (0, *stops)
+    ranges = [range(*ends) for ends in zip(starts, stops, strict=False)]
+    parts = [compute_grids(store, run, stage, each, stage.specs) for each in ranges]
+    merged, again = merge_grids(parts), merge_grids(iter(parts))
+    assert merged.keys() == set(stage.specs)
+    for spec, grid in merged.items():
+        assert grid.dtype == np.float32
+        assert grid.tobytes() == again[spec].tobytes()
+        _, published = store.array("up", spec.kind, spec.side, spec.mode)
+        np.testing.assert_allclose(grid, published[:], rtol=1e-6, atol=1e-6)
+
+
+def test_parts_of_different_arrays_are_not_merged(store: Store) -> None:
+    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
+    part = compute_grids(store, run, stage, range(2), stage.specs[:2])
+    assert merge_grids([]) == {}
+    with pytest.raises(ValueError, match="different map grids"):
+        merge_grids([part, {stage.specs[0]: part[stage.specs[0]]}])
+
+
+def test_merging_leaves_the_parts_unchanged(store: Store) -> None:
+    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
+    part = compute_grids(store, run, stage, range(2), stage.specs[:1])
+    before = part[stage.specs[0]].copy()
+    merge_grids([part, part])
+    np.testing.assert_array_equal(part[stage.specs[0]], before)
+
+
+def test_a_range_without_valid_instances_adds_nothing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, run = map_stage(store, "vanilla"), store.run("vanilla")
+    whole = merge_grids([compute_grids(store, run, stage, range(8), stage.specs)])
+    monkeypatch.setattr(
+        Stage, "valid_instances", lambda self, root, instances: np.array(instances) < 3
+    )
+    parts = [
+        compute_grids(store, run, stage, each, stage.specs) for each in (range(4), range(4, 8))
+    ]
+    first = compute_grids(store, run, stage, range(3), stage.specs)
+    merged = merge_grids(parts)
+    for spec, grid in merge_grids([first]).items():
+        np.testing.assert_array_equal(merged[spec], grid)
+        assert grid[3].sum() < whole[spec][3].sum()
+        nothing = merge_grids(parts[1:])[spec]
+        assert np.isnan(nothing[:3]).all()
+        assert (nothing[3] == 0).all()
+
+
+def test_missing_arrays_alone_are_computed(moved_camera_store: Path, tmp_path: Path) -> None:
+    path = copy_store(moved_camera_store, tmp_path / "s.s2r")
+    with s2rstore.open(path) as opened:
+        before = {s: s.open_array(path, "up")[:] for s in map_stage(opened, "up").specs}
+        stage = map_stage(opened, "up")
+        lost = stage.specs[4]
+        (path / lost.open_array(path, "up").file(0)).unlink()
+        published = {record.path for record in opened.array_parts("up")}
+        (unit,) = UnitPlan(path, [stage], published, merge_grids).units
+        assert unit.missing == (lost,)
+    precompute(path, SilentReporter(), ["up"], PrecomputeOptions(KINDS))
+    for spec, values in before.items():
+        np.testing.assert_allclose(spec.open_array(path, "up")[:], values, rtol=1e-6, atol=1e-6)
+
+
+def test_keys_depend_on_the_heatmaps_and_the_settings_of_maps(store: Store) -> None:
+    stage = map_stage(store, "vanilla")
+    assert map_stage(store, "vanilla", KINDS[:1]).specs[0] in stage.specs
+    for spec in stage.specs:
+        kind = spec.kind.removeprefix("map:")
+        heat = next(s for s in stage.sources if s.kind == kind and s.side in (spec.side, None))
+        facts = {"heat": heat.key, "cells": 264, "heights": [0.1, 2.0], "version": 1}
+        if kind == "harmonised_distance":
+            facts["surface"] = "nearer"
+        key = content_key(facts)
+        name = ".".join(part for part in ("map", kind, spec.mode, spec.side) if part)
+        assert spec.path("vanilla") == f"vanilla/{key}/{name}"
+        record, _ = store.array("vanilla", spec.kind, spec.side, spec.mode)
+        assert record.path == spec.path("vanilla")
+
+
+def test_runs_without_heatmaps_have_no_maps(store: Store) -> None:
+    run, model = store.run("vanilla"), load_model(store, "vanilla")
+    backend = {"name": "torch", "precision": run.precision}
+    assert map_stages(store, *network_stages(store, run, store.parts[0], model, backend, ())) == []

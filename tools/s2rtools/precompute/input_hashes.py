@@ -1,0 +1,64 @@
+"""Hashes of the inputs of a store's arrays, each kind of input apart.
+
+The key of an array has the hashes of those inputs alone that its values depend on. So nothing is
+computed again because a room has another name, and only map grids where the floor has other bounds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from s2rstore.reader import Store
+from s2rstore.records import Part
+
+_FRAMES = """
+    SELECT count(*), sha256(string_agg(sha256, ' ' ORDER BY iid)) FROM frame
+    WHERE domain = ? AND iid >= ? AND iid < ?
+"""
+
+
+class InputHashes:
+    """Hashes of the inputs of one generation of a store; each is computed once."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: dict[tuple[str, str, int], str] = {}
+
+    def frames(self, domain: str, part: Part) -> str:
+        """The images of a domain in a part, as stored, and what gives depth its unit."""
+        key = "frames", domain, part.first_iid
+        if key not in self._known:
+            dataset, record = self._store.dataset, self._store.domain(domain)
+            rows = self._store.execute(_FRAMES, [domain, part.first_iid, part.stop])
+            size = dataset.frame_height, dataset.frame_width
+            depth = record.depth_scale, record.depth_raw_min, record.depth_raw_max
+            self._known[key] = _digest([*rows[0], size, depth])
+        return self._known[key]
+
+    def poses(self, part: Part) -> str:
+        """The ground truth of a part."""
+        key = "poses", "", part.first_iid
+        if key not in self._known:
+            truth = self._store.instances
+            columns = [c[part.first_iid : part.stop] for c in (truth.x, truth.y, truth.heading)]
+            content = np.stack(columns).astype("<f8").tobytes()
+            self._known[key] = hashlib.sha256(content).hexdigest()
+        return self._known[key]
+
+    def cameras(self, domain: str) -> str:
+        """The cameras of a domain, without its name and the origin of its figures."""
+        facts = asdict(self._store.domain(domain))
+        return _digest({k: v for k, v in facts.items() if k not in ("domain", "kind", "sources")})
+
+    def floor(self) -> str:
+        """The bounds of the floor and the direction of its y axis."""
+        return _digest([asdict(self._store.dataset.bounds), self._store.dataset.y_down])
+
+
+def _digest(facts: Any) -> str:
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
