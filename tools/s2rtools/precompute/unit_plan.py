@@ -119,7 +119,7 @@ class UnitPlan:
         """The ledger's entries of an array; releases up to 0.2.0 wrote them among all others."""
         if not array.layout.is_flat:
             return self._ledger.shared_entries()
-        return self._ledger.array_entries(f"{run}/{spec.key}")
+        return self._ledger.array_entries(spec.folder(run))
 
     def finish(self, unit: WorkUnit) -> None:
         """Use the result of a unit that has been computed."""
@@ -145,8 +145,8 @@ class UnitPlan:
         for shard in self._shards.pop(unit_results.file_name(unit.stage, unit.number)):
             shard.waiting.discard(unit.number)
             if not shard.waiting:
-                key = f"{shard.stage.run}/{shard.spec.key}"
-                entries[key].append(self._write(shard))
+                folder = shard.spec.folder(shard.stage.run)
+                entries[folder].append(self._write(shard))
                 assembled.append(shard)
         for key, recorded in entries.items():
             self._ledger.add_array_entries(key, recorded)

@@ -1,14 +1,11 @@
 """Work units of a run: arrays with content keys, stages and the units of a stage.
 
-An array's key is a hash over everything that its values depend on, so the array of a key never
-changes. A stage is a group of arrays that are computed together; a unit computes them for a range
+The array of a key never changes (`array_keys`). A stage is a group of arrays that are computed together; a unit computes them for a range
 of instances. The results of units become shards of arrays once a shard is complete (`unit_plan`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -24,11 +21,8 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import RequestError
 from s2rstore.files import layout
-from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run
+from s2rstore.records import SIDES
 from s2rstore.run_inputs import FRAME_KINDS
-
-KEY_VERSION = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +30,7 @@ class ArraySpec:
     """Description of one array of a run; `item` is the shape of one row.
 
     Rows are the instances from `first_iid` on; those of map grids are aggregates over instances.
+    Arrays that do not depend on the model are stored once for all runs, if `is_shared`.
     """
 
     kind: str
@@ -49,11 +44,16 @@ class ArraySpec:
     rows: int
     attributes: tuple[tuple[str, str], ...] = ()
     first_iid: int = 0
+    is_shared: bool = False
 
     def path(self, run: str) -> str:
         """Path inside runs.zarr."""
         parts = self.kind.replace(":", "."), self.mode, self.side
-        return f"{run}/{self.key}/{'.'.join(part for part in parts if part)}"
+        return f"{self.folder(run)}/{'.'.join(part for part in parts if part)}"
+
+    def folder(self, run: str) -> str:
+        """The folder inside runs.zarr of all arrays of the key."""
+        return f"{layout.SHARED_ARRAYS if self.is_shared else run}/{self.key}"
 
     def open_array(self, root: Path, run: str) -> StoredArray:
         """Open the stored array. Raises RequestError if its shape or dtype differs."""
@@ -174,28 +174,3 @@ def open_parts(specs: Sequence[ArraySpec], root: Path, run: str) -> RowArray:
     parts = [(spec.first_iid, spec.open_array(root, run)) for spec in ordered]
     stop = max(spec.first_iid + spec.rows for spec in ordered)
     return PartedArray(parts, stop, f"run {run!r}: {ordered[0].kind} is not computed")
-
-
-def content_key(facts: dict[str, Any]) -> str:
-    """A short hash of plain facts, independent of the order of their keys."""
-    text = json.dumps({"version": KEY_VERSION, **facts}, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def run_dependencies(store: Store, run: Run, part: Part, backend: dict[str, Any]) -> dict[str, Any]:
-    """Everything that a run's predictions of the instances of a part depend on."""
-    model = store.models[run.model]
-    return {
-        "dataset": part.hash,
-        "model": model.sha256,
-        "architecture": model.architecture,
-        "convention": model.convention,
-        "sim": [run.sim_domain, _without_names(run.sim_adjustments)],
-        "real": [run.real_domain, _without_names(run.real_adjustments)],
-        "backend": backend,
-    }
-
-
-def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The chain without the names of translators, on which no value depends."""
-    return [{**step, "name": "translate"} if "sha256" in step else step for step in chain]

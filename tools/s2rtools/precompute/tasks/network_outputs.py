@@ -14,15 +14,16 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key, run_dependencies
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
 
 
 def network_stages(
-    store: Store,
+    keys: ArrayKeys,
     run: Run,
     part: Part,
     model: LoadedModel,
@@ -35,8 +36,8 @@ def network_stages(
     The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
     only. `frames` are the arrays of rendered frames that the stages read.
     """
-    facts = run_dependencies(store, run, part, backend)
-    key = content_key({**facts, "kind": "prediction"})
+    rendered = [spec.key for spec in frames]
+    key = keys.prediction(backend, rendered)
     size = model.network.embedding_size
     specs = [
         ArraySpec(
@@ -59,7 +60,7 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(store, run, part, facts, kind, model)
+        heatmaps = _kind_specs(part, kind, model, *keys.heatmap(kind, backend, rendered))
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -68,19 +69,13 @@ def network_stages(
 
 
 def _kind_specs(
-    store: Store, run: Run, part: Part, facts: dict[str, Any], name: str, model: LoadedModel
+    part: Part, name: str, model: LoadedModel, key: str, is_shared: bool
 ) -> list[ArraySpec]:
     kind = HEATMAP_KINDS[name]
-    if kind.aligned:
-        offset = store.rig_offset(run.sim_domain, run.real_domain)
-        # Calibration estimates no pitch; the key has the entries that earlier versions wrote.
-        correction = offset and {"height": offset.height, "zoom": offset.zoom}
-        facts = {**facts, "correction": correction}
-    key = content_key({**facts, "kind": name, "version": kind.version, "params": kind.params})
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(out.attributes.items())),
-                  part.first_iid)
+                  part.first_iid, is_shared)
         for out in kind.outputs(model)
     ]  # fmt: skip
 

@@ -1,0 +1,130 @@
+"""Keys of a run's arrays: hashes over everything that their values depend on, and nothing else.
+
+Arrays that releases up to 0.2.0 published keep the keys that these gave them, which also contained
+the whole data set's hash; so nothing of an earlier store is computed again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import cached_property
+from typing import Any
+
+from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Part, Run, Side
+from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.precompute.input_hashes import InputHashes
+
+KEY_VERSION = 1
+
+Facts = dict[str, Any]
+
+
+def content_key(facts: Facts) -> str:
+    """A short hash of plain facts, independent of the order of their names."""
+    text = json.dumps({"version": KEY_VERSION, **facts}, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+class ArrayKeys:
+    """The keys of a run's arrays in one part of the data set."""
+
+    def __init__(self, store: Store, hashes: InputHashes, run: Run, part: Part) -> None:
+        self._store, self._hashes, self._run, self._part = store, hashes, run, part
+        records = store.array_parts(run.run)
+        self._published = {tuple(record.path.split("/")[:2]) for record in records}
+
+    def _key(self, facts: Facts, earlier: Facts) -> tuple[str, bool]:
+        """The key of some facts, and whether it is new.
+
+        The key of `earlier` facts is kept where arrays of it are published.
+        """
+        key = content_key(earlier)
+        if (self._run.run, key) in self._published:
+            return key, False
+        return content_key(facts), True
+
+    def frames(self, side: Side, move: RigOffset, renderer: Any) -> tuple[str, bool]:
+        """The key of rendered frames, and whether all runs share them."""
+        domain, dataset = self._run.domain(side), self._store.dataset
+        facts = {"domain": domain, "move": asdict(move), "renderer": renderer, "kind": "frames"}
+        inputs = {
+            "poses": self._hashes.poses(self._part),
+            "cameras": self._hashes.cameras(domain),
+            "size": [dataset.frame_height, dataset.frame_width],
+        }
+        return self._key({**facts, **inputs}, {**facts, "dataset": self._part.hash})
+
+    def prediction(self, backend: Facts, rendered: Sequence[str]) -> str:
+        """The key of predictions and embeddings; `rendered` are the keys of rendered frames."""
+        facts = {"kind": "prediction", "backend": backend}
+        inputs = {**self._images(rendered), **self._model}
+        return self._key({**facts, **inputs}, {**facts, **self._earlier})[0]
+
+    def heatmap(self, name: str, backend: Facts, rendered: Sequence[str]) -> tuple[str, bool]:
+        """The key of the arrays of a heatmap kind, and whether all runs share them."""
+        kind = HEATMAP_KINDS[name]
+        facts: Facts = {"kind": name, "version": kind.version, "params": kind.params}
+        inputs = self._images(rendered)
+        if not kind.model_free:
+            inputs |= {**self._model, "backend": backend}
+        if kind.uses_truth:
+            inputs["poses"] = self._hashes.poses(self._part)
+        earlier = {**self._earlier, "backend": backend}
+        if kind.aligned:
+            offset = self._store.rig_offset(self._run.sim_domain, self._run.real_domain)
+            # Calibration estimates no pitch; the key has the entries that earlier versions wrote.
+            facts["correction"] = offset and {"height": offset.height, "zoom": offset.zoom}
+            inputs["cameras"] = self._cameras
+        key, is_new = self._key({**facts, **inputs}, {**facts, **earlier})
+        return key, is_new and kind.model_free
+
+    def map(self, heat: str, prediction: str, settings: Facts) -> str:
+        """The key of the map grids of heatmaps, given by the keys of these and the predictions."""
+        facts = {"heat": heat, **settings}
+        inputs = {
+            "prediction": prediction,
+            "poses": self._hashes.poses(self._part),
+            "cameras": self._cameras,
+            "floor": self._hashes.floor(),
+        }
+        return self._key({**facts, **inputs}, facts)[0]
+
+    def _images(self, rendered: Sequence[str]) -> Facts:
+        domains = self._run.sim_domain, self._run.real_domain
+        return {
+            "frames": [self._hashes.frames(domain, self._part) for domain in domains],
+            "adjustments": [_without_names(self._run.adjustments(side)) for side in SIDES],
+            "rendered": sorted(set(rendered)),
+        }
+
+    @cached_property
+    def _cameras(self) -> list[str]:
+        return [self._hashes.cameras(self._run.domain(side)) for side in SIDES]
+
+    @cached_property
+    def _model(self) -> Facts:
+        model = self._store.models[self._run.model]
+        return {
+            "model": model.sha256,
+            "architecture": model.architecture,
+            "convention": model.convention,
+        }
+
+    @cached_property
+    def _earlier(self) -> Facts:
+        """The inputs in the keys of predictions and heatmaps of releases up to 0.2.0."""
+        sides = {
+            side: [self._run.domain(side), _without_names(self._run.adjustments(side))]
+            for side in SIDES
+        }
+        return {"dataset": self._part.hash, **self._model, **sides}
+
+
+def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The chain without the names of translators, on which no value depends."""
+    return [{**step, "name": "translate"} if "sha256" in step else step for step in chain]
