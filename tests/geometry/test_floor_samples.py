@@ -61,6 +61,7 @@ def test_samples_of_a_batch_serve_heat_of_any_size_and_ray(side: str, surface: s
         assert [part[0].size > 0 for part in of_images] == [True, True, True, False]
         for found, *expected in zip(samples.values(values, ray), *of_images, strict=True):
             np.testing.assert_array_equal(found, np.concatenate(expected))
+            assert np.isfinite(found).all()
 
 
 def test_samples_of_one_ray_refuse_heat_of_another() -> None:
