@@ -15,6 +15,7 @@ import numpy as np
 import s2rstore
 from bench.budget import BudgetRow
 from bench.measured_stores import frames_store, lively
+from s2rstore.arrays import array_writer
 from s2rstore.geometry.floor_grid import Projector
 from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.geometry.reprojection import NearerSurface, heat_surface
@@ -23,7 +24,9 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import load_model
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
+from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import as_stored, network_stages
 from s2rtools.precompute.work_units import ArraySpec, Stage
@@ -61,14 +64,16 @@ def _filled_stage(store: Store, run: Run) -> Stage:
     model = load_model(store, run.model)
     backend = {"name": "torch", "precision": "float32"}
     part = store.parts[0]
-    forward, others = network_stages(store, run, part, model, backend, tuple(HEATMAP_KINDS))
+    keys = ArrayKeys(InputHashes(store), run, part)
+    forward, others = network_stages(keys, run, part, model, backend, tuple(HEATMAP_KINDS))
     rng = np.random.default_rng(0)
     for stage in (forward, *others):
-        stage.create(store.path)
-        for shard in range(-(-stage.rows // stage.shard_rows)):
-            count = min(stage.shard_rows, stage.rows - shard * stage.shard_rows)
-            stage.write(store.path, shard, {spec: _noise(rng, spec, count) for spec in stage.specs})
-    (maps,) = map_stages(store, forward, others)
+        for spec in stage.specs:
+            array = stage.create(store.path, spec)
+            for shard in range(array.layout.shards):
+                rows = _noise(rng, spec, array.rows_in(shard))
+                array_writer.write_shard(array.path, shard, rows, store.path)
+    (maps,) = map_stages(store, keys, forward, others)
     return maps
 
 

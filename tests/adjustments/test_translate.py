@@ -15,8 +15,9 @@ from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
 from s2rstore.run_inputs import chain_text
 from s2rtools.adjustments import apply_chain, make_chain, parse_adjustment
+from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.precompute.work_units import run_dependencies
 from s2rtools.translation import fit_split
 from s2rtools.translation.translator_file import load_translator
 from s2rtools.translator_evaluation.fit_into_store import (
@@ -144,10 +145,9 @@ def test_the_name_of_a_translator_changes_no_array_key(fitted: Path):
         run = store.run("vanilla")
         chains = [chain_of(fitted, "real:translate=to_sim")]
         chains.append([{**chains[0][0], "name": "translate:renamed"}])
-        keys = [
-            run_dependencies(store, replace(run, real_adjustments=chain), store.parts[0], {})
-            for chain in chains
-        ]
+        hashes, part = InputHashes(store), store.parts[0]
+        runs = [replace(run, real_adjustments=chain) for chain in chains]
+        keys = [ArrayKeys(hashes, each, part).prediction({}, []) for each in runs]
     assert keys[0] == keys[1]
 
 

@@ -31,6 +31,7 @@ class _HarmonisedKind(HeatmapKind):
     """
 
     aligned = True
+    uses_truth = False
     unit: ClassVar[str]
     needs_depth: ClassVar[bool] = False
     params = {"colour_floor": COLOUR_FLOOR, "size": MAX_SIDE, "share": _SHARE}  # noqa: RUF012

@@ -96,7 +96,8 @@ class HeatmapKind(ABC):
 
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
-    `model_free` kinds need no network; `aligned` kinds compare both views by calibrated rigs.
+    `model_free` kinds need no network, and `uses_truth` tells whether the true poses matter;
+    `aligned` kinds compare both views by calibrated rigs.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
@@ -106,6 +107,7 @@ class HeatmapKind(ABC):
     cost: ClassVar[Literal["forward", "many"]] = "forward"
     planes: ClassVar[tuple[str, ...]] = ()
     model_free: ClassVar[bool] = False
+    uses_truth: ClassVar[bool] = True
     aligned: ClassVar[bool] = False
     surface: ClassVar[Literal["own", "nearer"]] = "own"
 

@@ -22,6 +22,7 @@ class PixelDifference(HeatmapKind):
     name = "pixel_difference"
     params = {"size": SIZE}  # noqa: RUF012
     model_free = True
+    uses_truth = False
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         shape, axes = (SIZE, SIZE), ("row", "column")

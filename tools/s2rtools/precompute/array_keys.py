@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.input_hashes import InputHashes
@@ -33,9 +32,9 @@ def content_key(facts: Facts) -> str:
 class ArrayKeys:
     """The keys of a run's arrays in one part of the data set."""
 
-    def __init__(self, store: Store, hashes: InputHashes, run: Run, part: Part) -> None:
-        self._store, self._hashes, self._run, self._part = store, hashes, run, part
-        records = store.array_parts(run.run)
+    def __init__(self, hashes: InputHashes, run: Run, part: Part) -> None:
+        self._store, self._hashes, self._run, self._part = hashes.store, hashes, run, part
+        records = self._store.array_parts(run.run)
         self._published = {tuple(record.path.split("/")[:2]) for record in records}
 
     def _key(self, facts: Facts, earlier: Facts) -> tuple[str, bool]:
@@ -118,7 +117,7 @@ class ArrayKeys:
     @cached_property
     def _earlier(self) -> Facts:
         """The inputs in the keys of predictions and heatmaps of releases up to 0.2.0."""
-        sides = {
+        sides: Facts = {
             side: [self._run.domain(side), _without_names(self._run.adjustments(side))]
             for side in SIDES
         }

@@ -26,15 +26,15 @@ class InputHashes:
     """Hashes of the inputs of one generation of a store; each is computed once."""
 
     def __init__(self, store: Store) -> None:
-        self._store = store
+        self.store = store
         self._known: dict[tuple[str, str, int], str] = {}
 
     def frames(self, domain: str, part: Part) -> str:
         """The images of a domain in a part, as stored, and what gives depth its unit."""
         key = "frames", domain, part.first_iid
         if key not in self._known:
-            dataset, record = self._store.dataset, self._store.domain(domain)
-            rows = self._store.execute(_FRAMES, [domain, part.first_iid, part.stop])
+            dataset, record = self.store.dataset, self.store.domain(domain)
+            rows = self.store.execute(_FRAMES, [domain, part.first_iid, part.stop])
             size = dataset.frame_height, dataset.frame_width
             depth = record.depth_scale, record.depth_raw_min, record.depth_raw_max
             self._known[key] = _digest([*rows[0], size, depth])
@@ -44,7 +44,7 @@ class InputHashes:
         """The ground truth of a part."""
         key = "poses", "", part.first_iid
         if key not in self._known:
-            truth = self._store.instances
+            truth = self.store.instances
             columns = [c[part.first_iid : part.stop] for c in (truth.x, truth.y, truth.heading)]
             content = np.stack(columns).astype("<f8").tobytes()
             self._known[key] = hashlib.sha256(content).hexdigest()
@@ -52,12 +52,12 @@ class InputHashes:
 
     def cameras(self, domain: str) -> str:
         """The cameras of a domain, without its name and the origin of its figures."""
-        facts = asdict(self._store.domain(domain))
+        facts = asdict(self.store.domain(domain))
         return _digest({k: v for k, v in facts.items() if k not in ("domain", "kind", "sources")})
 
     def floor(self) -> str:
         """The bounds of the floor and the direction of its y axis."""
-        return _digest([asdict(self._store.dataset.bounds), self._store.dataset.y_down])
+        return _digest([asdict(self.store.dataset.bounds), self.store.dataset.y_down])
 
 
 def _digest(facts: Any) -> str:

@@ -22,8 +22,10 @@ from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.load_model import load_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.executors import run_units
 from s2rtools.precompute.frame_reader import read_pairs
+from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
@@ -136,18 +138,20 @@ def _stage_groups(
     Each part of the data set has stages of its own, so that nothing of earlier parts is computed
     again where one is appended.
     """
+    hashes = InputHashes(store)
     frames: list[Stage] = []
     forwards: list[Stage] = []
     heatmaps: list[Stage] = []
     maps: list[Stage] = []
     for part in store.parts:
-        rendered = frames_stages(store, run, part)
+        keys = ArrayKeys(hashes, run, part)
+        rendered = frames_stages(store, keys, run, part)
         specs = tuple(spec for stage in rendered for spec in stage.specs)
-        forward, others = network_stages(store, run, part, model, backend, kinds, specs)
+        forward, others = network_stages(keys, run, part, model, backend, kinds, specs)
         frames += rendered
         forwards.append(forward)
         heatmaps += others
-        maps += map_stages(store, forward, others)
+        maps += map_stages(store, keys, forward, others)
     fit, *later = projections = _projections(store, run, forwards, refit)
     network = [*forwards, *heatmaps]
     return [frames, network, [fit, *maps], later, outlier_stages(projections)]

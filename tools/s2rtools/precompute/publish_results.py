@@ -19,10 +19,11 @@ from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
-from s2rtools.precompute.work_units import ArraySpec, Stage, content_key, open_parts
+from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
 _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")

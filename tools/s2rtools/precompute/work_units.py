@@ -1,7 +1,8 @@
 """Work units of a run: arrays with content keys, stages and the units of a stage.
 
-The array of a key never changes (`array_keys`). A stage is a group of arrays that are computed together; a unit computes them for a range
-of instances. The results of units become shards of arrays once a shard is complete (`unit_plan`).
+The array of a key never changes (`array_keys`). A stage is a group of arrays that are computed
+together; a unit computes them for a range of instances. The results of units become shards of
+arrays once a shard is complete (`unit_plan`).
 """
 
 from __future__ import annotations

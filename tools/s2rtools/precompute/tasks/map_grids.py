@@ -20,8 +20,9 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import run_domain
 from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
-from s2rtools.precompute.work_units import ArraySpec, Stage, content_key
+from s2rtools.precompute.work_units import ArraySpec, Stage
 
 STAGE = "maps"
 """Name of the stages of map grids."""
@@ -35,7 +36,9 @@ Totals = dict[ArraySpec, NDArray[np.float64]]
 _Source = tuple[str, str | None, str | None]
 
 
-def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[Stage]:
+def map_stages(
+    store: Store, keys: ArrayKeys, forward: Stage, others: Sequence[Stage]
+) -> list[Stage]:
     """The stage of the map grids of every heatmap of the stages of a part; none without heatmaps.
 
     One stage for both sides and all kinds, because they read the same images.
@@ -48,7 +51,7 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
             of_kind = stage.specs_of_kind(kind)
             heat += of_kind
             specs += [
-                _map_spec(spec, side, mode, grid)
+                _map_spec(spec, keys, forward.specs[0].key, side, mode, grid)
                 for side in SIDES
                 for spec in of_kind
                 if spec.side in (side, None)
@@ -60,13 +63,15 @@ def map_stages(store: Store, forward: Stage, others: Sequence[Stage]) -> list[St
     return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, is_aggregate=True)]
 
 
-def _map_spec(spec: ArraySpec, side: str, mode: str | None, grid: MapGrid) -> ArraySpec:
+def _map_spec(
+    spec: ArraySpec, keys: ArrayKeys, prediction: str, side: str, mode: str | None, grid: MapGrid
+) -> ArraySpec:
     kind = HEATMAP_KINDS[spec.kind]
     surface = {"surface": kind.surface} if kind.aligned else {}
     return ArraySpec(
         f"map:{spec.kind}", side, mode, (grid.rows, grid.cols), "float32",
         ("aggregate", "row", "column"), spec.unit,
-        content_key({"heat": spec.key, **MAP_SETTINGS, **surface}),
+        keys.map(spec.key, prediction, {**MAP_SETTINGS, **surface}),
         len(AGGREGATES), (("aggregates", ",".join(AGGREGATES)),), spec.first_iid,
     )  # fmt: skip
 

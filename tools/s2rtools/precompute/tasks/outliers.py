@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import SIDES
+from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.tasks.umap_projection import sample_rows
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 KIND = "neighbour_distance"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 from numpy.typing import NDArray
@@ -11,14 +10,15 @@ from s2rstore.geometry.camera_offset import UNMOVED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
+from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 from s2rtools.rendering import renderer_version
 
 FRAME_ROWS = 32
 
 
-def frames_stages(store: Store, run: Run, part: Part) -> list[Stage]:
+def frames_stages(store: Store, keys: ArrayKeys, run: Run, part: Part) -> list[Stage]:
     """One stage for the sides whose cameras are moved; none if no camera is moved."""
     specs = []
     for side in SIDES:
@@ -28,19 +28,13 @@ def frames_stages(store: Store, run: Run, part: Part) -> list[Stage]:
         first = part.first_iid
         depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name
         frame = store.dataset.frame_height, store.dataset.frame_width
-        facts = {
-            "dataset": part.hash,
-            "domain": domain.domain,
-            "move": asdict(move),
-            "renderer": renderer_version(store),
-        }
-        key = content_key({**facts, "kind": "frames"})
+        key, is_shared = keys.frames(side, move, renderer_version(store))
         n, axes = part.instances, ("iid", "row", "column")
         specs += [
             ArraySpec(FRAME_KINDS["rgb"], side, None, (*frame, 3), "uint8", (*axes, "channel"), "",
-                      key, n, first_iid=first),
+                      key, n, first_iid=first, is_shared=is_shared),
             ArraySpec(FRAME_KINDS["depth"], side, None, frame, depth, axes, "raw", key, n,
-                      first_iid=first),
+                      first_iid=first, is_shared=is_shared),
         ]  # fmt: skip
     return [Stage("frames", run.run, tuple(specs), FRAME_ROWS)] if specs else []
 

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from s2rstore.arrays.row_array import RowArray
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit, content_key
+from s2rtools.precompute.array_keys import content_key
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 _BATCH = 512
 _REPEATED = 1e-3
