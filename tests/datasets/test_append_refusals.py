@@ -166,6 +166,7 @@ def test_the_same_floor_plan_is_not_reported(
 
 
 def test_poses_outside_the_bounds_of_the_store_are_reported(scan: Scan, store: Path) -> None:
-    scan.trajectories["a"][0] = replace(scan.trajectories["a"][0], x=99.0)
+    first, *others = scan.trajectories["a"]
+    scan.trajectories["a"] = [replace(first, x=99.0), *others]
     add(scan, store)
     assert kinds(scan) == {"pose outside the bounds": 1}

@@ -299,10 +299,21 @@ def write_shard(path: Path, shard: int, rows: NDArray[Any], root: Path | None = 
     expected = (array.rows_in(shard), *array.shape[1:])
     if rows.shape != expected:
         raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
-    root, _ = _place(path, root)
-    name = array.file(shard)
-    atomic_writes.write(root, name, _encoded(array.layout, rows), durable=False)
-    return root / name
+    root, relative = _place(path, root)
+    return root / write_shard_of(root, relative, array.layout, shard, rows)
+
+
+def write_shard_of(
+    root: Path, relative: str, layout: Layout, shard: int, rows: NDArray[Any]
+) -> str:
+    """Write a shard of an array that is created when its length is known; gives its file.
+
+    `relative` is the array's folder inside `root`. The length in `layout` is not used. All shards
+    but the last have `layout.shard_rows` rows.
+    """
+    name = shard_file(Path(relative), shard, len(layout.shape)).as_posix()
+    atomic_writes.write(root, name, _encoded(layout, rows), durable=False)
+    return name
 
 
 def _encoded(layout: Layout, rows: NDArray[Any]) -> bytes:

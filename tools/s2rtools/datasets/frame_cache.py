@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from s2rstore.records import Domain
 from s2rtools.datasets.scan import DecodedFrame, Scan
 
-NO_DEPTH = "no depth"
-"""The depth type of frames without depth."""
-
 
 class FrameOrigin(Protocol):
     """Where a cached frame came from; see `FrameSource`."""
@@ -78,10 +75,6 @@ class CachedFrame:
     @property
     def pixels(self) -> int:
         return self.source.pixels
-
-    @property
-    def depth_type(self) -> str:
-        return NO_DEPTH if self.depth_dtype is None else str(self.depth_dtype)
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.source.file_names(scan)

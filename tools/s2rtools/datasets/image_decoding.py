@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -38,7 +38,6 @@ class ImageFiles:
     depth: Path
     rgb_size: tuple[int, int]
     depth_size: tuple[int, int]
-    depth_type: ClassVar[None] = None
 
     @property
     def paths(self) -> tuple[Path, Path]:
@@ -96,7 +95,6 @@ class RgbFile:
     path: Path
     name: str
     size: tuple[int, int]
-    depth_type: ClassVar[None] = None
 
     @property
     def pixels(self) -> int:

@@ -6,7 +6,6 @@ import hashlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -31,7 +30,6 @@ class RenderedFrameSource:
     pose: Poses
     number: int
     side: Side
-    depth_type: ClassVar[str] = "uint16"
 
     @property
     def pixels(self) -> int:
