@@ -140,10 +140,10 @@ class Scan:
         """What an instance consists of, as reports call it."""
         return "pair" if self.has_poses else "image"
 
-    def add_trajectory(self, name: str, records: Iterable[InstanceRecord | None]) -> None:
+    def add_trajectory(self, name: str, records: Sequence[InstanceRecord]) -> None:
         """Add the usable records of a trajectory; without any, add an issue."""
-        if usable := [record for record in records if record is not None]:
-            self.trajectories[name] = usable
+        if records:
+            self.trajectories[name] = records
         else:
             self.issues.append(InputIssue("empty trajectory", name, f"no usable {self.unit}"))
 

@@ -1,4 +1,4 @@
-"""Instances of a trajectory that are made when they are read, so that none of them are held."""
+"""Sequences whose items are made when they are read, so that none of them are held."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ import threading
 from array import array
 from collections.abc import Callable, Sequence
 from tempfile import TemporaryFile
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import msgspec
 
-from s2rtools.datasets.scan import InstanceRecord
+Item = TypeVar("Item")
 
 
-class LazyRecords(Sequence[InstanceRecord]):
-    """`count` instances; `make(row)` gives one, from any thread."""
+class LazySequence(Sequence[Item]):
+    """`count` items; `make(row)` gives one, from any thread."""
 
-    def __init__(self, count: int, make: Callable[[int], InstanceRecord]) -> None:
+    def __init__(self, count: int, make: Callable[[int], Item]) -> None:
         self._count, self._make = count, make
 
     def __len__(self) -> int:
         return self._count
 
     @overload
-    def __getitem__(self, row: int) -> InstanceRecord: ...
+    def __getitem__(self, row: int) -> Item: ...
     @overload
-    def __getitem__(self, row: slice) -> list[InstanceRecord]: ...
-    def __getitem__(self, row: int | slice) -> InstanceRecord | list[InstanceRecord]:
+    def __getitem__(self, row: slice) -> list[Item]: ...
+    def __getitem__(self, row: int | slice) -> Item | list[Item]:
         if isinstance(row, slice):
             return [self._make(each) for each in range(self._count)[row]]
         return self._make(range(self._count)[row])
@@ -48,12 +48,13 @@ class RowFile:
     def __len__(self) -> int:
         return len(self._ends) - 1
 
-    def append(self, *row: Any) -> None:
-        """Add a row behind the others."""
+    def append(self, *row: Any) -> int:
+        """Add a row behind the others; gives its number."""
         content = msgspec.msgpack.encode(row)
         with self._lock:
             self._file.write(content)
             self._ends.append(self._ends[-1] + len(content))
+            return len(self._ends) - 2
 
     def __getitem__(self, number: int) -> list[Any]:
         start, end = self._ends[number], self._ends[number + 1]
