@@ -19,7 +19,7 @@ from s2rstore.metrics import bootstrap
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
 
-_BLOCK = 8192
+_BLOCK = 2048
 """Rows that are inserted together."""
 
 

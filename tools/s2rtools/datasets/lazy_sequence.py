@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import weakref
 from array import array
 from collections.abc import Callable, Sequence
 from tempfile import TemporaryFile
@@ -41,6 +42,7 @@ class RowFile:
 
     def __init__(self) -> None:
         self._file = TemporaryFile()  # noqa: SIM115, closed with the last reference
+        weakref.finalize(self, self._file.close)
         self._ends = array("q", [0])
         self._written = 0
         self._lock = threading.Lock()
