@@ -61,7 +61,7 @@ def insert_instances(
     room_names = list(dict.fromkeys(room.room for room in scan.rooms))
     iid = first_iid
     for name, trajectory in sorted(stored.items()):
-        curvatures = curvature(np.array([record.heading for record, _ in trajectory]))
+        curvatures = curvature(trajectory.headings())
         for start in range(0, len(trajectory), _BLOCK):
             records = trajectory.records(start, start + _BLOCK)
             columns = _instance_columns(scan, records, room_names)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InstanceRecord
 
 _DIGEST = 32
@@ -35,6 +38,11 @@ class StoredTrajectory:
     def records(self, start: int = 0, stop: int | None = None) -> list[InstanceRecord]:
         """The stored records of some positions."""
         return [self._records[row] for row in self._rows[start:stop]]
+
+    def headings(self) -> NDArray[np.float64]:
+        """The headings of all instances, radians."""
+        headings = (self._records[row].heading for row in self._rows)
+        return np.fromiter(headings, np.float64, len(self))
 
     def checksum(self, domain: str, position: int) -> FrameChecksum:
         """The checksum of the frame of a domain at a position."""
