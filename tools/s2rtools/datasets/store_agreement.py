@@ -71,10 +71,12 @@ def new_trajectories(
     stored = {trajectory.trajectory for trajectory in store.trajectories}
     present = sorted(stored & scan.trajectories.keys())
     for name in present:
-        if not _is_stored(scan, name, _stored_instances(store, name), progress):
+        difference = _difference(scan, name, _stored_instances(store, name), progress)
+        if difference is not None:
             raise RequestError(
-                f"{store.path}: trajectory {name}: the source differs from what is stored, and "
-                "stored instances are never replaced; give the trajectory another name"
+                f"{store.path}: trajectory {name}: the source differs from what is stored "
+                f"({difference}), and stored instances are never replaced; give the trajectory "
+                "another name"
             )
     return sorted(scan.trajectories.keys() - stored), present
 
@@ -195,29 +197,39 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
             yield _StoredInstance(pose, dict(zip(domains, sums, strict=True)))
 
 
-def _is_stored(
+def _difference(
     scan: Scan,
     name: str,
     stored: Iterator[_StoredInstance],
     progress: Callable[[int], None],
-) -> bool:
-    """Whether the store has the usable records of a trajectory, and no others.
+) -> str | None:
+    """The first difference of a trajectory's usable records from the stored ones; None for none.
 
     Records whose images cannot be decoded were left out when the trajectory was ingested.
     """
-    expected = next(stored, None)
+    expected, found = next(stored, None), 0
     with ThreadPoolExecutor(_THREADS) as pool:
         records = scan.trajectories[name]
         for record, checksums in map_ahead(pool, partial(_checksums, scan), records):
             progress(2 * len(record.sources))
-            pose = record.x, record.y, record.heading
             if expected is not None and expected.checksums == checksums:
+                pose = record.x, record.y, record.heading
                 if not all(map(_is_close, pose, expected.pose)):
-                    return False
-                expected = next(stored, None)
+                    return f"the pose of {_file(scan, record, next(iter(checksums)), found)}"
+                expected, found = next(stored, None), found + 1
             elif all(_is_usable(scan, record, domain) for domain in record.sources):
-                return False
-    return expected is None
+                known = {} if expected is None else expected.checksums
+                differing = (name for name, sum in checksums.items() if known.get(name) != sum)
+                file = _file(scan, record, next(differing, next(iter(checksums))), found)
+                more = f"behind the {found} stored instances, " if expected is None else ""
+                return f"{more}{file}"
+    return None if expected is None else f"only the first {found} of the stored instances"
+
+
+def _file(scan: Scan, record: InstanceRecord, domain: str, seq: int) -> str:
+    """The files of a frame as messages name them."""
+    files = [name for name in record.sources[domain].file_names(scan) if name is not None]
+    return " or ".join(files) or f"instance {seq} in {domain}"
 
 
 def _checksums(scan: Scan, record: InstanceRecord) -> tuple[InstanceRecord, dict[str, str | None]]:

@@ -11,6 +11,7 @@ import math
 import os
 import re
 from array import array
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -113,11 +114,10 @@ def _scan_trajectory(
     containment.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
     rows, used_names = _matched_names(result, folder)
     for number in range(len(rows)):
-        real, sim = rows[number]
-        for image in _images(folder, real, sim, sizes).values():
+        for image in _images(folder, rows[number], sizes).values():
             for file in image.paths:
                 containment.check(file, str(file))
-    first = [_images(folder, *rows[number], sizes) for number in range(len(rows))[:_SAMPLED_IMAGES]]
+    first = [_images(folder, rows[number], sizes) for number in range(len(rows))[:_SAMPLED_IMAGES]]
     sizes = _actual_sizes(result, folder, first, sizes)
     for domain in sizes:
         used = used_names["real" if domain == "real" else "sim"]
@@ -127,11 +127,11 @@ def _scan_trajectory(
                 result.issues.append(InputIssue("unmatched image", result.relative(path)))
     usable = array("i")
     for number in range(len(rows)):
-        if _is_usable(result, _images(folder, *rows[number], sizes)):
+        if _is_usable(result, _images(folder, rows[number], sizes)):
             usable.append(number)
 
     def record(row: int) -> InstanceRecord:
-        return _instance_record(_images(folder, *rows[usable[row]], sizes))
+        return _instance_record(_images(folder, rows[usable[row]], sizes))
 
     result.add_trajectory(folder.name, LazySequence(len(usable), record))
 
@@ -169,7 +169,9 @@ def _matched_names(result: Scan, folder: Path) -> tuple[RowFile, dict[Side, set[
     return matched, used
 
 
-def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, ImageFiles]:
+def _images(folder: Path, matched: Sequence[str], sizes: Sizes) -> dict[str, ImageFiles]:
+    """The images of an instance by domain; `matched` are its real and its sim RGB file name."""
+    real, sim = matched
     names = {name: real if name == "real" else sim for name in sizes}
     return {
         name: ImageFiles(folder / name / file, folder / name / _depth_name(file), *sizes[name])
