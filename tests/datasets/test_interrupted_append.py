@@ -66,7 +66,7 @@ def test_a_kill_leaves_the_old_generation_and_a_rerun_succeeds(
         if point in moves:
             patch.setattr(atomic_writes, "move", _kill_after(atomic_writes.move, moves[point]))
         elif point == "second trajectory":
-            patch.setattr(build, "_write_trajectory", _kill_after(build._write_trajectory, 1))
+            patch.setattr(build, "write_trajectory", _kill_after(build.write_trajectory, 1))
         else:
             owner, name = {
                 "frames": (append, "write_frames"),

@@ -24,9 +24,10 @@ from s2rtools.adjustments import apply_chain, parse_adjustment
 from s2rtools.inference import open_backend
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
+from s2rtools.precompute import array_keys
+from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
-from s2rtools.precompute.tasks import network_outputs
 from s2rtools.rendering import no_renderer_reason, open_renderer
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.ground_truth import GroundTruth
@@ -224,9 +225,10 @@ def test_keys_of_aligned_heatmaps_have_the_entries_of_0_1_0(
         contents.append(content)
         return "0" * 16
 
-    monkeypatch.setattr(network_outputs, "content_key", recorded_key)
-    model, run = load_model(store, "vanilla"), store.run("vanilla")
-    network_outputs._kind_specs(store, run, store.parts[0], {}, "harmonised_distance", model)
+    monkeypatch.setattr(array_keys, "content_key", recorded_key)
+    run = store.run("vanilla")
+    keys = array_keys.ArrayKeys(InputHashes(store), run, store.parts[0])
+    keys.heatmap("harmonised_distance", {}, [])
     assert contents[0]["correction"].keys() == {"height", "zoom"}
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
     assert store.provenance(section).keys() == {"height", "zoom", "frames", "version"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +20,6 @@ class MadeFrame:
 
     size: tuple[int, int]
     seed: int
-    depth_type: ClassVar[str] = "uint8"
 
     @property
     def pixels(self) -> int:

@@ -24,6 +24,7 @@ from s2rstore.arrays.stored_array import (
     codec,
     open_read,
     place_of,
+    shard_name,
 )
 from s2rstore.arrays.zarr_metadata import CHUNK_BYTES, Layout
 from s2rstore.errors import RequestError
@@ -94,15 +95,15 @@ def encode_chunks(layout: Layout, rows: NDArray[Any]) -> list[bytes]:
 
 
 def write_chunks(
-    array: StoredArray, shard: int, chunks: Iterable[bytes], root: Path
+    root: Path, folder: str, layout: Layout, shard: int, rows: int, chunks: Iterable[bytes]
 ) -> WrittenFile:
-    """Write a shard of compressed chunks, durably; they are read one after the other.
+    """Write a shard of compressed chunks durably; they are read one after the other.
 
-    Raises ValueError where there are more or fewer chunks than the shard holds.
+    `folder` is the array's inside `root`, `rows` how many rows the shard holds. Raises ValueError
+    where there are more or fewer chunks than that.
     """
-    layout = array.layout
     digest, sizes = hashlib.sha256(), list[int]()
-    expected = -(-array.rows_in(shard) // layout.rows_per_chunk)
+    expected = -(-rows // layout.rows_per_chunk)
 
     def content() -> Iterator[bytes]:
         for chunk in chunks:
@@ -110,13 +111,13 @@ def write_chunks(
             digest.update(chunk)
             yield chunk
         if len(sizes) != expected:
-            raise ValueError(f"{array.path}: shard {shard}: {len(sizes)} chunks, not {expected}")
+            raise ValueError(f"{folder}: shard {shard}: {len(sizes)} chunks, not {expected}")
         index = _index(sizes, layout.shard_chunks)
         digest.update(index)
         sizes.append(len(index))
         yield index
 
-    name = array.file(shard)
+    name = f"{folder}/{shard_name(layout, shard)}"
     atomic_writes.write(root, name, content())
     return WrittenFile(name, sum(sizes), digest.hexdigest())
 
@@ -143,5 +144,16 @@ def write_shard(
     expected = (array.rows_in(shard), *array.shape[1:])
     if rows.shape != expected:
         raise ValueError(f"{path}: shard {shard} holds {expected[0]} rows, got {rows.shape}")
-    root, _ = place_of(path, root)
-    return write_chunks(array, shard, encode_chunks(array.layout, rows), root)
+    root, folder = place_of(path, root)
+    return write_shard_of(root, folder, array.layout, shard, rows)
+
+
+def write_shard_of(
+    root: Path, folder: str, layout: Layout, shard: int, rows: NDArray[Any]
+) -> WrittenFile:
+    """Write a shard of an array that is created when its length is known.
+
+    `folder` is the array's inside `root`. The length in `layout` is not used. All shards but the
+    last have `layout.shard_rows` rows.
+    """
+    return write_chunks(root, folder, layout, shard, len(rows), encode_chunks(layout, rows))

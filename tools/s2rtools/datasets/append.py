@@ -32,16 +32,15 @@ from s2rtools.datasets.build import (
     write_frames,
 )
 from s2rtools.datasets.index_rows import (
-    StoredRecords,
     dataset_hash,
     insert_instances,
-    instance_rows,
     now,
     part_hash,
     problem_counts,
 )
 from s2rtools.datasets.scan import Scan
 from s2rtools.datasets.store_agreement import in_store_terms, new_trajectories
+from s2rtools.datasets.stored_instances import StoredRecords
 
 _ROOMS = "SELECT position, room FROM room ORDER BY position"
 
@@ -155,15 +154,15 @@ def _referenced_frames(root: Path) -> set[str]:
 def _insert_rows(
     draft: IndexTransaction, scan: Scan, stored: StoredRecords, store: Store, command: str
 ) -> None:
-    rows = instance_rows(stored)
+    count = sum(len(trajectory) for trajectory in stored.values())
     parts = list(store.parts)
     if not draft.rows("SELECT 1 FROM part"):
         ingested_at = store.provenance("dataset").get("ingested_at")
         parts = [replace(parts[0], added_at=ingested_at)]
         draft.insert_row("part", _part_row(parts[0]))
-    added = Part(len(parts), parts[-1].stop, len(rows), part_hash(scan, rows), now())
+    added = Part(len(parts), parts[-1].stop, count, part_hash(scan, stored), now())
     draft.insert_row("part", _part_row(added))
-    insert_instances(draft, scan, rows, added.first_iid)
+    insert_instances(draft, scan, stored, added.first_iid)
     combined = dataset_hash([part.hash for part in (*parts, added)])
     draft.update("dataset", {"hash": store.dataset.hash}, {"hash": combined})
     fact = {

@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import shutil
-from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import replace
-from functools import partial
-from itertools import islice
+from collections.abc import Callable
 from pathlib import Path
-from tempfile import TemporaryFile
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays import array_writer, stored_array
+from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
-from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import edit
-from s2rstore.records import Domain
-from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.floor_plan import read_floor_plan
-from s2rtools.datasets.frame_cache import FrameCache
-from s2rtools.datasets.index_rows import StoredRecords, write_index
-from s2rtools.datasets.scan import DecodedFrame, FrameChecksum, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
+from s2rtools.datasets.index_rows import write_index
+from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.stored_instances import StoredRecords
 
-SHARD_ROWS = 64
 _MAX_FLOOR_PLAN_SIDE = 1056
-_DECODING_BYTES = 256 << 20
-"""Memory of all threads together for decoding source images."""
 
-ReportProgress = Callable[[int], None]
 ReportLine = Callable[[str], object]
 
 
@@ -98,11 +85,10 @@ def write_frames(scan: Scan, root: Path, progress: ReportProgress) -> StoredReco
 
     Trajectories without a usable instance are left out; it is an issue if that leaves none.
     """
-    stored = {
-        name: list(_write_trajectory(scan, root, name, records, progress))
-        for name, records in scan.trajectories.items()
-    }
-    stored = {name: rows for name, rows in stored.items() if rows}
+    stored: StoredRecords = {}
+    for name in scan.trajectories:
+        if (trajectory := write_trajectory(scan, root, name, progress)) is not None:
+            stored[name] = trajectory
     if not stored:
         scan.issues.append(InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}"))
     return stored
@@ -136,113 +122,6 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
         raise RequestError(
             f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
         )
-
-
-def _write_trajectory(
-    scan: Scan, root: Path, name: str, records: list[InstanceRecord], progress: ReportProgress
-) -> Iterator[tuple[InstanceRecord, dict[str, FrameChecksum]]]:
-    """Write the usable instances of one trajectory in two passes.
-
-    The first pass decodes and checks every frame, so that arrays are created with their final
-    length; the second pass writes them shard by shard. Both use one thread per processor, fewer
-    if source images are large, to bound the memory.
-    """
-    largest = max(source.pixels for record in records for source in record.sources.values())
-    threads = max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
-    with TemporaryFile(dir=root) as file, ThreadPoolExecutor(threads) as pool:
-        cache = FrameCache(file)
-        usable = _usable_records(scan, pool, records, cache, progress)
-        if not usable:
-            return
-        checksums: dict[str, list[FrameChecksum]] = {}
-        for domain in (scan.domains[name] for name in usable[0].sources):
-            frames = map_ahead(pool, partial(_decode, scan, domain), usable)
-            checksums[domain.domain] = list(_write_frames(root, name, domain, frames, len(usable)))
-            progress(len(usable))
-    for row, record in enumerate(usable):
-        yield record, {domain: rows[row] for domain, rows in checksums.items()}
-
-
-def _usable_records(
-    scan: Scan,
-    pool: Executor,
-    records: list[InstanceRecord],
-    cache: FrameCache,
-    progress: ReportProgress,
-) -> list[InstanceRecord]:
-    """The records whose frames all decode, with the most common depth dtype of each domain."""
-    decoded: list[tuple[InstanceRecord, list[InputIssue]]] = []
-    for record, defects, conversions in map_ahead(pool, partial(_check, scan, cache), records):
-        progress(len(record.sources))
-        scan.issues += defects
-        if not defects:
-            decoded.append((record, conversions))
-    expected = {
-        name: Counter(record.sources[name].depth_type for record, _ in decoded).most_common(1)[0][0]
-        for name in (decoded[0][0].sources if decoded else ())
-    }
-    usable = []
-    for record, conversions in decoded:
-        types = {name: source.depth_type for name, source in record.sources.items()}
-        differing = [name for name in expected if types[name] != expected[name]]
-        for name in differing:
-            file = record.sources[name].file_names(scan)[1] or name
-            detail = f"{types[name]}, the others are {expected[name]}"
-            scan.issues.append(InputIssue("mixed depth types", file, detail))
-        if not differing:
-            scan.issues += conversions
-            usable.append(record)
-    return usable
-
-
-def _check(
-    scan: Scan, cache: FrameCache, record: InstanceRecord
-) -> tuple[InstanceRecord, list[InputIssue], list[InputIssue]]:
-    """Decode the frames that only decoding can check, and move them into the cache.
-
-    Returns the record, the issues that make it unusable, and those of lossy conversions.
-    """
-    sources = dict(record.sources)
-    defects: list[InputIssue] = []
-    conversions: list[InputIssue] = []
-    for name, source in record.sources.items():
-        if source.depth_type is None:
-            frame = source.decode(scan, scan.domains[name])
-            if isinstance(frame, InputIssue):
-                defects.append(frame)
-            else:
-                sources[name] = cache.add(source, frame)
-                conversions += frame.issues
-    return replace(record, sources=sources), defects, conversions
-
-
-def _decode(scan: Scan, domain: Domain, record: InstanceRecord) -> DecodedFrame:
-    frame = record.sources[domain.domain].decode(scan, domain)
-    if isinstance(frame, InputIssue):
-        raise RequestError(f"{frame.file}: changed while it was read; ingest again")
-    return frame
-
-
-def _write_frames(
-    root: Path, trajectory: str, domain: Domain, frames: Iterator[DecodedFrame], count: int
-) -> Iterator[FrameChecksum]:
-    ledger = Ledger(root)
-    folder = Path(layout.FRAMES, domain.domain, trajectory)
-    shard = 0
-    while block := list(islice(frames, SHARD_ROWS)):
-        images = {"rgb": np.stack([frame.rgb for frame in block])}
-        if depths := [frame.depth for frame in block if frame.depth is not None]:
-            images["depth"] = np.stack(depths)
-        for image, rows in images.items():
-            relative = folder / image
-            if shard == 0:
-                plan = array_writer.plan_layout(count, rows.shape[1:], str(rows.dtype), SHARD_ROWS)
-                array_writer.create(root / relative, plan, root=root)
-            file = array_writer.write_shard(root / relative, shard, rows, root)
-            key = f"frames:{domain.domain}:{trajectory}:{image}:{shard}"
-            ledger.add(key, [(file.path, len(rows))])
-        shard += 1
-        yield from (FrameChecksum(frame.sha256, frame.valid_fraction) for frame in block)
 
 
 def _write_floor_plan(scan: Scan, root: Path) -> str | None:

@@ -1,102 +1,67 @@
-"""Decoded frames on the disk, between the pass that checks them and the pass that stores them."""
+"""Images without depth on the disk, until they are stored."""
 
 from __future__ import annotations
 
-import os
-import threading
-from dataclasses import dataclass, replace
-from typing import IO, Any, Protocol
+import math
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from s2rstore.records import Domain
+from s2rtools.datasets.lazy_sequence import RowFile
 from s2rtools.datasets.scan import DecodedFrame, Scan
-
-NO_DEPTH = "no depth"
-"""The depth type of frames without depth."""
 
 
 class FrameOrigin(Protocol):
-    """Where a cached frame came from; see `FrameSource`."""
+    """Where a cached frame came from: the name and the pixels of the image."""
 
     @property
     def pixels(self) -> int: ...
 
-    def file_names(self, scan: Scan) -> tuple[str | None, str | None]: ...
+    @property
+    def name(self) -> str | None: ...
 
 
 class FrameCache:
-    """One trajectory's frames in a temporary file; any thread may add and read.
+    """Frames without depth in temporary files; any thread may add and read.
 
-    It takes at most 5 bytes per stored pixel and avoids decoding every image twice.
+    A frame takes 16 bytes of memory, and 3 bytes per pixel on the disk.
     """
 
-    def __init__(self, file: IO[bytes]) -> None:
-        self._descriptor = file.fileno()
-        self._lock = threading.Lock()
-        self._end = 0
+    def __init__(self) -> None:
+        self._facts, self._images = RowFile(), RowFile()
 
-    def add(self, source: FrameOrigin, frame: DecodedFrame) -> CachedFrame:
-        """Store a frame; the returned source reads it from here."""
-        depth = np.empty(0, dtype=np.uint8) if frame.depth is None else frame.depth
-        content = frame.rgb.tobytes() + depth.tobytes()
-        with self._lock:
-            offset = self._end
-            self._end += len(content)
-        written = 0
-        while written < len(content):
-            written += os.pwrite(self._descriptor, content[written:], offset + written)
-        empty = np.empty(0, dtype=np.uint8)
-        shapes = frame.rgb.shape, depth.shape
-        metadata = replace(frame, rgb=empty, depth=None)
-        dtype = None if frame.depth is None else depth.dtype
-        return CachedFrame(source, self, metadata, offset, shapes, dtype)
+    def add(self, source: FrameOrigin, frame: DecodedFrame) -> int:
+        """Store a frame; gives its number."""
+        self._images.append(frame.rgb.shape, frame.rgb.tobytes())
+        return self._facts.append(source.name, source.pixels, frame.sha256)
 
-    def read(self, size: int, offset: int) -> bytearray:
-        content = bytearray(size)
-        done = 0
-        while done < size:
-            count = os.preadv(self._descriptor, [memoryview(content)[done:]], offset + done)
-            if not count:
-                raise OSError(0, "a temporary file was truncated")
-            done += count
-        return content
+    def source(self, number: int) -> CachedFrame:
+        """The source that reads a frame from here."""
+        name, pixels, sha256 = self._facts[number]
+        return CachedFrame(self, number, name, pixels, sha256)
+
+    def frame(self, number: int, sha256: str) -> DecodedFrame:
+        shape, rgb = self._images[number]
+        return DecodedFrame(np.frombuffer(rgb, np.uint8).reshape(shape), None, sha256, math.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CachedFrame:
-    """A `FrameSource` whose frame lies in a `FrameCache`; `depth_dtype` is None without depth."""
+    """A `FrameSource` whose frame lies in a `FrameCache`."""
 
-    source: FrameOrigin
     cache: FrameCache
-    metadata: DecodedFrame
-    offset: int
-    shapes: tuple[tuple[int, ...], tuple[int, ...]]
-    depth_dtype: np.dtype[Any] | None
-
-    @property
-    def pixels(self) -> int:
-        return self.source.pixels
-
-    @property
-    def depth_type(self) -> str:
-        return NO_DEPTH if self.depth_dtype is None else str(self.depth_dtype)
+    number: int
+    name: str | None
+    pixels: int
+    sha256: str
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
-        return self.source.file_names(scan)
+        return self.name, None
 
     def checksum(self, scan: Scan, domain: Domain) -> str:
-        return self.metadata.sha256
+        return self.sha256
 
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame:
-        rgb_shape, depth_shape = self.shapes
-        split = int(np.prod(rgb_shape))
-        itemsize = 0 if self.depth_dtype is None else self.depth_dtype.itemsize
-        size = split + int(np.prod(depth_shape)) * itemsize
-        content = self.cache.read(size, self.offset)
-        rgb: NDArray[np.uint8] = np.frombuffer(content, np.uint8, split).reshape(rgb_shape)
-        if self.depth_dtype is None:
-            return replace(self.metadata, rgb=rgb)
-        depth = np.frombuffer(content, self.depth_dtype, offset=split).reshape(depth_shape)
-        return replace(self.metadata, rgb=rgb, depth=depth)
+        return self.cache.frame(self.number, self.sha256)

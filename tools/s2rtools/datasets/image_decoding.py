@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,6 +26,7 @@ _MAX_PIXEL_BYTES = 8
 """Four channels of 16 bits."""
 _MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
+_USUAL_HEADER_BYTES = 64 << 10
 _ASPECT_TOLERANCE = 0.02
 """Share by which an image may be stretched without a report; rounding of the size explains it."""
 
@@ -38,7 +39,6 @@ class ImageFiles:
     depth: Path
     rgb_size: tuple[int, int]
     depth_size: tuple[int, int]
-    depth_type: ClassVar[None] = None
 
     @property
     def paths(self) -> tuple[Path, Path]:
@@ -96,7 +96,6 @@ class RgbFile:
     path: Path
     name: str
     size: tuple[int, int]
-    depth_type: ClassVar[None] = None
 
     @property
     def pixels(self) -> int:
@@ -221,7 +220,12 @@ def declared_size(path: Path) -> tuple[int, int] | None:
     """(height, width) in an image file's header; None if it is not an image or too large."""
     try:
         with open_regular(path) as file:
-            return image_files.declared_size(file.read(_MAX_METADATA_BYTES))
+            content = file.read(_USUAL_HEADER_BYTES)
+            try:
+                return image_files.declared_size(content)
+            except ValueError:  # perhaps the header is longer
+                content += file.read(_MAX_METADATA_BYTES - len(content))
+                return image_files.declared_size(content)
     except (RequestError, ValueError):
         return None
 

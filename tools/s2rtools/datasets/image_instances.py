@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import math
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.datasets.build import build
 from s2rtools.datasets.frame_cache import FrameCache
 from s2rtools.datasets.image_decoding import resized
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, FrameSource, InstanceRecord, Scan
 
 LONG_EDGE = 320
@@ -53,9 +54,6 @@ class _MadeImage:
 
     name: str | None
     pixels: int
-
-    def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
-        return self.name, None
 
 
 def empty_scan(name: str, root: Path, frame: tuple[int, int], domains: Mapping[str, Side]) -> Scan:
@@ -92,21 +90,18 @@ def add_images(
     checked_name(trajectory, "trajectory")
     if len(scan.trajectories) >= MAX_ROWS["trajectory"]:
         raise RequestError(f"{scan.name}: more than {MAX_ROWS['trajectory']:,} trajectories")
-    times = timestamps or [None] * len(sources)
-    for row in sources:
-        if not row or set(row) != set(sources[0]) or not set(row) <= set(scan.domains):
-            raise RequestError(
-                f"trajectory {trajectory}: all instances need images of the same domains "
-                f"(of {', '.join(scan.domains)})"
-            )
-    nowhere = math.nan, math.nan, math.nan
-    scan.add_trajectory(
-        trajectory,
-        [
-            InstanceRecord(*nowhere, dict(row), timestamp=time)
-            for row, time in zip(sources, times, strict=True)
-        ],
-    )
+    domains = set(sources[0]) if sources else set()
+    if not domains <= set(scan.domains) or any(not row or set(row) != domains for row in sources):
+        raise RequestError(
+            f"trajectory {trajectory}: all instances need images of the same domains "
+            f"(of {', '.join(scan.domains)})"
+        )
+
+    def record(row: int) -> InstanceRecord:
+        timestamp = None if timestamps is None else timestamps[row]
+        return InstanceRecord(math.nan, math.nan, math.nan, sources[row], timestamp=timestamp)
+
+    scan.add_trajectory(trajectory, LazySequence(len(sources), record))
 
 
 def frame_size(size: tuple[int, int], long_edge: int = LONG_EDGE) -> tuple[int, int]:
@@ -128,34 +123,48 @@ def build_from_images(
     """Make a store of images that are produced one after another, each used once.
 
     `domains` gives the kind of each domain. The first image decides on the shape of the frames; the
-    others are resized to it. One frame at a time is in memory, the others in a temporary file.
+    others are resized to it. One frame at a time is in memory, the others in temporary files.
     Raises RequestError as `build` does, and where `instances` is empty.
     """
     if target.exists():
         raise RequestError(f"{target}: exists; choose another --store, or remove it")
-    rows: dict[str, list[dict[str, FrameSource]]] = {}
-    times: dict[str, list[float | None]] = {}
+    trajectories: dict[str, array[int]] = {}
+    stored, cache = RowFile(), FrameCache()
     scan: Scan | None = None
-    with TemporaryFile() as file:
-        cache = FrameCache(file)
-        for instance in instances:
-            if scan is None:
-                first = next(iter(instance.images.values()))
-                size = frame_size((first.shape[0], first.shape[1]), long_edge)
-                scan = empty_scan(name, target.parent, size, domains)
-            sources: dict[str, FrameSource] = {}
-            for domain, rgb in instance.images.items():
-                origin = _MadeImage(instance.name, rgb.shape[0] * rgb.shape[1])
-                sources[domain] = cache.add(origin, _stored(rgb, scan.frame))
-            rows.setdefault(instance.trajectory, []).append(sources)
-            times.setdefault(instance.trajectory, []).append(instance.timestamp)
+    for instance in instances:
         if scan is None:
-            raise RequestError(f"{name}: no images; nothing was ingested")
-        scan.provenance = dict(provenance or {})
-        for trajectory, images in rows.items():
-            add_images(scan, trajectory, images, times[trajectory])
-        build(scan, target, command, False, lambda steps: None)
+            first = next(iter(instance.images.values()))
+            size = frame_size((first.shape[0], first.shape[1]), long_edge)
+            scan = empty_scan(name, target.parent, size, domains)
+        frames: dict[str, int] = {}
+        for domain, rgb in instance.images.items():
+            origin = _MadeImage(instance.name, rgb.shape[0] * rgb.shape[1])
+            frames[domain] = cache.add(origin, _stored(rgb, scan.frame))
+        number = stored.append(instance.timestamp, frames)
+        trajectories.setdefault(instance.trajectory, array("i")).append(number)
+    if scan is None:
+        raise RequestError(f"{name}: no images; nothing was ingested")
+    scan.provenance = dict(provenance or {})
+    for trajectory, numbers in trajectories.items():
+        add_images(scan, trajectory, *_cached_instances(numbers, stored, cache))
+    build(scan, target, command, False, lambda steps: None)
     return scan
+
+
+def _cached_instances(
+    numbers: array[int], stored: RowFile, cache: FrameCache
+) -> tuple[Sequence[Mapping[str, FrameSource]], Sequence[float | None]]:
+    """The sources by domain and the times of some instances, read from temporary files."""
+
+    def sources(row: int) -> Mapping[str, FrameSource]:
+        _, frames = stored[numbers[row]]
+        return {domain: cache.source(frame) for domain, frame in frames.items()}
+
+    def timestamp(row: int) -> float | None:
+        return stored[numbers[row]][0]
+
+    count = len(numbers)
+    return LazySequence(count, sources), LazySequence(count, timestamp)
 
 
 def _stored(rgb: NDArray[np.uint8], frame: tuple[int, int]) -> DecodedFrame:

@@ -16,19 +16,19 @@ from s2rstore.geometry.rooms import room_codes
 from s2rstore.index.row_check import CAMERA_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
-from s2rtools.datasets.scan import FrameChecksum, InstanceRecord, Scan
+from s2rtools.datasets.scan import InstanceRecord, Scan
+from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
 
-StoredRecords = dict[str, list[tuple[InstanceRecord, dict[str, FrameChecksum]]]]
-InstanceRow = tuple[str, int, InstanceRecord, dict[str, FrameChecksum]]
+_BLOCK = 2048
+"""Rows that are inserted together."""
 
 
 def write_index(
     draft: IndexTransaction, scan: Scan, stored: StoredRecords, plan: str | None, command: str
 ) -> None:
     """Fill the tables of a new store; iids follow trajectory name, then recording order."""
-    rows = instance_rows(stored)
-    draft.insert_row("dataset", _dataset_row(scan, rows, plan))
-    insert_instances(draft, scan, rows, 0)
+    draft.insert_row("dataset", _dataset_row(scan, stored, plan))
+    insert_instances(draft, scan, stored, 0)
     for room in scan.rooms:
         draft.insert_row("room", asdict(room))
     for domain in scan.domains.values():
@@ -48,35 +48,62 @@ def write_index(
     )
 
 
-def instance_rows(stored: StoredRecords) -> list[InstanceRow]:
-    """The instances by trajectory name, then in recording order."""
-    return [(name, seq, *row) for name in sorted(stored) for seq, row in enumerate(stored[name])]
-
-
 def insert_instances(
-    draft: IndexTransaction, scan: Scan, rows: list[InstanceRow], first_iid: int
+    draft: IndexTransaction, scan: Scan, stored: StoredRecords, first_iid: int
 ) -> None:
-    """Insert instances, which get the iids from `first_iid` on, their frames and trajectories."""
-    counts = Counter(name for name, *_ in rows)
-    for name, count in counts.items():
-        draft.insert_row(
-            "trajectory",
-            {"trajectory": name, "recorded_at": scan.recorded_at.get(name), "instances": count},
-        )
-    draft.insert("instance", _instance_columns(scan, rows, first_iid))
-    for name in scan.domains:
-        imaged = [
-            (iid, *row[2:]) for iid, row in enumerate(rows, first_iid) if name in row[2].sources
-        ]
+    """Insert instances, their frames and trajectories.
+
+    They get the iids from `first_iid` on, by trajectory name, then in recording order.
+    """
+    for name in sorted(stored):
+        row = {"recorded_at": scan.recorded_at.get(name), "instances": len(stored[name])}
+        draft.insert_row("trajectory", {"trajectory": name, **row})
+    room_names = list(dict.fromkeys(room.room for room in scan.rooms))
+    iid = first_iid
+    for name, trajectory in sorted(stored.items()):
+        curvatures = curvature(trajectory.headings())
+        for start in range(0, len(trajectory), _BLOCK):
+            records = trajectory.records(start, start + _BLOCK)
+            columns = _instance_columns(scan, records, room_names)
+            seq = np.arange(start, start + len(records), dtype=np.int32)
+            draft.insert(
+                "instance",
+                {
+                    "iid": iid + seq,
+                    "trajectory": np.full(len(records), name, dtype=object),
+                    "seq": seq,
+                    **columns,
+                    "curvature": curvatures[start : start + _BLOCK],
+                },
+            )
+        iid += len(trajectory)
+    for domain in scan.domains:
+        iid = first_iid
+        for _, trajectory in sorted(stored.items()):
+            _insert_frames(draft, scan, trajectory, domain, iid)
+            iid += len(trajectory)
+
+
+def _insert_frames(
+    draft: IndexTransaction, scan: Scan, trajectory: StoredTrajectory, domain: str, first_iid: int
+) -> None:
+    """Insert the frames of a trajectory in a domain, if the domain images it."""
+    for start in range(0, len(trajectory), _BLOCK):
+        records = trajectory.records(start, start + _BLOCK)
+        if domain not in records[0].sources:
+            return
+        files = [record.sources[domain].file_names(scan) for record in records]
+        rows = range(start, start + len(records))
+        checksums = [trajectory.checksum(domain, row) for row in rows]
         draft.insert(
             "frame",
             {
-                "iid": np.array([iid for iid, *_ in imaged], dtype=np.int32),
-                "domain": np.full(len(imaged), name, dtype=object),
-                "rgb_path": [r.sources[name].file_names(scan)[0] for _, r, _ in imaged],
-                "depth_path": [r.sources[name].file_names(scan)[1] for _, r, _ in imaged],
-                "sha256": [checksums[name].sha256 for *_, checksums in imaged],
-                "valid_depth_fraction": [c[name].valid_fraction for *_, c in imaged],
+                "iid": np.arange(len(records), dtype=np.int32) + first_iid + start,
+                "domain": np.full(len(records), domain, dtype=object),
+                "rgb_path": [rgb for rgb, _ in files],
+                "depth_path": [depth for _, depth in files],
+                "sha256": [checksum.sha256 for checksum in checksums],
+                "valid_depth_fraction": [checksum.valid_fraction for checksum in checksums],
             },
         )
 
@@ -91,8 +118,11 @@ def problem_counts(scan: Scan) -> dict[str, int]:
     return Counter(issue.kind for issue in scan.issues)
 
 
-def part_hash(scan: Scan, rows: list[InstanceRow]) -> str:
-    """SHA-256 over the poses and frames of instances, and over the data set's calibration."""
+def part_hash(scan: Scan, stored: StoredRecords) -> str:
+    """SHA-256 over the poses and frames of instances, and over the data set's calibration.
+
+    It is the hash of a JSON document that is made piece by piece.
+    """
     facts = {
         "frame": scan.frame,
         "y_down": scan.y_down,
@@ -100,12 +130,18 @@ def part_hash(scan: Scan, rows: list[InstanceRow]) -> str:
         "bounds": asdict(scan.bounds),
         "rooms": [asdict(room) for room in scan.rooms],
         "domains": [asdict(domain) for domain in scan.domains.values()],
-        "rows": [
-            (name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()})
-            for name, seq, r, checksums in rows
-        ],
+        "rows": [],
     }
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+    before, after = json.dumps(facts, sort_keys=True).split('"rows": []')
+    digest = hashlib.sha256(f'{before}"rows": ['.encode())
+    separator = ""
+    for name in sorted(stored):
+        for seq, (r, checksums) in enumerate(stored[name]):
+            row = (name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()})
+            digest.update((separator + json.dumps(row, sort_keys=True)).encode())
+            separator = ", "
+    digest.update(f"]{after}".encode())
+    return digest.hexdigest()
 
 
 def dataset_hash(part_hashes: list[str]) -> str:
@@ -113,11 +149,11 @@ def dataset_hash(part_hashes: list[str]) -> str:
     return hashlib.sha256("".join(part_hashes).encode()).hexdigest()
 
 
-def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[str, Any]:
+def _dataset_row(scan: Scan, stored: StoredRecords, plan: str | None) -> dict[str, Any]:
     edges = {f"bounds_{name}": value for name, value in asdict(scan.bounds).items()}
     return {
         "name": scan.name,
-        "hash": part_hash(scan, rows),
+        "hash": part_hash(scan, stored),
         **edges,
         "y_down": scan.y_down,
         "floor_plan": plan,
@@ -128,26 +164,19 @@ def _dataset_row(scan: Scan, rows: list[InstanceRow], plan: str | None) -> dict[
     }
 
 
-def _instance_columns(scan: Scan, rows: list[InstanceRow], first_iid: int) -> dict[str, Any]:
-    records = [record for _, _, record, _ in rows]
-    names = np.array([name for name, *_ in rows], dtype=object)
+def _instance_columns(
+    scan: Scan, records: list[InstanceRecord], room_names: list[str]
+) -> dict[str, Any]:
+    """Poses, rooms, odometry and time of some instances."""
     x, y, heading = (np.array([getattr(r, k) for r in records]) for k in ("x", "y", "heading"))
-    curvatures = np.zeros(len(rows))
-    for name in dict.fromkeys(names):
-        curvatures[names == name] = curvature(heading[names == name])
-    room_names = list(dict.fromkeys(room.room for room in scan.rooms))
     codes = room_codes(x, y, scan.rooms, room_names)
     missing = (np.nan, np.nan, np.nan)
     odometry = np.array([r.odometry or missing for r in records], dtype=np.float64)
     return {
-        "iid": np.arange(first_iid, first_iid + len(rows), dtype=np.int32),
-        "trajectory": names,
-        "seq": np.array([seq for _, seq, *_ in rows], dtype=np.int32),
         "x": x,
         "y": y,
         "heading": heading,
         "room": [room_names[code] if code >= 0 else None for code in codes],
-        "curvature": curvatures,
         "odom_x": odometry[:, 0],
         "odom_y": odometry[:, 1],
         "odom_heading": odometry[:, 2],

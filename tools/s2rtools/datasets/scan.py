@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -73,10 +73,6 @@ class FrameSource(Protocol):
     def pixels(self) -> int:
         """Pixels of the larger source image."""
 
-    @property
-    def depth_type(self) -> str | None:
-        """The dtype of the raw depth; None if only decoding shows it and whether it is usable."""
-
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         """Names of the RGB and the depth file relative to the scan's root; None without files."""
 
@@ -131,7 +127,7 @@ class Scan:
     rooms: tuple[Room, ...]
     domains: dict[str, Domain] = field(default_factory=dict)
     floor_plan: Path | NDArray[np.uint8] | None = None
-    trajectories: dict[str, list[InstanceRecord]] = field(default_factory=dict)
+    trajectories: dict[str, Sequence[InstanceRecord]] = field(default_factory=dict)
     recorded_at: dict[str, str] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -144,10 +140,10 @@ class Scan:
         """What an instance consists of, as reports call it."""
         return "pair" if self.has_poses else "image"
 
-    def add_trajectory(self, name: str, records: Iterable[InstanceRecord | None]) -> None:
+    def add_trajectory(self, name: str, records: Sequence[InstanceRecord]) -> None:
         """Add the usable records of a trajectory; without any, add an issue."""
-        if usable := [record for record in records if record is not None]:
-            self.trajectories[name] = usable
+        if records:
+            self.trajectories[name] = records
         else:
             self.issues.append(InputIssue("empty trajectory", name, f"no usable {self.unit}"))
 

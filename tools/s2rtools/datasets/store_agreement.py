@@ -31,6 +31,8 @@ _ABSOLUTE_TOLERANCE = 1e-9
 _MAX_PLAN_DIFFERENCE = 2.0
 """Mean difference in grey levels of two floor plans that count as equal."""
 _THREADS = 2
+_BLOCK = 4096
+"""Stored instances that are read together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +71,12 @@ def new_trajectories(
     stored = {trajectory.trajectory for trajectory in store.trajectories}
     present = sorted(stored & scan.trajectories.keys())
     for name in present:
-        if not _is_stored(scan, name, list(_stored_instances(store, name)), progress):
+        difference = _difference(scan, name, _stored_instances(store, name), progress)
+        if difference is not None:
             raise RequestError(
-                f"{store.path}: trajectory {name}: the source differs from what is stored, and "
-                "stored instances are never replaced; give the trajectory another name"
+                f"{store.path}: trajectory {name}: the source differs from what is stored "
+                f"({difference}), and stored instances are never replaced; give the trajectory "
+                "another name"
             )
     return sorted(scan.trajectories.keys() - stored), present
 
@@ -180,37 +184,52 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
     """The instances of a trajectory in recording order."""
     query = """
         SELECT iid, any_value(x), any_value(y), any_value(heading), list(domain), list(sha256)
-        FROM instance JOIN frame USING (iid) WHERE trajectory = ? GROUP BY iid ORDER BY iid
+        FROM instance JOIN frame USING (iid)
+        WHERE trajectory = ? AND iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
     """
-    for _, x, y, heading, domains, checksums in store.execute(query, [trajectory]):
-        known = None not in (x, y, heading)
-        pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
-        yield _StoredInstance(pose, dict(zip(domains, checksums, strict=True)))
+    first = store.first_iid(trajectory)
+    end = first + next(t.instances for t in store.trajectories if t.trajectory == trajectory)
+    for start in range(first, end, _BLOCK):
+        stop = min(start + _BLOCK, end)
+        for _, x, y, heading, domains, sums in store.execute(query, [trajectory, start, stop]):
+            known = None not in (x, y, heading)
+            pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
+            yield _StoredInstance(pose, dict(zip(domains, sums, strict=True)))
 
 
-def _is_stored(
+def _difference(
     scan: Scan,
     name: str,
-    stored: list[_StoredInstance],
+    stored: Iterator[_StoredInstance],
     progress: Callable[[int], None],
-) -> bool:
-    """Whether the store has the usable records of a trajectory, and no others.
+) -> str | None:
+    """The first difference of a trajectory's usable records from the stored ones; None for none.
 
     Records whose images cannot be decoded were left out when the trajectory was ingested.
     """
-    found = 0
+    expected, found = next(stored, None), 0
     with ThreadPoolExecutor(_THREADS) as pool:
         records = scan.trajectories[name]
         for record, checksums in map_ahead(pool, partial(_checksums, scan), records):
             progress(2 * len(record.sources))
-            pose = record.x, record.y, record.heading
-            if found < len(stored) and stored[found].checksums == checksums:
-                if not all(map(_is_close, pose, stored[found].pose)):
-                    return False
-                found += 1
+            if expected is not None and expected.checksums == checksums:
+                pose = record.x, record.y, record.heading
+                if not all(map(_is_close, pose, expected.pose)):
+                    return f"the pose of {_file(scan, record, next(iter(checksums)), found)}"
+                expected, found = next(stored, None), found + 1
             elif all(_is_usable(scan, record, domain) for domain in record.sources):
-                return False
-    return found == len(stored)
+                known = {} if expected is None else expected.checksums
+                differing = (name for name, sum in checksums.items() if known.get(name) != sum)
+                file = _file(scan, record, next(differing, next(iter(checksums))), found)
+                more = f"behind the {found} stored instances, " if expected is None else ""
+                return f"{more}{file}"
+    return None if expected is None else f"only the first {found} of the stored instances"
+
+
+def _file(scan: Scan, record: InstanceRecord, domain: str, seq: int) -> str:
+    """The files of a frame as messages name them."""
+    files = [name for name in record.sources[domain].file_names(scan) if name is not None]
+    return " or ".join(files) or f"instance {seq} in {domain}"
 
 
 def _checksums(scan: Scan, record: InstanceRecord) -> tuple[InstanceRecord, dict[str, str | None]]:

@@ -169,10 +169,13 @@ class UnitPlan:
             chunks: Iterable[bytes] = array_writer.encode_chunks(shard.array.layout, rows)
         else:
             chunks = islice(chain.from_iterable(parts), *_chunk_range(shard))
-        written = array_writer.write_chunks(shard.array, shard.number, chunks, self._root)
+        folder = shard.array.path.relative_to(self._root).as_posix()
+        count = shard.array.rows_in(shard.number)
+        written = array_writer.write_chunks(
+            self._root, folder, shard.array.layout, shard.number, count, chunks
+        )
         unit = f"{shard.stage.run}:{shard.stage.name}:{shard.number}"
-        rows_in = shard.array.rows_in(shard.number)
-        return LedgerEntry(unit, written.path, written.bytes, written.sha256, rows_in)
+        return LedgerEntry(unit, written.path, written.bytes, written.sha256, count)
 
 
 def _chunk_range(shard: _Shard) -> tuple[int, int]:

@@ -5,13 +5,14 @@ augmentation in one module and add one line to `RECIPES`.
 """
 
 from s2rtools.training.recipes import RECIPES, TrainingRecipe
-from s2rtools.training.training_frames import DomainFrames, TrainingFrames
+from s2rtools.training.training_frames import CopiedFrames, StreamedFrames, TrainingFrames
 from s2rtools.training.training_loop import Budget, TrainingResult, train
 
 __all__ = [
     "RECIPES",
     "Budget",
-    "DomainFrames",
+    "CopiedFrames",
+    "StreamedFrames",
     "TrainingFrames",
     "TrainingRecipe",
     "TrainingResult",

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,14 @@ from s2rtools.models.model_registration import check_name_free, pack_weights, re
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import checked_translators, find_domain, insert_run
+from s2rtools.training.evaluation import Splits
 from s2rtools.training.recipes import TrainingRecipe, find_recipe
-from s2rtools.training.training_frames import DomainFrames, TrainingFrames
+from s2rtools.training.training_frames import (
+    CopiedFrames,
+    DomainFrames,
+    StreamedFrames,
+    TrainingFrames,
+)
 from s2rtools.training.training_loop import Budget, ReportProgress, TrainingResult, train
 
 _BLOCK = 64
@@ -75,21 +82,22 @@ def train_into_store(
         size = (start.network if start else build_network(request.architecture)).input_size
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
         chain = _translation(store, recipe, request, domains[0])
-        frames = _frames(store, size, {domains[0]: chain})
         checkpoint = _checkpoint(store, request, start, chain)
-    result = train(
-        frames,
-        request.recipe,
-        architecture=request.architecture,
-        budget=Budget(request.minutes, request.steps),
-        seed=request.seed,
-        start=start,
-        start_splits=start_splits,
-        report=report,
-        checkpoint=checkpoint,
-        adjustments=chain,
-    )
-    _publish(root, name, result, domains, chain, command)
+        frames = _frames(store, recipe, domains, size, chain, checkpoint.parent)
+        result = train(
+            frames,
+            request.recipe,
+            architecture=request.architecture,
+            budget=Budget(request.minutes, request.steps),
+            seed=request.seed,
+            start=start,
+            start_splits=start_splits,
+            report=report,
+            checkpoint=checkpoint,
+            adjustments=chain,
+        )
+    splits = {**(start_splits or {}), **result.splits}
+    _publish(root, name, result, splits, domains, chain, command)
     checkpoint.unlink(missing_ok=True)
     return name
 
@@ -110,36 +118,45 @@ def _translation(
 
 
 def _frames(
-    store: Store, size: tuple[int, int], chains: dict[str, list[dict[str, Any]]]
+    store: Store,
+    recipe: TrainingRecipe,
+    domains: tuple[str, str],
+    size: tuple[int, int],
+    chain: list[dict[str, Any]],
+    folder: Path,
 ) -> TrainingFrames:
-    """The frames of every domain through its chain of adjustments, at one size.
+    """The frames of the domains that a training needs, at one size.
 
-    Where a domain is translated, the other sim domains are left out.
+    Those that the recipe learns from are copied to temporary files in `folder`, because they are
+    read in random order and repeatedly. Those of the run that it does not learn from are read once
+    from the store, for the metrics. With a `chain` of adjustments for the sim domain of the run,
+    the other sim domains are left out.
     """
     truth = store.instances
-    domains = {}
-    translated = [name for name, chain in chains.items() if chain]
+    frames: dict[str, DomainFrames] = {}
     for name, domain in store.domains.items():
-        if translated and domain.kind == "sim" and name not in translated:
+        if chain and domain.kind == "sim" and name != domains[0]:
             continue
-        blocks = (
-            _adjusted_frames(store, domain, start, min(start + _BLOCK, len(truth)), chains)
-            for start in range(0, len(truth), _BLOCK)
-        )
-        domains[name] = DomainFrames.from_blocks(
-            domain.kind, blocks, len(truth), size, domain.depth_scale
-        )
+        read = partial(_adjusted_frames, store, domain, chain if name == domains[0] else [])
+        if domain.kind in recipe.learns_from:
+            starts = range(0, len(truth), _BLOCK)
+            blocks = (read(start, min(start + _BLOCK, len(truth))) for start in starts)
+            frames[name] = CopiedFrames.from_blocks(
+                domain.kind, blocks, len(truth), size, domain.depth_scale, folder
+            )
+        elif name in domains:
+            frames[name] = StreamedFrames(domain.kind, read, size, domain.depth_scale)
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
-    return TrainingFrames(domains, poses, truth.trajectory)
+    return TrainingFrames(frames, poses, truth.trajectory)
 
 
 def _adjusted_frames(
-    store: Store, domain: Domain, start: int, stop: int, chains: dict[str, list[dict[str, Any]]]
+    store: Store, domain: Domain, chain: list[dict[str, Any]], start: int, stop: int
 ) -> Images:
     images = store.frames(domain.domain, start, stop)
     depth = images["depth"]
     valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    return apply_chain(images["rgb"], depth, valid, chains.get(domain.domain, ()), store.path)
+    return apply_chain(images["rgb"], depth, valid, chain, store.path)
 
 
 def _checkpoint(
@@ -161,6 +178,7 @@ def _publish(
     root: Path,
     name: str,
     result: TrainingResult,
+    codes_by_domain: Splits,
     domains: tuple[str, str],
     chain: list[dict[str, Any]],
     command: str,
@@ -172,5 +190,5 @@ def _publish(
         trained_by = f"{result.provenance['recipe']}: {command}"
         register_model(root, draft, name, weights, result.convention, trained_by)
         insert_run(draft, name, name, domains, {"sim": chain, "real": []})
-        splits = {f"split:{d}": encode_split(codes) for d, codes in result.splits.items()}
+        splits = {f"split:{d}": encode_split(codes) for d, codes in codes_by_domain.items()}
         draft.set_provenance(f"model:{name}", {**result.provenance, **splits, "command": command})

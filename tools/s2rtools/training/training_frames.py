@@ -1,57 +1,76 @@
-"""Training images: the frames of every domain at the network's input size."""
+"""Training images: the frames of domains at the network's input size, outside of memory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import weakref
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
 from s2rstore.records import Side
 from s2rtools.models.preprocessing import preprocess, resize_frames
 
+Images = tuple[NDArray[np.uint8], NDArray[Any]]
+"""rgb (n, H, W, 3) and raw depth (n, H, W)."""
+
+
+class DomainFrames(Protocol):
+    """The frames of one domain, one per instance."""
+
+    @property
+    def kind(self) -> Side: ...
+
+    def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DomainFrames:
+class CopiedFrames:
     """All N frames of one domain at one size: rgb (N, h, w, 3) uint8, raw depth (N, h, w).
 
-    Metres = raw * `depth_scale`.
+    Metres = raw * `depth_scale`. Any order of rows is read equally fast.
     """
 
     kind: Side
-    rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
+    rgb: NDArray[np.uint8] | DiskArray
+    depth: NDArray[Any] | DiskArray
     depth_scale: float
 
     @classmethod
     def from_blocks(
         cls,
         kind: Side,
-        blocks: Iterable[tuple[NDArray[np.uint8], NDArray[Any]]],
+        blocks: Iterable[Images],
         count: int,
         size: tuple[int, int],
         depth_scale: float,
-    ) -> DomainFrames:
-        """Resize blocks of (rgb, depth) in iid order.
+        folder: Path | None = None,
+    ) -> CopiedFrames:
+        """Resize blocks in iid order and copy them to temporary files in a folder.
 
-        Raises ValueError if the blocks do not add up to `count` frames.
+        Raises ValueError if the blocks do not add up to `count` frames, RequestError where the
+        folder has no space.
         """
-        rgb: NDArray[np.uint8] | None = None
-        depth: NDArray[Any] | None = None
-        start = 0
+        copies: tuple[DiskArray, DiskArray] | None = None
         for block in blocks:
-            small_rgb, small_depth = resize_frames(*block, size)
-            if rgb is None or depth is None:
-                rgb = np.empty((count, *size, 3), small_rgb.dtype)
-                depth = np.empty((count, *size), small_depth.dtype)
-            stop = start + len(small_rgb)
-            rgb[start:stop], depth[start:stop] = small_rgb, small_depth
-            start = stop
-        if rgb is None or depth is None or start != count:
-            raise ValueError(f"{start} frames, expected {count}")
-        return cls(kind, rgb, depth, depth_scale)
+            images = resize_frames(*block, size)
+            if copies is None:
+                rgb, depth = (DiskArray(each.shape[1:], each.dtype, folder) for each in images)
+                copies = rgb, depth
+            for copy, each in zip(copies, images, strict=True):
+                copy.append(each)
+        rows = 0 if copies is None else len(copies[0])
+        if copies is None or rows != count:
+            raise ValueError(f"{rows} frames, expected {count}")
+        return cls(kind, *copies, depth_scale)
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
         """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
@@ -60,10 +79,75 @@ class DomainFrames:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StreamedFrames:
+    """The frames of one domain, read when they are needed and resized to `size` (h, w).
+
+    `read(start, stop)` gives consecutive images; neighbouring rows are best requested together.
+    """
+
+    kind: Side
+    read: Callable[[int, int], Images]
+    size: tuple[int, int]
+    depth_scale: float
+
+    def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+        x = np.empty((len(rows), 4, *self.size), dtype=np.float32)
+        starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1)
+        for start, stop in pairwise([*starts.tolist(), len(rows)]):
+            images = self.read(int(rows[start]), int(rows[stop - 1]) + 1)
+            x[start:stop] = preprocess(*images, self.depth_scale, self.size)
+        return x
+
+
+class DiskArray:
+    """An array (N, *item) in a temporary file that grows by blocks and is read by rows."""
+
+    def __init__(self, item: tuple[int, ...], dtype: np.dtype[Any], folder: Path | None) -> None:
+        self._item, self._dtype = item, dtype
+        self._bytes = int(np.prod(item)) * dtype.itemsize
+        self._folder, self._count = folder, 0
+        self._file = TemporaryFile(dir=folder)  # noqa: SIM115, closed with the last reference
+        weakref.finalize(self, self._file.close)
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self._count, *self._item
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self._dtype
+
+    def append(self, rows: NDArray[Any]) -> None:
+        """Add rows (n, *item). Raises RequestError where the disk is full."""
+        try:
+            self._file.write(np.ascontiguousarray(rows, dtype=self._dtype).data)
+            self._file.flush()
+        except OSError as error:
+            where = self._folder or "the folder of temporary files"
+            reason = f"training images cannot be copied there ({error.strerror})"
+            raise RequestError(f"{where}: {reason}") from error
+        self._count += len(rows)
+
+    def __getitem__(self, rows: NDArray[np.intp]) -> NDArray[Any]:
+        """Some rows, in their order."""
+        values = np.empty((len(rows), *self._item), dtype=self._dtype)
+        for value, row in zip(values, rows.tolist(), strict=True):
+            if not 0 <= row < self._count:
+                raise IndexError(f"row {row} of {self._count}")
+            if os.preadv(self._file.fileno(), [value.data], row * self._bytes) != self._bytes:
+                raise RequestError("a temporary file of training images was truncated; train again")
+        return values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class TrainingFrames:
     """Domains by name, poses (N, 3) x, y in metres, heading in radians, trajectory codes (N,).
 
-    Row i is iid i; rows of one trajectory are contiguous, in recording order.
+    Row i is iid i; rows of one trajectory are in recording order.
     """
 
     domains: dict[str, DomainFrames]

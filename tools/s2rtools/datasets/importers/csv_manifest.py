@@ -12,13 +12,21 @@ names; its floor plan lies in the configuration's folder.
 from __future__ import annotations
 
 import math
+from array import array
+from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rstore.records import Side
 from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
@@ -36,12 +44,7 @@ Sizes = dict[str, tuple[Size, Size]]
 
 def scan(path: Path, options: ScanOptions) -> Scan:
     """Read a manifest and its configuration. Raises RequestError if either is malformed."""
-    rows = list(read_rows(path, (*REQUIRED, *_OPTIONAL)))
-    if not rows:
-        raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
-    missing = [name for name in REQUIRED if name not in rows[0][1]]
-    if missing:
-        raise RequestError(f"{path}: no column {missing[0]} (needs: {', '.join(REQUIRED)})")
+    rows = _Rows(path)
     header = options.header or next(
         (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
@@ -58,94 +61,181 @@ def scan(path: Path, options: ScanOptions) -> Scan:
             result.floor_plan = file
         else:
             result.issues.append(InputIssue("missing floor plan", plan))
-    rows = _complete_rows(result, path, rows)
-    names = list(dict.fromkeys(row["domain"] for _, row in rows))
+    result.issues += rows.incomplete
+    names = list(rows.domains)
     result.domains = {name: config.domain(name, options.frame) for name in names}
     kinds = {domain.kind for domain in result.domains.values()}
     if kinds != {"sim", "real"}:
         raise RequestError(f"{path}: needs rows of a sim and of a real domain (has: {names})")
     sizes = {name: config.image_sizes(name) for name in names}
-    _collect(result, path, rows, sizes, options, containment)
+    result.issues += rows.unusable()
+    for trajectory, instances in rows.instances(options):
+        _add_trajectory(result, trajectory, rows, instances, sizes, containment)
     return result
 
 
-def _complete_rows(result: Scan, path: Path, rows: list[NumberedRow]) -> list[NumberedRow]:
-    """The rows that name their instance and files; the others are reported."""
-    complete = []
-    for number, row in rows:
-        blank = [name for name in _IDENTIFYING if not row[name]]
-        if blank:
-            where = f"{path.name}:{number}"
-            result.issues.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
-        else:
-            complete.append((number, row))
-    return complete
+class _RowFile(RowFile):
+    """The values of a manifest's rows and the numbers of their last lines."""
+
+    def instance(self, rows: Iterable[int]) -> dict[str, NumberedRow]:
+        """The rows of one instance by domain."""
+        by_domain: dict[str, NumberedRow] = {}
+        for row in rows:
+            number, *values = self[row]
+            named = dict(zip((*REQUIRED, *_OPTIONAL), values, strict=True))
+            by_domain[named["domain"]] = number, named
+        return by_domain
 
 
-def _collect(
-    result: Scan,
-    path: Path,
-    rows: list[NumberedRow],
-    sizes: Sizes,
-    options: ScanOptions,
-    containment: PathContainment,
-) -> None:
-    """Group the rows by trajectory, seq and domain, and add the usable instances to the scan."""
-    instances: dict[str, dict[int, dict[str, NumberedRow]]] = {}
-    for number, row in rows:
-        where = f"{path.name}:{number}"
+class _Rows:
+    """The rows of a manifest in a temporary file; in memory are the numbers that sort them.
+
+    `domains` are their names in order of the first row, `incomplete` the issues of rows that do
+    not name their instance and files.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises RequestError if there is no row or a column is missing."""
+        self.path = path
+        self.file = _RowFile()
+        self._trajectories: dict[str, int] = {}
+        self.domains: dict[str, int] = {}
+        self.incomplete: list[InputIssue] = []
+        self._bad_seq: list[tuple[int, InputIssue]] = []
+        self._keys = tuple(array(kind) for kind in ("i", "q", "i"))
+        empty = True
+        for number, row in read_rows(path, (*REQUIRED, *_OPTIONAL)):
+            if empty and (missing := [name for name in REQUIRED if name not in row]):
+                needed = ", ".join(REQUIRED)
+                raise RequestError(f"{path}: no column {missing[0]} (needs: {needed})")
+            empty = False
+            self._add(number, row)
+        if empty:
+            raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
+
+    def _add(self, number: int, row: Row) -> None:
+        where = f"{self.path.name}:{number}"
+        if blank := [name for name in _IDENTIFYING if not row[name]]:
+            self.incomplete.append(InputIssue("incomplete row", where, f"no {blank[0]}"))
+            return
+        domain = self.domains.setdefault(row["domain"], len(self.domains))
         try:
             seq = int(row["seq"])
+            if not -(2**63) <= seq < 2**63:
+                raise ValueError(f"{seq} does not fit into 64 bits")
         except ValueError:
-            result.issues.append(InputIssue("bad seq", where, row["seq"]))
-            continue
-        by_domain = instances.setdefault(row["trajectory"], {}).setdefault(seq, {})
-        if row["domain"] in by_domain:
-            detail = f"{row['trajectory']} {seq} {row['domain']}"
-            result.issues.append(InputIssue("duplicate row", where, detail))
-            continue
-        by_domain[row["domain"]] = (number, row)
-    for trajectory in options.choose_trajectories(sorted(instances), path):
-        records = (
-            _instance_record(result, path, by_domain, sizes, containment)
-            for _, by_domain in sorted(instances[trajectory].items())
-        )
-        result.add_trajectory(trajectory, records)
+            self._bad_seq.append((len(self.file), InputIssue("bad seq", where, row["seq"])))
+            return
+        trajectory = self._trajectories.setdefault(row["trajectory"], len(self._trajectories))
+        for column, value in zip(self._keys, (trajectory, seq, domain), strict=True):
+            column.append(value)
+        self.file.append(number, *(row.get(name, "") for name in (*REQUIRED, *_OPTIONAL)))
+
+    @cached_property
+    def _order(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """The rows by trajectory, seq and line, and the repeated ones, in order of their lines.
+
+        Of rows of one trajectory, seq and domain the first one counts.
+        """
+        trajectory, seq, domain = (np.asarray(column) for column in self._keys)
+        order = np.lexsort((domain, seq, trajectory)).astype(np.int32)
+        same = np.ones(max(len(order) - 1, 0), dtype=bool)
+        for column in (trajectory, seq, domain):
+            same &= column[order[1:]] == column[order[:-1]]
+        repeated = np.sort(order[1:][same])
+        kept = np.ones(len(order), dtype=bool)
+        kept[repeated] = False
+        order = np.lexsort((seq, trajectory)).astype(np.int32)
+        return order[kept[order]], repeated
+
+    def unusable(self) -> list[InputIssue]:
+        """The issues of rows without a number as `seq`, and of repeated rows, in their order."""
+        issues = list(self._bad_seq)
+        for row in self._order[1].tolist():
+            ((number, values),) = self.file.instance([row]).values()
+            detail = f"{values['trajectory']} {int(values['seq'])} {values['domain']}"
+            issue = InputIssue("duplicate row", f"{self.path.name}:{number}", detail)
+            issues.append((row + 0.5, issue))
+        return [issue for _, issue in sorted(issues, key=lambda each: each[0])]
+
+    def instances(self, options: ScanOptions) -> Iterator[tuple[str, Iterator[list[int]]]]:
+        """The requested trajectories by name, and the rows of each of their instances."""
+        order, _ = self._order
+        trajectory, seq = (np.asarray(column)[order] for column in self._keys[:2])
+        new_trajectory = np.diff(trajectory, prepend=-1) != 0
+        starts = np.flatnonzero(new_trajectory | (np.diff(seq, prepend=0) != 0))
+        bounds = np.append(starts, len(order)).astype(np.int32)
+        for name in options.choose_trajectories(sorted(self._trajectories), self.path):
+            code = self._trajectories[name]
+            first, last = np.searchsorted(trajectory[starts], [code, code + 1]).tolist()
+            yield name, (order[bounds[k] : bounds[k + 1]].tolist() for k in range(first, last))
 
 
-def _instance_record(
+def _add_trajectory(
+    result: Scan,
+    trajectory: str,
+    rows: _Rows,
+    instances: Iterable[list[int]],
+    sizes: Sizes,
+    containment: PathContainment,
+) -> None:
+    """Add the usable instances of a trajectory; their records are made again when they are read."""
+    usable, manifest = array("i"), rows.file
+    for numbers in instances:
+        if _is_usable(result, rows.path, manifest.instance(numbers), sizes, containment):
+            usable.extend(numbers)
+    kinds = {name: domain.kind for name, domain in result.domains.items()}
+    folder, each = containment.folder, len(sizes)
+
+    def record(number: int) -> InstanceRecord:
+        by_domain = manifest.instance(usable[each * number : each * (number + 1)])
+        return _record(by_domain, sizes, kinds, folder)
+
+    result.add_trajectory(trajectory, LazySequence(len(usable) // each, record))
+
+
+def _is_usable(
     result: Scan,
     path: Path,
     by_domain: dict[str, NumberedRow],
     sizes: Sizes,
     containment: PathContainment,
-) -> InstanceRecord | None:
+) -> bool:
+    """Whether an instance has a row in every domain, one pose and all files; reports it if not."""
     number, first = next(iter(by_domain.values()))
     where = f"{path.name}:{number}"
     missing = [name for name in sizes if name not in by_domain]
     if missing:
         result.issues.append(InputIssue("unmatched pair", where, f"no row of {missing[0]}"))
-        return None
+        return False
     pose = _pose(first)
     if not all(abs(value) <= _POSE_LIMIT for value in pose):
         result.issues.append(InputIssue("bad pose", where))
-        return None
+        return False
     for other, row in by_domain.values():
         if any(abs(a - b) > _POSE_TOLERANCE for a, b in zip(pose, _pose(row), strict=True)):
             result.issues.append(InputIssue("poses disagree", f"{path.name}:{other}"))
-            return None
-    sources = {}
+            return False
     for domain in sizes:
         line, row = by_domain[domain]
-        rgb, depth = (
-            containment.resolve(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth")
-        )
-        for file in (rgb, depth):
+        files = [containment.resolve(row[key], f"{path}:{line}: {key}") for key in ("rgb", "depth")]
+        for file in files:
             if len(file.name) > 255 or not file.is_file():
                 result.issues.append(InputIssue("missing image", result.relative(file)))
-                return None
-        sources[domain] = ImageFiles(rgb, depth, *sizes[domain])
-    real = next(row for name, (_, row) in by_domain.items() if result.domains[name].kind == "real")
+                return False
+    return True
+
+
+def _record(
+    by_domain: dict[str, NumberedRow], sizes: Sizes, kinds: dict[str, Side], folder: Path
+) -> InstanceRecord:
+    """The record of a usable instance."""
+    pose = _pose(next(iter(by_domain.values()))[1])
+    sources = {}
+    for domain in sizes:
+        _, row = by_domain[domain]
+        sources[domain] = ImageFiles(folder / row["rgb"], folder / row["depth"], *sizes[domain])
+    real = next(row for name, (_, row) in by_domain.items() if kinds[name] == "real")
     x, y, heading, timestamp = (
         parse_float(real.get(name)) for name in ("odom_x", "odom_y", "odom_heading", "timestamp")
     )

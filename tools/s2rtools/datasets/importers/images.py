@@ -12,8 +12,9 @@ one size: that of the most frequent size of the real images, scaled to the reque
 from __future__ import annotations
 
 import os
+from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from s2rstore.errors import RequestError
@@ -22,16 +23,17 @@ from s2rtools.common.image_files import MAX_PIXELS, SUFFIXES
 from s2rtools.datasets import image_instances
 from s2rtools.datasets.csv_rows import read_rows
 from s2rtools.datasets.image_decoding import RgbFile, declared_size
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.scan import InputIssue, Scan, ScanOptions
+from s2rtools.datasets.scan import FrameSource, InputIssue, Scan, ScanOptions
 
 INDEX = "index.csv"
 IMAGES = "images"
 MASKS = "masks"
 COLUMNS = ("file", "condition")
 
-Listing = dict[str, list[Path]]
-"""Image files of each trajectory, in recording order."""
+Listing = dict[str, "array[int]"]
+"""The numbers of the image files of each trajectory, in recording order."""
 
 
 def scan(path: Path, options: ScanOptions) -> Scan:
@@ -43,28 +45,37 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         raise RequestError("`s2r ingest images` reads --sim DIR and --real DIR, and takes no PATH")
     issues: list[InputIssue] = []
     outside: dict[str, int] = {}
-    found: dict[str, tuple[Side, list[RgbFile]]] = {}
+    found: dict[str, tuple[Side, Sequence[RgbFile]]] = {}
+    sizes: dict[Side, Counter[tuple[int, int]]] = {}
     for domain, folder in options.folders.items():
         reader = _FolderReader(folder, domain, options.allow_outside, outside, issues)
+        sizes[domain] = reader.sizes
         for name, images in reader.trajectories().items():
             trajectory = f"{domain}_{name}" if name else domain
             if trajectory in found:
                 reason = f"two folders make one trajectory, {trajectory}; rename one"
                 raise RequestError(f"{folder}: {reason}")
             found[trajectory] = domain, images
-    size = image_instances.frame_size(_usual_size(found), max(options.frame))
+    size = image_instances.frame_size(_usual_size(sizes), max(options.frame))
     name = " + ".join(folder.resolve().name for folder in options.folders.values())
     kinds: dict[str, Side] = {domain: domain for domain in options.folders}
     result = image_instances.empty_scan(name, Path(), size, kinds)
     result.issues, result.outside_folders = issues, outside
     for trajectory in options.choose_trajectories(sorted(found), "the folders"):
         domain, images = found[trajectory]
-        image_instances.add_images(result, trajectory, [{domain: image} for image in images])
+        image_instances.add_images(result, trajectory, _sources(domain, images))
     return result
 
 
+def _sources(domain: Side, images: Sequence[RgbFile]) -> Sequence[Mapping[str, FrameSource]]:
+    return LazySequence(len(images), lambda row: {domain: images[row]})
+
+
 class _FolderReader:
-    """Lists the images of one domain's folder; `issues` and `outside` are shared with others."""
+    """Lists the images of one domain's folder; `issues` and `outside` are shared with others.
+
+    `sizes` counts the usable images by (height, width).
+    """
 
     def __init__(
         self,
@@ -80,8 +91,10 @@ class _FolderReader:
         self._root = folder / IMAGES if (folder / IMAGES).is_dir() else folder
         self._containment = PathContainment(folder, allow_outside)
         self._containment.outside_folders = outside
+        self._files, self._images = RowFile(), RowFile()
+        self.sizes: Counter[tuple[int, int]] = Counter()
 
-    def trajectories(self) -> dict[str, list[RgbFile]]:
+    def trajectories(self) -> dict[str, Sequence[RgbFile]]:
         """The usable images by condition, or by subfolder without an index; "" is the folder.
 
         Raises RequestError where there is none.
@@ -98,11 +111,12 @@ class _FolderReader:
 
     def _by_folder(self) -> Listing:
         listing: Listing = {}
+        folders: dict[str, Path] = {}
         for file in self._walk():
             name = "_".join(file.parent.relative_to(self._root).parts)
-            listing.setdefault(name, []).append(file)
-            if listing[name][0].parent != file.parent:
-                reason = f"it and {listing[name][0].parent} make one trajectory, {name}; rename one"
+            listing.setdefault(name, array("i")).append(self._files.append(os.fsencode(file)))
+            if folders.setdefault(name, file.parent) != file.parent:
+                reason = f"it and {folders[name]} make one trajectory, {name}; rename one"
                 raise RequestError(f"{file.parent}: {reason}")
         return listing
 
@@ -132,7 +146,8 @@ class _FolderReader:
                 self._issues.append(InputIssue("duplicate row", where, row["file"]))
             else:
                 listed.add(file)
-                listing.setdefault(row["condition"], []).append(file)
+                number = self._files.append(os.fsencode(file))
+                listing.setdefault(row["condition"], array("i")).append(number)
         if not listing:
             raise RequestError(f"{index}: no rows; the first line names {', '.join(COLUMNS)}")
         for file in self._walk():
@@ -142,10 +157,12 @@ class _FolderReader:
                 )
         return listing
 
-    def _usable(self, files: list[Path]) -> list[RgbFile]:
+    def _usable(self, files: array[int]) -> Sequence[RgbFile]:
         """The files whose header declares an image that can be decoded; reports the others."""
-        images = []
-        for file in files:
+        usable = array("i")
+        for number in files:
+            (path,) = self._files[number]
+            file = Path(os.fsdecode(path))
             self._containment.check(file, str(file))
             name = self._name(file)
             if len(file.name) > 255 or not file.is_file():
@@ -154,8 +171,14 @@ class _FolderReader:
                 detail = f"no image of at most {MAX_PIXELS:,} pixels"
                 self._issues.append(InputIssue("unreadable image", name, detail))
             else:
-                images.append(RgbFile(file, name, size))
-        return images
+                usable.append(self._images.append(path, os.fsencode(name), size))
+                self.sizes[size] += 1
+
+        def image(row: int) -> RgbFile:
+            path, name, (height, width) = self._images[usable[row]]
+            return RgbFile(Path(os.fsdecode(path)), os.fsdecode(name), (height, width))
+
+        return LazySequence(len(usable), image)
 
     def _name(self, file: Path) -> str:
         """The name of a file in reports and in the index: its domain, and its path inside."""
@@ -163,8 +186,7 @@ class _FolderReader:
         return f"{self._domain}/{inside.as_posix()}"
 
 
-def _usual_size(found: dict[str, tuple[Side, list[RgbFile]]]) -> tuple[int, int]:
+def _usual_size(sizes: dict[Side, Counter[tuple[int, int]]]) -> tuple[int, int]:
     """The most frequent (height, width) of the real images, or of all where there are none."""
-    every = [(side, image.size) for side, images in found.values() for image in images]
-    sizes = [size for side, size in every if side == "real"] or [size for _, size in every]
-    return Counter(sizes).most_common(1)[0][0]
+    counted = sizes.get("real") or sum(sizes.values(), Counter())
+    return counted.most_common(1)[0][0]

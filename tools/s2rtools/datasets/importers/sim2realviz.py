@@ -10,14 +10,18 @@ from __future__ import annotations
 import math
 import os
 import re
+from array import array
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
+from s2rstore.records import Side
 from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
 from s2rtools.datasets.image_decoding import ImageFiles, declared_size, size_text
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan, ScanOptions
 
@@ -108,32 +112,45 @@ def _scan_trajectory(
     result: Scan, folder: Path, sizes: Sizes, containment: PathContainment
 ) -> None:
     containment.check(folder / "sim" / "match.csv", str(folder / "sim" / "match.csv"))
-    rows = _matched_names(result, folder)
-    images = [_images(folder, real, sim, sizes) for real, sim in rows]
-    for file in (file for row in images for image in row.values() for file in image.paths):
-        containment.check(file, str(file))
-    sizes = _actual_sizes(result, folder, images[:_SAMPLED_IMAGES], sizes)
+    rows, used_names = _matched_names(result, folder)
+    for number in range(len(rows)):
+        for image in _images(folder, rows[number], sizes).values():
+            for file in image.paths:
+                containment.check(file, str(file))
+    first = [_images(folder, rows[number], sizes) for number in range(len(rows))[:_SAMPLED_IMAGES]]
+    sizes = _actual_sizes(result, folder, first, sizes)
     for domain in sizes:
-        used = {real if domain == "real" else sim for real, sim in rows}
-        used |= {_depth_name(name) for name in used}
-        for path in _image_files(folder / domain):
-            if path.name not in used:
+        used = used_names["real" if domain == "real" else "sim"]
+        for name in _image_files(folder / domain):
+            if name not in used:
+                path = folder / domain / name
                 result.issues.append(InputIssue("unmatched image", result.relative(path)))
-    records = (_instance_record(result, _images(folder, real, sim, sizes)) for real, sim in rows)
-    result.add_trajectory(folder.name, records)
+    usable = array("i")
+    for number in range(len(rows)):
+        if _is_usable(result, _images(folder, rows[number], sizes)):
+            usable.append(number)
+
+    def record(row: int) -> InstanceRecord:
+        return _instance_record(_images(folder, rows[usable[row]], sizes))
+
+    result.add_trajectory(folder.name, LazySequence(len(usable), record))
 
 
-def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
-    """(real, sim) RGB file names in match.csv, each real image once."""
+def _matched_names(result: Scan, folder: Path) -> tuple[RowFile, dict[Side, set[str]]]:
+    """(real, sim) RGB file names in match.csv, each real image once, and all names by kind.
+
+    The latter include those of the depth images.
+    """
     path = folder / "sim" / "match.csv"
-    pairs: dict[str, str] = {}
+    matched = RowFile()
+    used: dict[Side, set[str]] = {"real": set(), "sim": set()}
+    numbers: dict[str, int] = {}
     if not path.exists():
         result.issues.append(InputIssue("no match.csv", result.relative(path)))
-        return []
-    rows = list(read_rows(path, ("REAL_RGB", "SIM_RGB")))
-    if rows and not {"REAL_RGB", "SIM_RGB"} <= set(rows[0][1]):
-        raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
-    for number, row in rows:
+        return matched, used
+    for count, (number, row) in enumerate(read_rows(path, ("REAL_RGB", "SIM_RGB"))):
+        if not count and not {"REAL_RGB", "SIM_RGB"} <= set(row):
+            raise RequestError(f"{path}: the first line must name REAL_RGB and SIM_RGB")
         where = f"{result.relative(path)}:{number}"
         real, sim = (Path(row.get(name, "")).name for name in ("REAL_RGB", "SIM_RGB"))
         if not real and not sim:
@@ -141,15 +158,20 @@ def _matched_names(result: Scan, folder: Path) -> list[tuple[str, str]]:
         matches = [_NAME.match(name) for name in (real, sim)]
         if not all(match and match["image"] == "rgb" for match in matches):
             result.issues.append(InputIssue("bad name", where, f"{real},{sim}"))
-        elif real in pairs:
-            more = "" if pairs[real] == sim else " with another sim image; the first is used"
+        elif real in numbers:
+            same = matched[numbers[real]][1] == sim
+            more = "" if same else " with another sim image; the first is used"
             result.issues.append(InputIssue("duplicate row", where, f"{real}{more}"))
         else:
-            pairs[real] = sim
-    return list(pairs.items())
+            numbers[real] = matched.append(real, sim)
+            used["real"] |= {real, _depth_name(real)}
+            used["sim"] |= {sim, _depth_name(sim)}
+    return matched, used
 
 
-def _images(folder: Path, real: str, sim: str, sizes: Sizes) -> dict[str, ImageFiles]:
+def _images(folder: Path, matched: Sequence[str], sizes: Sizes) -> dict[str, ImageFiles]:
+    """The images of an instance by domain; `matched` are its real and its sim RGB file name."""
+    real, sim = matched
     names = {name: real if name == "real" else sim for name in sizes}
     return {
         name: ImageFiles(folder / name / file, folder / name / _depth_name(file), *sizes[name])
@@ -183,16 +205,22 @@ def _actual_sizes(
     return actual_sizes
 
 
-def _instance_record(result: Scan, sources: dict[str, ImageFiles]) -> InstanceRecord | None:
+def _is_usable(result: Scan, sources: dict[str, ImageFiles]) -> bool:
+    """Whether all files of an instance exist and its sim pose is finite; reports it if not."""
     missing = [file for image in sources.values() for file in image.paths if not file.is_file()]
     result.issues += [InputIssue("missing image", result.relative(file)) for file in missing]
     if missing:
-        return None
+        return False
+    x, _, z, r = _pose_in_name(sources["sim"].rgb.name)
+    is_finite = all(math.isfinite(value) for value in (x, z, r))
+    if not is_finite:
+        result.issues.append(InputIssue("bad pose", result.relative(sources["sim"].rgb)))
+    return is_finite
+
+
+def _instance_record(sources: dict[str, ImageFiles]) -> InstanceRecord:
     x, _, z, r = _pose_in_name(sources["sim"].rgb.name)
     odometry = _pose_in_name(sources["real"].rgb.name)
-    if not all(math.isfinite(value) for value in (x, z, r)):
-        result.issues.append(InputIssue("bad pose", result.relative(sources["sim"].rgb)))
-        return None
     return InstanceRecord(
         x=x,
         y=z,
@@ -208,7 +236,8 @@ def _pose_in_name(name: str) -> list[float]:
     return [parse_float(match[key] if match else None) for key in "xyzr"]
 
 
-def _image_files(folder: Path) -> list[Path]:
-    """Image files in order of name, including those whose names do not parse."""
+def _image_files(folder: Path) -> list[str]:
+    """Names of image files in order, including those that do not parse."""
     endings = (".jpg", ".jpeg", ".png")
-    return sorted(path for path in folder.glob("*") if path.suffix.lower() in endings)
+    names = os.listdir(folder) if folder.is_dir() else []
+    return sorted(name for name in names if os.path.splitext(name)[1].lower() in endings)

@@ -6,12 +6,12 @@ import hashlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Bounds, Domain, Room, Side
+from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan, ScanOptions
 from s2rtools.synthetic_world.dataset import PROVENANCE_SECTION, WorldData, WorldRecipe
 from s2rtools.synthetic_world.floor_plan import BUILDING_SIZE
@@ -31,7 +31,6 @@ class RenderedFrameSource:
     pose: Poses
     number: int
     side: Side
-    depth_type: ClassVar[str] = "uint16"
 
     @property
     def pixels(self) -> int:
@@ -96,17 +95,17 @@ def _write_drives(recipe: WorldRecipe, folder: Path) -> None:
     make_drives(folder, recipe.seed, severities)
 
 
-def _instance_records(data: WorldData, name: str) -> list[InstanceRecord]:
+def _instance_records(data: WorldData, name: str) -> LazySequence[InstanceRecord]:
     poses, odometry = data.poses[name], data.odometry(name)
-    return [
-        InstanceRecord(
+
+    def record(row: int) -> InstanceRecord:
+        pose, odom = poses[row], odometry[row]
+        number = data.noise_number(name, row)
+        return InstanceRecord(
             x=float(pose[0]), y=float(pose[1]), heading=float(pose[2]),
-            sources={
-                side: RenderedFrameSource(data, pose, data.noise_number(name, row), side)
-                for side in SIDES
-            },
+            sources={side: RenderedFrameSource(data, pose, number, side) for side in SIDES},
             odometry=(float(odom[0]), float(odom[1]), float(odom[2])),
             timestamp=_FRAME_INTERVAL * row,
-        )
-        for row, (pose, odom) in enumerate(zip(poses, odometry, strict=True))
-    ]  # fmt: skip
+        )  # fmt: skip
+
+    return LazySequence(len(poses), record)

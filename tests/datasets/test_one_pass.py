@@ -1,0 +1,214 @@
+"""Ingest decodes every image once and holds no list of the instances."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import json
+import tracemalloc
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import image_decoding, index_rows
+from s2rtools.datasets.build import build
+from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.importers.synthetic_world import RenderedFrameSource
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
+from s2rtools.datasets.scan import DecodedFrame, Scan
+from tests.datasets.helpers import SIZE, ingest, kinds, scan_of
+from tests.support import image_folders, pairs
+
+BYTES_PER_INSTANCE = 200
+
+
+def _write_depth(path: Path, dtype: type) -> None:
+    depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(path), np.clip(depth, 0, 200).astype(dtype))
+
+
+def _csv(folder: Path, store: Path) -> None:
+    ingest("csv", pairs.manifest(folder, n=12), store)
+
+
+def _mixed(folder: Path, store: Path) -> None:
+    manifest = pairs.manifest(folder, n=12, bits=16)
+    _write_depth(folder / "real" / "0_depth.png", np.uint8)
+    ingest("csv", manifest, store)
+
+
+def _sim2realviz(folder: Path, store: Path) -> None:
+    header = pairs.sim2realviz(folder, n=8)
+    ingest("sim2realviz", folder, store, header=header)
+
+
+def _images(folder: Path, store: Path) -> None:
+    sources = image_folders.folders(folder)
+    (folder / "real" / "masks" / "night_0.png").unlink()
+    image_folders.ingest(sources, store)
+
+
+@pytest.mark.parametrize("make", [_csv, _mixed, _sim2realviz, _images])
+def test_every_source_image_is_read_and_decoded_once(
+    make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: Counter[Path] = Counter()
+    decoded = []
+    read_bytes, decode = image_decoding.read_bytes, cv2.imdecode
+
+    def counted_read(path: Path, limit: int) -> bytes:
+        read[path] += 1
+        return read_bytes(path, limit)
+
+    def counted_decode(content: np.ndarray, mode: int) -> np.ndarray:
+        decoded.append(len(content))
+        return decode(content, mode)
+
+    monkeypatch.setattr(image_decoding, "read_bytes", counted_read)
+    monkeypatch.setattr(image_decoding.cv2, "imdecode", counted_decode)
+    make(tmp_path / "data", tmp_path / "s.s2r")
+    files = {path for path in (tmp_path / "data").rglob("*") if path.suffix in (".png", ".jpeg")}
+    assert read == dict.fromkeys(files, 1)
+    assert len(decoded) == len(files)
+
+
+def test_every_view_of_the_world_is_rendered_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rendered: Counter[tuple[str, int]] = Counter()
+    decode = RenderedFrameSource.decode
+
+    def counted(source: RenderedFrameSource, *arguments: object) -> DecodedFrame:
+        rendered[source.side, source.number] += 1
+        return decode(source, *arguments)
+
+    monkeypatch.setattr(RenderedFrameSource, "decode", counted)
+    ingest("world", Path(), tmp_path / "s.s2r", world={"count": 3})
+    assert len(rendered) == 12
+    assert set(rendered.values()) == {1}
+
+
+@pytest.mark.parametrize("odd", [(0,), (0, 1, 5), (5,)])
+def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
+    tmp_path: Path, odd: tuple[int, ...]
+) -> None:
+    manifest = pairs.manifest(tmp_path / "data", n=14, bits=16)
+    for number in odd:
+        _write_depth(tmp_path / "data" / "real" / f"{number}_depth.png", np.uint8)
+    store = tmp_path / "s.s2r"
+    scan = ingest("csv", manifest, store)
+    assert kinds(scan) == {"mixed depth types": len(odd)}
+    assert verify(store) == []
+    kept = [number for number in range(14) if number not in odd]
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == len(kept)
+        for domain in ("sim", "real"):
+            for iid, number in enumerate(kept):
+                path = tmp_path / "data" / domain / f"{number}_depth.png"
+                depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+                small = cv2.resize(depth, SIZE, interpolation=cv2.INTER_NEAREST_EXACT)
+                assert np.array_equal(opened.frame(iid, domain).depth, small)
+    assert {path.name for path in store.iterdir()} == {
+        "CURRENT.json", "frames.zarr", "index", "ledger",
+    }  # fmt: skip
+
+
+def test_without_a_usable_combination_of_depth_types_nothing_is_stored(tmp_path: Path) -> None:
+    manifest = pairs.manifest(tmp_path / "data", n=6, bits=16)  # two trajectories of three
+    for domain, number in (("sim", 0), ("real", 1)):
+        _write_depth(tmp_path / "data" / domain / f"{number}_depth.png", np.uint8)
+    for name in ("sim/2_rgb.png", "sim/2_depth.png"):
+        (tmp_path / "data" / name).write_bytes(b"no image")
+    store = tmp_path / "s.s2r"
+    scan = ingest("csv", manifest, store)
+    assert kinds(scan)["mixed depth types"] >= 1
+    assert verify(store) == []
+
+
+def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path: Path) -> None:
+    scan = ingest("csv", pairs.manifest(tmp_path / "data", n=12), tmp_path / "s.s2r")
+    rows = []
+    for name in sorted(scan.trajectories):
+        for seq, record in enumerate(scan.trajectories[name]):
+            sums = {d: s.checksum(scan, scan.domains[d]) for d, s in record.sources.items()}
+            rows.append((name, seq, record.x, record.y, record.heading, sums))
+    facts = {
+        "frame": scan.frame, "y_down": scan.y_down, "accuracy_scale": scan.accuracy_scale,
+        "bounds": asdict(scan.bounds), "rooms": [asdict(room) for room in scan.rooms],
+        "domains": [asdict(domain) for domain in scan.domains.values()], "rows": rows,
+    }  # fmt: skip
+    document = json.dumps(facts, sort_keys=True).encode()
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert store.dataset.hash == hashlib.sha256(document).hexdigest()
+
+
+def _manifest(folder: Path, count: int) -> Path:
+    """A manifest of three trajectories whose rows name the same two files."""
+    folder.mkdir()
+    for name in ("rgb.png", "depth.png"):
+        (folder / name).touch()
+    lines = ["trajectory,seq,domain,rgb,depth,x,y,heading"]
+    lines += [
+        f"t{row % 3},{row},{domain},rgb.png,depth.png,{1 + row % 5},2,{row % 360}"
+        for row in range(count)
+        for domain in ("sim", "real")
+    ]
+    (folder / "m.csv").write_text("\n".join(lines))
+    (folder / "m.toml").write_text(pairs.HEADER)
+    return folder / "m.csv"
+
+
+def test_an_instance_takes_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The difference of two sizes, because buffers and caches have a fixed size."""
+    rgb, depth = np.zeros((*SIZE, 3), np.uint8), np.zeros(SIZE, np.uint8)
+
+    def decode(*arguments: object) -> DecodedFrame:
+        return DecodedFrame(rgb, depth, "ab" * 32, 1.0)
+
+    monkeypatch.setattr(ImageFiles, "decode", decode)
+    monkeypatch.setattr(index_rows, "_BLOCK", 64)
+
+    def peak(count: int) -> int:
+        manifest = _manifest(tmp_path / str(count), count)
+        gc.collect()
+        tracemalloc.reset_peak()
+        before, _ = tracemalloc.get_traced_memory()
+        scan = scan_of("csv", manifest)
+        build(scan, tmp_path / f"{count}.s2r", "", False, lambda steps: None)
+        return tracemalloc.get_traced_memory()[1] - before
+
+    small, large = 240, 900
+    tracemalloc.start()
+    try:
+        peak(200)  # imports modules and fills caches
+        growth = peak(large) - peak(small)
+    finally:
+        tracemalloc.stop()
+    assert growth / (large - small) < BYTES_PER_INSTANCE
+
+
+def test_a_scan_makes_its_records_when_they_are_read(tmp_path: Path) -> None:
+    scan: Scan = scan_of("csv", pairs.manifest(tmp_path / "data", n=12))
+    records = scan.trajectories["a"]
+    assert len(records) == 6
+    assert records[0] is not records[0]
+    assert records[-1] == records[5]
+    assert records[1:6:2] == [records[1], records[3], records[5]]
+    with pytest.raises(IndexError):
+        records[6]
+
+
+def test_a_lazy_sequence_and_a_row_file_give_the_items_again() -> None:
+    rows = RowFile()
+    values = [("text", 1, None), (b"\x00\xff", 2.5, "ö"), ()]
+    assert [rows.append(*value) for value in values] == [0, 1, 2]
+    assert [tuple(rows[number]) for number in (2, 0, 1)] == [values[2], values[0], values[1]]
+    rows.append("later")
+    assert rows[3] == ["later"]
+    assert list(LazySequence(len(rows), lambda row: len(rows[row]))) == [3, 3, 0, 1]
