@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError
 from s2rstore.geometry.floor_grid import AGGREGATES, FloorHeat, MapGrid, Ray
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, Run, Side
@@ -80,7 +80,7 @@ def run_grid(
     """A published map grid of a run, NaN for empty cells; None if it was not computed."""
     try:
         grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
-    except RequestError:
+    except NotComputedError:
         return None
     return np.where(grid > 0, grid, np.nan) if aggregate == "count" else grid
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, NotComputedError, RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.geometry.floor_grid import merged_aggregate
 from s2rstore.index import column_loader
@@ -98,7 +98,8 @@ class Store(IndexCatalog):
                 self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
             if run not in self._runs_columns:
                 if self.run(run).key is None:
-                    raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+                    message = f"run {run!r}: not computed yet; run `s2r precompute`"
+                    raise NotComputedError(message)
                 self._runs_columns[run] = column_loader.load_run_columns(
                     self._column_loader, run, self.instances, self.rooms,
                     self.missing_columns("prediction"),
@@ -245,8 +246,8 @@ class Store(IndexCatalog):
     ) -> tuple[ArrayRecord, RowArray]:
         """A published array with a row per instance, and the record of its first part.
 
-        RequestError names the kinds that the run has. Reading instances that the run was not
-        computed for raises RequestError, too.
+        NotComputedError names the kinds that the run has. Reading instances that the run was not
+        computed for raises it, too.
         """
         records = self._records_of(run, kind, side, mode)
         count = len(self.instances)
@@ -278,7 +279,8 @@ class Store(IndexCatalog):
             return sorted(found, key=lambda record: record.first_iid)
         known = ", ".join(sorted({record.kind for record in records})) or "nothing"
         requested = " ".join(part for part in (kind, side, mode) if part)
-        raise RequestError(f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`")
+        message = f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`"
+        raise NotComputedError(message)
 
     def heatmap(
         self, run: str, kind: str, side: Side, iid: int, mode: str | None = None
@@ -318,7 +320,7 @@ class Store(IndexCatalog):
         records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
         computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
         if computed - {record.first_iid for record in records}:
-            raise RequestError(_incomplete(run, kind))
+            raise NotComputedError(_incomplete(run, kind))
         grids = []
         for array in map(self.stored, records):
             known = str(array.attrs["aggregates"]).split(",")
@@ -343,11 +345,11 @@ def _incomplete(run: str, kind: str) -> str:
 def _check_metadata(
     array: StoredArray, shape: tuple[int, ...], types: tuple[str, ...], sha256: str | None
 ) -> None:
-    """Raise RequestError where an array's metadata differs from the index."""
+    """Raise DamagedStoreError where an array's metadata differs from the index."""
     if array.shape != shape or array.layout.dtype not in types:
-        raise RequestError(
+        raise DamagedStoreError(
             f"{array.path}: {array.layout.dtype} {array.shape} instead of {' or '.join(types)} "
             f"{shape}, which the index states; run `s2r verify`"
         )
     if sha256 is not None and array.metadata_sha256 != sha256:
-        raise RequestError(f"{array.path}: metadata is not as published; run `s2r verify`")
+        raise DamagedStoreError(f"{array.path}: metadata is not as published; run `s2r verify`")

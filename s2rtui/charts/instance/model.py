@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -85,7 +85,7 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
     for side in SIDES:
         try:
             near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS)
-        except RequestError:
+        except NotComputedError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)
         sides.append(f"{side} {listed or 'none'}")

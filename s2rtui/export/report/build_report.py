@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
@@ -153,6 +153,8 @@ def _section(
         begin_step(f"{selection.title} in {run}")
         try:
             _set_state(session, request, run, selection.expression)
+        except DamagedStoreError:
+            raise
         except RequestError as error:
             return Section(*title, problem=f"Cannot be evaluated: {error}")
         state, store = session.state, session.store

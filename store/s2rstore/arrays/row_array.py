@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError, RequestError
 
 
 class RowArray(ABC):
@@ -97,7 +97,7 @@ class PartedArray(RowArray):
     """Arrays that hold consecutive rows, as one array of `rows` rows.
 
     `parts` are arrays with the number of their first row, ascending. Reading rows that no part
-    holds raises RequestError with `missing` as its text.
+    holds raises NotComputedError with `missing` as its text.
     """
 
     def __init__(self, parts: Sequence[tuple[int, RowArray]], rows: int, missing: str) -> None:
@@ -130,7 +130,7 @@ class PartedArray(RowArray):
         self._check_range(start, stop)
         values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         if self._read(values, start, stop) != stop - start:
-            raise RequestError(self._missing)
+            raise NotComputedError(self._missing)
         return values
 
     def filled(self) -> NDArray[Any]:
