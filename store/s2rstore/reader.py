@@ -21,7 +21,7 @@ from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -62,6 +62,7 @@ class Store(IndexCatalog):
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = LruCache(_COLUMN_BYTES)
         self._arrays: dict[str, StoredArray] = {}
+        self._coverages: dict[str, Coverage] = {}
         self.evaluated = LruCache(_EVALUATED_BYTES)
         self.embeddings = LruCache(_EMBEDDING_BYTES)
 
@@ -105,6 +106,27 @@ class Store(IndexCatalog):
                     self.missing_columns("prediction"),
                 )  # fmt: skip
             return self._runs_columns[run]
+
+    def coverage(self, run: str) -> Coverage:
+        """For how many instances a run is computed; for all in a store of one part.
+
+        Nothing needs to be computed for `NO_RUN`. Raises RequestError for an unknown run.
+        """
+        with self._lock:
+            if run not in self._coverages:
+                total = computed = self.parts[-1].stop
+                if run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
+                    computed = self._computed_count(run)
+                self._coverages[run] = Coverage(run, computed, total)
+            return self._coverages[run]
+
+    def _computed_count(self, run: str) -> int:
+        """The instances with predictions; an index of hand-made rows has no arrays of them."""
+        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
+        if records:
+            return sum(record.shape[0] for record in records if record.side == "sim")
+        query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
+        return int(self.execute(query, [run])[0][0])
 
     def drop_run_columns(self, run: str) -> None:
         """Free the memory of a run's columns; the next use loads them again."""
@@ -263,7 +285,7 @@ class Store(IndexCatalog):
             if record.first_iid not in starts or record.first_iid + rows not in stops:
                 raise RequestError(f"run {run!r}: {kind} has {rows} rows; run `s2r verify`")
         parts = [(record.first_iid, self.stored(record)) for record in records]
-        return first, PartedArray(parts, count, _incomplete(run, kind))
+        return first, PartedArray(parts, count, f"{kind} of run {run!r}")
 
     def _records_of(
         self, run: str, kind: str, side: Side | None, mode: str | None

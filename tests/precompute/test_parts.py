@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
@@ -217,7 +217,7 @@ def test_reading_a_part_that_is_not_computed_is_refused(
     withdraw_later_arrays(path, "true")
     with s2rstore.open(path) as store:
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
-        with pytest.raises(RequestError, match="not computed for all instances"):
+        with pytest.raises(NotComputedError, match=f"instance {FIRST}: activation of"):
             store.heatmap("vanilla", "activation", "sim", FIRST)
         assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
         near, _ = neighbours(store, "vanilla", "sim", 0, 40)

@@ -71,6 +71,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
     ]
     overview = _overview_images(session, request)
     sections = [_section(session, request, *planned, begin_step) for planned in plan]
+    facts += [("note", note) for run in store.runs if (note := store.coverage(run).note)]
     begin_step("")
     caption = "All runs, over the instances that are new to each model"
     in_table = tuple(f"  {run}: " for run in store.runs)
