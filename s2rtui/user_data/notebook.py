@@ -79,17 +79,17 @@ class Notebook:
     """The notebook of one store; `notes` is the content at the last reading."""
 
     def __init__(
-        self, dataset_hash: str, folder: Path | None = None, tolerant: bool = False
+        self, store_identity: str, folder: Path | None = None, tolerant: bool = False
     ) -> None:
         """Read the notebook of a store from `folder` (default: the user data folder).
 
-        `dataset_hash` is `Store.identity`, which stays the same when instances are appended.
+        `store_identity` is `Store.identity`, which stays the same when instances are appended.
 
-        Raises RequestError for an invalid hash, and for a damaged file unless `tolerant`: then the
+        Raises RequestError for an invalid identity, and for a damaged file unless `tolerant`: then the
         notebook is empty, `error` has the message, and changes fail until the file is repaired.
         """
-        self._hash = checked_hash(dataset_hash, "the data set's hash")
-        self.path = (folder or user_data_dir()) / f"{dataset_hash[:16]}.json"
+        self._identity = checked_hash(store_identity, "the identity of the store")
+        self.path = (folder or user_data_dir()) / f"{store_identity[:16]}.json"
         self.notes, self.error = Notes(), ""
         try:
             self.notes = self._read()
@@ -193,7 +193,7 @@ class Notebook:
             with file_lock(self.path, _LOCK_SECONDS) as lease:
                 notes = change(self._read())
                 content = notes.selections, notes.remarks, notes.history, notes.unread
-                write_file(self.path, notebook_schema.encode(self._hash, *content), lease.check)
+                write_file(self.path, notebook_schema.encode(self._identity, *content), lease.check)
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:
@@ -212,7 +212,7 @@ class Notebook:
         except (ValueError, RecursionError) as error:
             message = f"{self.path}: is not JSON ({error}); repair it, or move it away"
             raise RequestError(message) from error
-        if not notebook_schema.is_notebook(content, self._hash):
+        if not notebook_schema.is_notebook(content, self._identity):
             raise RequestError(f"{self.path}: is not a notebook of this data set; move it away")
         return Notes(*notebook_schema.decode(content))
 

@@ -66,10 +66,10 @@ class UnreadableEntries:
 Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], UnreadableEntries]
 
 
-def is_notebook(content: Any, dataset_hash: str) -> bool:
+def is_notebook(content: Any, store_identity: str) -> bool:
     """Return whether parsed JSON is a notebook of a data set in the supported version."""
     found = (content.get("version"), content.get("dataset")) if isinstance(content, dict) else ()
-    return found == (VERSION, dataset_hash)
+    return found == (VERSION, store_identity)
 
 
 def decode(content: dict[str, Any]) -> Content:
@@ -141,7 +141,7 @@ def _expression(text: str) -> str:
 
 
 def encode(
-    dataset_hash: str,
+    store_identity: str,
     selections: Mapping[str, SavedSelection],
     remarks: Mapping[int, Remark],
     history: tuple[str, ...],
@@ -150,7 +150,7 @@ def encode(
     """Return the content of the file, including the unreadable entries."""
     content: dict[str, Any] = {
         "version": VERSION,
-        "dataset": dataset_hash,
+        "dataset": store_identity,
         "selections": {
             **unread.selections, **{name: asdict(saved) for name, saved in selections.items()}
         },

@@ -81,7 +81,7 @@ def stored_arrays(store: Store) -> Iterator[Function]:
 def whole_arrays(store: Store) -> Iterator[Function]:
     """The arrays that `Store.array` joins from their parts."""
     for run in RUNS:
-        for record in store.arrays(run):
+        for record in store.array_kinds(run):
             if record.axes[0] == "iid":
                 names = run, record.kind, record.side, record.mode
                 yield lambda names=names: store.array(*names)[1][:]
@@ -241,7 +241,7 @@ def test_every_kind_of_array_is_covered(computed: Path) -> None:
         for run in RUNS:
             known = heatmaps.heatmap_choices(store, run)
             assert sorted(":".join(filter(None, names)) for names in known) == sorted(HEATS)
-        kinds = {record.kind for record in store.arrays("up")}
+        kinds = {record.kind for record in store.array_kinds("up")}
     assert kinds >= {"prediction", "embedding", "pca", "umap", "neighbour_distance"}
     assert kinds >= {"frames:rgb", "frames:depth", "map:occlusion"}
     parts = {}

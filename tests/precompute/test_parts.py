@@ -87,9 +87,9 @@ def values(store: Store, kind: str, side: str | None, mode: str | None = None) -
 
 def test_arrays_of_parts_equal_those_of_one_part(whole: Path, parted: Path) -> None:
     with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
-        assert len(two.arrays("vanilla")) == len(one.arrays("vanilla"))
-        assert len(two.array_parts("vanilla")) == 2 * len(one.arrays("vanilla"))
-        for record in one.arrays("vanilla"):
+        assert len(two.array_kinds("vanilla")) == len(one.array_kinds("vanilla"))
+        assert len(two.array_parts("vanilla")) == 2 * len(one.array_kinds("vanilla"))
+        for record in one.array_kinds("vanilla"):
             if record.axes[0] == "iid" and record.kind in ("prediction", "embedding", *KINDS):
                 names = record.kind, record.side, record.mode
                 np.testing.assert_allclose(

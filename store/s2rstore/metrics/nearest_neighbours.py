@@ -40,7 +40,7 @@ def neighbours(
 
 def can_compare(store: Store, run: str) -> bool:
     """Whether a run has embeddings."""
-    return any(record.kind in _KINDS for record in store.arrays(run))
+    return any(record.kind in _KINDS for record in store.array_kinds(run))
 
 
 def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
@@ -50,7 +50,7 @@ def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
     """
 
     def read() -> NDArray[np.float32]:
-        kinds = {record.kind for record in store.arrays(run)}
+        kinds = {record.kind for record in store.array_kinds(run)}
         kind = next((kind for kind in _KINDS if kind in kinds), None)
         if kind is None:
             message = f"run {run!r} has no embeddings to compare; run `s2r precompute`"
