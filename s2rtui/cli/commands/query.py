@@ -40,7 +40,7 @@ def execute(options: argparse.Namespace) -> int:
             if name not in known:
                 trajectories = ", ".join(sorted(known))
                 raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
-        notes = ReadNotebook(store.identity).notes
+        notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
         if options.count:

@@ -39,7 +39,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.out.suffix != ".html":
         raise RequestError(f"--out {options.out}: must end in .html")
     with s2rstore.open(options.store) as store:
-        notes = ReadNotebook(store.identity).notes
+        notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, options.run or store.runs)
     request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
