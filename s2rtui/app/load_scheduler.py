@@ -7,7 +7,7 @@ from asyncio import TimerHandle
 from functools import partial
 from typing import TYPE_CHECKING
 
-from s2rstore.errors import S2RError
+from s2rstore.errors import DamagedStoreError, S2RError
 from s2rstore.reader import Store
 from s2rtui.app.messages import BackgroundFailed, LoadCompleted, LoadProgressed
 from s2rtui.jobs.background_thread import LatestOnlyWorker
@@ -25,7 +25,10 @@ RELEASE_SECONDS = 120.0
 
 
 class LoadScheduler:
-    """Per loader, the request that is being read and the newest one."""
+    """Per loader, the request that is being read and the newest one.
+
+    `damage` is the message of the last file of the store that could not be read, if there was one.
+    """
 
     def __init__(self, app: S2RApp) -> None:
         self.app = app
@@ -38,6 +41,7 @@ class LoadScheduler:
         self._answered: dict[str, int] = {loader.name: 0 for loader in LOADERS}
         self._debounce: dict[str, TimerHandle] = {}
         self._release: dict[str, TimerHandle] = {}
+        self.damage = ""
         self.debounce_seconds, self.release_seconds = DEBOUNCE_SECONDS, RELEASE_SECONDS
 
     @property
@@ -104,6 +108,8 @@ class LoadScheduler:
         except Exception as error:  # reported on the screen, whatever it is
             cleared = dict.fromkeys(loader.cleared_fields)
             reason = str(error) or type(error).__name__
+            if isinstance(error, DamagedStoreError):
+                self.damage = reason
             if not isinstance(error, S2RError | OSError | ValueError):
                 self.app.log.error(traceback.format_exc())
                 reason = f"{loader.name}: {reason}"

@@ -11,7 +11,7 @@ from pathlib import Path
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 from textual.pilot import Pilot
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, RequestError
 from s2rtui.app.app import S2RApp
 from s2rtui.app.screenshot import Screenshot
 from s2rtui.canvas import DARK, RenderOptions
@@ -61,12 +61,18 @@ def snapshot(
     options: RenderOptions | None = None,
     run: str | None = None,
 ) -> Screenshot:
-    """The screen of `size` columns and rows after pressing `keys`, with all data loaded."""
+    """The screen of `size` columns and rows after pressing `keys`, with all data loaded.
+
+    Raises DamagedStoreError where a file of the store that the screen needs cannot be read.
+    """
     return asyncio.run(_snapshot(path, size, keys, options or RenderOptions(theme=DARK), run))
 
 
 def screen_of(path: Path, state: State, size: tuple[int, int], options: RenderOptions) -> bytes:
-    """The screen of a state as PNG of `size` pixels, in cells of 10 x 20 pixels."""
+    """The screen of a state as PNG of `size` pixels, in cells of 10 x 20 pixels.
+
+    Raises DamagedStoreError as `snapshot`.
+    """
     cells = (size[0] // 10, size[1] // 20)
     shot = asyncio.run(_snapshot(path, cells, (), options, state.run, state))
     return shot.png(options, size)
@@ -91,4 +97,6 @@ async def _snapshot(
         for key in keys:
             await pilot.press(key)
             await settle(app, pilot)
+        if app.load_scheduler.damage:
+            raise DamagedStoreError(app.load_scheduler.damage)
         return take_screenshot(app)

@@ -19,6 +19,7 @@ _PRIORITIES = {
     "newest": 40,
     "store": 40,
     "newer": 20,
+    "coverage": 20,
     "trajectories": 20,
     "run": 20,
 }
@@ -57,8 +58,11 @@ def _parts(store: Store, state: State) -> tuple[dict[str, str], dict[str, str]]:
             f"traj {', '.join(view or ('all',))}"
         ),
         "run": f"run {state.run}{_pending_text(state)}" if state.run else "no runs",
+        "coverage": store.coverage(state.run).summary,
         "count": state.count,
     }
+    if not before["coverage"]:
+        del before["coverage"]
     if state.newest == state.generation:
         return before, {"newest": f"generation {state.generation}"}
     return before, {"newer": f"generation {state.generation} ({state.newest} available, press g)"}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
+    from s2rtui.session import State
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +41,11 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
         "(sim, truth and real joined by lines) (default colour)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
     add("--room-names", action="store_true", help="draw rooms with their names")
+
+
+def runs(state: State) -> tuple[str | None, ...]:
+    """The runs of a scene: the present one and the one that it is compared with."""
+    return state.run, state.other
 
 
 def scene_options(options: argparse.Namespace) -> SceneOptions:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError
 from s2rstore.geometry.floor_grid import FloorHeat, Ray
 from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
 from s2rstore.reader import Store
@@ -31,7 +31,7 @@ _PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes of a run's heatmaps, in the order of the keys."""
     choices: list[tuple[str, str | None]] = []
-    for record in store.arrays(run) if run != NO_RUN else ():
+    for record in store.array_kinds(run) if run != NO_RUN else ():
         if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
         for mode in _PLANES.get(record.kind, (record.mode,)):
@@ -55,7 +55,7 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
     """The unit of the shown values."""
     if heat.kind in _PLANES:
         return _PLANE_UNITS[heat.mode or "loss"]
-    record = next((r for r in store.arrays(run) if r.kind == heat.kind), None)
+    record = next((r for r in store.array_kinds(run) if r.kind == heat.kind), None)
     return _UNITS.get(record.unit, record.unit) if record else ""
 
 
@@ -81,7 +81,7 @@ def run_grid(
     """A published map grid of a run, NaN for empty cells; None if it was not computed."""
     try:
         grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
-    except RequestError:
+    except NotComputedError:
         return None
     return np.where(grid > 0, grid, np.nan) if aggregate == "count" else grid
 

@@ -53,6 +53,8 @@ class Session:
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
         self.store: Store = s2rstore.open(path, INDEX_MEMORY)
         self.notebook = notebooks(self.store.identity) if notebooks else None
+        if self.notebook:
+            self.notebook.use_parts(self.store.parts)
         self.defers_loading = False
         self._retired: list[Store] = []
         self._is_branch = False
@@ -107,6 +109,8 @@ class Session:
         If the reducer raises, state and store stay as they are.
         """
         opened = store or self.store
+        if self.notebook and opened is not self.store:
+            self.notebook.use_parts(opened.parts)
         context = SessionContext(opened, self.notes, self._base_populations, self.defers_loading)
         state = reducer(context, self._state, *arguments, **options)
         if opened is not self.store:

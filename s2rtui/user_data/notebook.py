@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,10 +25,17 @@ from s2rstore.files.layout import checked_hash
 from s2rstore.files.locks import file_lock
 from s2rstore.language import ExpressionError, Node, parse
 from s2rstore.language.canonical_text import quoted
-from s2rstore.language.syntax_tree import Ids, Saved, leaves
+from s2rstore.language.syntax_tree import Ids, Like, Saved, leaves
+from s2rstore.records import Part
 from s2rstore.security.printable_text import printable
 from s2rtui.user_data import notebook_schema
-from s2rtui.user_data.notebook_schema import Remark, SavedSelection, UnreadableEntries, valid_name
+from s2rtui.user_data.notebook_schema import (
+    Remark,
+    SavedSelection,
+    UnreadableEntries,
+    part_label,
+    valid_name,
+)
 from s2rtui.user_data.user_data_dir import user_data_dir
 
 __all__ = ["Notebook", "Notes", "ReadNotebook", "Remark", "SavedSelection", "valid_name"]
@@ -79,24 +86,39 @@ class Notebook:
     """The notebook of one store; `notes` is the content at the last reading."""
 
     def __init__(
-        self, dataset_hash: str, folder: Path | None = None, tolerant: bool = False
+        self,
+        store_identity: str,
+        folder: Path | None = None,
+        tolerant: bool = False,
+        parts: Sequence[Part] = (),
     ) -> None:
         """Read the notebook of a store from `folder` (default: the user data folder).
 
-        `dataset_hash` is `Store.identity`, which stays the same when instances are appended.
+        `store_identity` is `Store.identity`, which stays the same when instances are appended.
+        `parts` are those of the store, see `use_parts`.
 
-        Raises RequestError for an invalid hash, and for a damaged file unless `tolerant`: then the
-        notebook is empty, `error` has the message, and changes fail until the file is repaired.
+        Raises RequestError for an invalid identity, and for a damaged file unless `tolerant`: then
+        the notebook is empty, `error` has the message, and changes fail until the file is repaired.
         """
-        self._hash = checked_hash(dataset_hash, "the data set's hash")
-        self.path = (folder or user_data_dir()) / f"{dataset_hash[:16]}.json"
+        self._identity = checked_hash(store_identity, "the identity of the store")
+        self.path = (folder or user_data_dir()) / f"{store_identity[:16]}.json"
         self.notes, self.error = Notes(), ""
+        self._parts = tuple(parts)
         try:
             self.notes = self._read()
         except RequestError as error:
             if not tolerant:
                 raise
             self.error = f"{error}; nothing can be saved until then"
+
+    def use_parts(self, parts: Sequence[Part]) -> None:
+        """Set the parts of the store. Copies of a store that were appended to differently share
+        the notebook: what concerns instances of a part that this copy does not have is left out.
+        """
+        if tuple(parts) != self._parts:
+            self._parts = tuple(parts)
+            if not self.error:
+                self.refresh()
 
     def refresh(self) -> None:
         """Read the changes of other sessions. Raises RequestError for a damaged file."""
@@ -118,7 +140,19 @@ class Notebook:
                     f"{self.path} has an unreadable {reference(name)} "
                     f"({notes.unread.reasons.get(name)}); choose another name, or repair the file"
                 )
-            return replace(notes, selections={**notes.selections, name: saved})
+            if name in notes.unread.foreign.get("selections", {}):
+                raise RequestError(
+                    f"{reference(name)} selects instances of another copy of this store; "
+                    "choose another name"
+                )
+            labels = {
+                part_label(part.first_iid, self._parts)
+                for low, high in _named_iids(saved.expression, notes)
+                for part in self._parts[1:]
+                if low < part.stop and part.first_iid <= high
+            }
+            marked = replace(saved, parts=tuple(sorted(labels)))
+            return replace(notes, selections={**notes.selections, name: marked})
 
         self._change(change)
 
@@ -193,7 +227,11 @@ class Notebook:
             with file_lock(self.path, _LOCK_SECONDS) as lease:
                 notes = change(self._read())
                 content = notes.selections, notes.remarks, notes.history, notes.unread
-                write_file(self.path, notebook_schema.encode(self._hash, *content), lease.check)
+                write_file(
+                    self.path,
+                    notebook_schema.encode(self._identity, *content, self._parts),
+                    lease.check,
+                )
         except OSError as error:
             raise RequestError(f"{self.path}: {error.strerror}") from error
         except RecursionError as error:
@@ -212,9 +250,9 @@ class Notebook:
         except (ValueError, RecursionError) as error:
             message = f"{self.path}: is not JSON ({error}); repair it, or move it away"
             raise RequestError(message) from error
-        if not notebook_schema.is_notebook(content, self._hash):
+        if not notebook_schema.is_notebook(content, self._identity):
             raise RequestError(f"{self.path}: is not a notebook of this data set; move it away")
-        return Notes(*notebook_schema.decode(content))
+        return Notes(*notebook_schema.decode(content, self._parts))
 
     def _content(self) -> str:
         """Return the text of the file. Raises OSError, ValueError, RequestError."""
@@ -257,6 +295,23 @@ def _dependencies(expression: str, notes: Notes) -> set[str]:
                 if leaf.name in notes.nodes:
                     pending.append(notes.nodes[leaf.name])
     return names
+
+
+def _named_iids(expression: str, notes: Notes) -> set[tuple[int, int]]:
+    """The closed ranges of the iids that an expression names itself or through saved selections.
+
+    Tags are left out: they are looked up again in every copy of the store.
+    """
+    names = _dependencies(expression, notes) & notes.selections.keys()
+    ranges: set[tuple[int, int]] = set()
+    for text in (expression, *(notes.selections[name].expression for name in names)):
+        with suppress(ExpressionError):
+            for leaf in leaves(parse(text)):
+                if isinstance(leaf, Ids):
+                    ranges.update(leaf.ranges)
+                elif isinstance(leaf, Like):
+                    ranges.add((leaf.iid, leaf.iid))
+    return ranges
 
 
 def _with_remarks(notes: Notes, changed: Mapping[int, Remark]) -> Notes:

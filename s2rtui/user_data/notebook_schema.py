@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypeVar
 
 import msgspec
 
 from s2rstore.errors import RequestError
+from s2rstore.records import Part
 from s2rstore.security.printable_text import printable
 
 VERSION = 1
+_LABEL_HASH = 12
 _SECTIONS = ("selections", "remarks", "history")
 K = TypeVar("K")
 V = TypeVar("V")
@@ -22,7 +24,8 @@ V = TypeVar("V")
 class SavedSelection:
     """An expression with the generation, run and number of instances at the time of saving.
 
-    `trajectories` are the visible ones; None means all.
+    `trajectories` are the visible ones; None means all. `parts` are the labels of the appended
+    parts whose instances the expression names by iid; see `part_label`.
     """
 
     expression: str
@@ -30,6 +33,7 @@ class SavedSelection:
     run: str
     count: int
     trajectories: tuple[str, ...] | None = None
+    parts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +55,15 @@ class UnreadableEntries:
     """Entries of a file that do not match the schema, unchanged.
 
     `others` are whole sections; `reasons` has the error of each selection and remark by its key.
+    `foreign` has the selections and remarks on instances that were appended to another copy of
+    the store; they are no errors.
     """
 
     selections: Mapping[str, Any] = field(default_factory=dict)
     remarks: Mapping[str, Any] = field(default_factory=dict)
     others: Mapping[str, Any] = field(default_factory=dict)
     reasons: Mapping[str, str] = field(default_factory=dict)
+    foreign: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -66,14 +73,53 @@ class UnreadableEntries:
 Content = tuple[dict[str, SavedSelection], dict[int, Remark], tuple[str, ...], UnreadableEntries]
 
 
-def is_notebook(content: Any, dataset_hash: str) -> bool:
+def is_notebook(content: Any, store_identity: str) -> bool:
     """Return whether parsed JSON is a notebook of a data set in the supported version."""
     found = (content.get("version"), content.get("dataset")) if isinstance(content, dict) else ()
-    return found == (VERSION, dataset_hash)
+    return found == (VERSION, store_identity)
 
 
-def decode(content: dict[str, Any]) -> Content:
-    """Return the selections, remarks and history of a file, and its unreadable entries."""
+def part_label(iid: int, parts: Sequence[Part]) -> str:
+    """The label of the appended part that holds an instance; empty for the first part.
+
+    An iid means the same instance in all copies of a store whose part has this label.
+    """
+    part = next((part for part in parts[1:] if part.first_iid <= iid < part.stop), None)
+    return "" if part is None else f"{part.first_iid}-{part.hash[:_LABEL_HASH]}"
+
+
+def _remark_key(iid: int, parts: Sequence[Part]) -> str:
+    """`57`, or `57@40-0123456789ab` for an instance of an appended part."""
+    label = part_label(iid, parts)
+    return f"{iid}@{label}" if label else str(iid)
+
+
+def _without_foreign(
+    sections: Mapping[str, Mapping[str, Any]], parts: Sequence[Part]
+) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
+    """The entries of this store with plain iids as keys of remarks, and those of other copies."""
+    own: dict[str, dict[str, Any]] = {"selections": {}, "remarks": {}}
+    foreign: dict[str, dict[str, Any]] = {"selections": {}, "remarks": {}}
+    for key, entry in sections["remarks"].items():
+        number = key.partition("@")[0]
+        is_number = number.isdecimal() and len(number) < 12 and str(int(number)) == number
+        if not is_number or key == _remark_key(int(number), parts):
+            own["remarks"][number if is_number else key] = entry
+        else:
+            foreign["remarks"][key] = entry
+    labels = {part_label(part.first_iid, parts) for part in parts}
+    for name, entry in sections["selections"].items():
+        named = entry.get("parts") if isinstance(entry, dict) else None
+        is_foreign = isinstance(named, list) and any(str(label) not in labels for label in named)
+        (foreign if is_foreign else own)["selections"][name] = entry
+    return own, foreign
+
+
+def decode(content: dict[str, Any], parts: Sequence[Part] = ()) -> Content:
+    """Return the selections, remarks and history of a file, and its other entries.
+
+    `parts` are those of the store; without them, appended instances have no remarks.
+    """
     others = {key: content[key] for key in content if key not in ("version", "dataset", *_SECTIONS)}
     sections = {key: content.get(key, {}) for key in _SECTIONS[:2]}
     for key, section in sections.items():
@@ -82,10 +128,11 @@ def decode(content: dict[str, Any]) -> Content:
     history = content.get("history", [])
     if not isinstance(history, list):
         others["history"], history = history, []
+    sections, foreign = _without_foreign(sections, parts)
     reasons: dict[str, str] = {}
     selections, other_selections = _entries(sections["selections"], _selection, reasons)
     remarks, other_remarks = _entries(sections["remarks"], _remark, reasons)
-    unread = UnreadableEntries(other_selections, other_remarks, others, reasons)
+    unread = UnreadableEntries(other_selections, other_remarks, others, reasons, foreign)
     return selections, remarks, tuple(_expression(str(text)) for text in history), unread
 
 
@@ -141,28 +188,40 @@ def _expression(text: str) -> str:
 
 
 def encode(
-    dataset_hash: str,
+    store_identity: str,
     selections: Mapping[str, SavedSelection],
     remarks: Mapping[int, Remark],
     history: tuple[str, ...],
     unread: UnreadableEntries,
+    parts: Sequence[Part] = (),
 ) -> bytes:
-    """Return the content of the file, including the unreadable entries."""
+    """Return the content of the file, including the unreadable and the foreign entries."""
+    foreign = unread.foreign
     content: dict[str, Any] = {
         "version": VERSION,
-        "dataset": dataset_hash,
+        "dataset": store_identity,
         "selections": {
-            **unread.selections, **{name: asdict(saved) for name, saved in selections.items()}
+            **foreign.get("selections", {}),
+            **unread.selections,
+            **{name: _selection_entry(saved) for name, saved in selections.items()},
         },
         "remarks": {
+            **foreign.get("remarks", {}),
             **unread.remarks,
-            **{str(iid): asdict(remark) for iid, remark in sorted(remarks.items())},
+            **{_remark_key(iid, parts): asdict(remark) for iid, remark in sorted(remarks.items())},
         },
         "history": list(history),
     }  # fmt: skip
     for key, value in unread.others.items():
         content[f"unread {key}" if key in _SECTIONS else key] = value
     return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _selection_entry(saved: SavedSelection) -> dict[str, Any]:
+    entry = asdict(saved)
+    if not saved.parts:
+        del entry["parts"]
+    return entry
 
 
 def valid_name(name: str, label: str) -> str:

@@ -35,6 +35,14 @@ class StoreBusyError(RequestError):
     """Another process holds the lock that this one needs."""
 
 
+class NotComputedError(RequestError):
+    """A result that `s2r precompute` has not computed yet, for the run or for some instances."""
+
+
+class DamagedStoreError(RequestError):
+    """A file of a store is missing, unreadable or not as published; the message names the file."""
+
+
 class ExpressionError(RequestError):
     """A wrong expression; `column` counts from 1, `expected` lists what is valid there."""
 

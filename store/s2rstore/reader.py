@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.row_array import PartedArray, RowArray
 from s2rstore.arrays.stored_array import StoredArray
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, NotComputedError, RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -62,6 +62,7 @@ class Store(IndexCatalog):
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = LruCache(_COLUMN_BYTES)
         self._arrays: dict[str, StoredArray] = {}
+        self._coverages: dict[str, Coverage] = {}
         self.evaluated = LruCache(_EVALUATED_BYTES)
         self.embeddings = LruCache(_EMBEDDING_BYTES)
 
@@ -98,12 +99,34 @@ class Store(IndexCatalog):
                 self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
             if run not in self._runs_columns:
                 if self.run(run).key is None:
-                    raise RequestError(f"run {run!r}: not computed yet; run `s2r precompute`")
+                    message = f"run {run!r}: not computed yet; run `s2r precompute`"
+                    raise NotComputedError(message)
                 self._runs_columns[run] = column_loader.load_run_columns(
                     self._column_loader, run, self.instances, self.rooms,
                     self.missing_columns("prediction"),
                 )  # fmt: skip
             return self._runs_columns[run]
+
+    def coverage(self, run: str) -> Coverage:
+        """For how many instances a run is computed; for all in a store of one part.
+
+        Nothing needs to be computed for `NO_RUN`. Raises RequestError for an unknown run.
+        """
+        with self._lock:
+            if run not in self._coverages:
+                total = computed = self.parts[-1].stop
+                if run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
+                    computed = self._computed_count(run)
+                self._coverages[run] = Coverage(run, computed, total)
+            return self._coverages[run]
+
+    def _computed_count(self, run: str) -> int:
+        """The instances with predictions; an index of hand-made rows has no arrays of them."""
+        records = [record for record in self.array_parts(run) if record.kind == "prediction"]
+        if records:
+            return sum(record.shape[0] for record in records if record.side == "sim")
+        query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
+        return int(self.execute(query, [run])[0][0])
 
     def drop_run_columns(self, run: str) -> None:
         """Free the memory of a run's columns; the next use loads them again."""
@@ -245,8 +268,8 @@ class Store(IndexCatalog):
     ) -> tuple[ArrayRecord, RowArray]:
         """A published array with a row per instance, and the record of its first part.
 
-        RequestError names the kinds that the run has. Reading instances that the run was not
-        computed for raises RequestError, too.
+        NotComputedError names the kinds that the run has. Reading instances that the run was not
+        computed for raises it, too.
         """
         records = self._records_of(run, kind, side, mode)
         count = len(self.instances)
@@ -262,7 +285,7 @@ class Store(IndexCatalog):
             if record.first_iid not in starts or record.first_iid + rows not in stops:
                 raise RequestError(f"run {run!r}: {kind} has {rows} rows; run `s2r verify`")
         parts = [(record.first_iid, self.stored(record)) for record in records]
-        return first, PartedArray(parts, count, _incomplete(run, kind))
+        return first, PartedArray(parts, count, f"{kind} of run {run!r}")
 
     def _records_of(
         self, run: str, kind: str, side: Side | None, mode: str | None
@@ -278,7 +301,8 @@ class Store(IndexCatalog):
             return sorted(found, key=lambda record: record.first_iid)
         known = ", ".join(sorted({record.kind for record in records})) or "nothing"
         requested = " ".join(part for part in (kind, side, mode) if part)
-        raise RequestError(f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`")
+        message = f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`"
+        raise NotComputedError(message)
 
     def heatmap(
         self, run: str, kind: str, side: Side, iid: int, mode: str | None = None
@@ -318,7 +342,7 @@ class Store(IndexCatalog):
         records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
         computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
         if computed - {record.first_iid for record in records}:
-            raise RequestError(_incomplete(run, kind))
+            raise NotComputedError(_incomplete(run, kind))
         grids = []
         for array in map(self.stored, records):
             known = str(array.attrs["aggregates"]).split(",")
@@ -343,11 +367,11 @@ def _incomplete(run: str, kind: str) -> str:
 def _check_metadata(
     array: StoredArray, shape: tuple[int, ...], types: tuple[str, ...], sha256: str | None
 ) -> None:
-    """Raise RequestError where an array's metadata differs from the index."""
+    """Raise DamagedStoreError where an array's metadata differs from the index."""
     if array.shape != shape or array.layout.dtype not in types:
-        raise RequestError(
+        raise DamagedStoreError(
             f"{array.path}: {array.layout.dtype} {array.shape} instead of {' or '.join(types)} "
             f"{shape}, which the index states; run `s2r verify`"
         )
     if sha256 is not None and array.metadata_sha256 != sha256:
-        raise RequestError(f"{array.path}: metadata is not as published; run `s2r verify`")
+        raise DamagedStoreError(f"{array.path}: metadata is not as published; run `s2r verify`")

@@ -119,6 +119,32 @@ class Domain:
 
 
 @dataclass(frozen=True, slots=True)
+class Coverage:
+    """For how many of a store's instances a run is computed; appended ones may be missing."""
+
+    run: str
+    computed: int
+    instances: int
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether the run is computed for some instances, but not for all."""
+        return 0 < self.computed < self.instances
+
+    @property
+    def summary(self) -> str:
+        """`computed for 40 of 45 instances`; empty unless that is partial."""
+        text = f"computed for {self.computed} of {self.instances} instances"
+        return text if self.is_partial else ""
+
+    @property
+    def note(self) -> str:
+        """The summary with the run and what to do; empty unless the coverage is partial."""
+        advice = "`s2r precompute` computes the others"
+        return f"run {self.run}: {self.summary}; {advice}" if self.is_partial else ""
+
+
+@dataclass(frozen=True, slots=True)
 class Part:
     """Instances [`first_iid`, `stop`) that were ingested together; they never change.
 

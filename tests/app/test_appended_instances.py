@@ -34,10 +34,15 @@ def test_every_view_draws_after_an_append(store_copy: Path) -> None:
                 await settle(app, pilot)
                 assert not app.session.state.is_error, (view.name, app.session.state.message)
             assert app.session.state.selected.size == N + ADDED
-            app.session.set_cursor(N + 1)
+            assert "computed for 40 of 45 instances" in app.renderer.status_text()
+            app.session.set_cursor(N)
             app.renderer.refresh()
             await settle(app, pilot)
-            message = app.session.state.message
-            assert "activation is not computed for all instances; run `s2r precompute`" in message
+            assert not app.session.state.is_error
+            notes = dict(app.resources.pictures.notes)
+            assert notes["heat"] == (
+                "instance 40: activation of run 'vanilla' is not computed; run `s2r precompute`"
+            )
+            assert app.resources.pictures.sim.rgb.size
 
     asyncio.run(run())

@@ -250,7 +250,7 @@ def test_a_new_store_has_no_damage(store_path: Path) -> None:
 
 def test_a_missing_shard_is_found(copied: Path) -> None:
     files = (e.path for e in safe_files.walk(copied) if e.kind == "file")
-    shard = next(path for path in files if "/real_day/rgb/c/" in path)
+    shard = next(path for path in files if "/real_day/rgb/c." in path)
     (copied / shard).unlink()
     assert f"{shard}: missing" in damages(copied)
 

@@ -98,13 +98,13 @@ def test_records_contain_no_control_characters(hostile_store: Path) -> None:
     with s2rstore.open(hostile_store) as store:
         listed = [store.dataset, store.rooms, store.trajectories, store.domains, store.models,
                   store.runs, store.provenance("dataset"), store.instances.room_names,
-                  *(store.arrays(run) for run in store.runs)]  # fmt: skip
+                  *(store.array_kinds(run) for run in store.runs)]  # fmt: skip
         listed_text = repr(listed)
         assert "CLICK" in listed_text
         texts = [store.dataset.name, *store.instances.room_names, store.runs["vanilla"].created_at,
                  store.runs["vanilla"].sim_adjustments[0]["name"],
                  store.domains["sim"].sources["cameras"],
-                 store.arrays("vanilla")[0].unit]  # fmt: skip
+                 store.array_kinds("vanilla")[0].unit]  # fmt: skip
         values = [*store.provenance("dataset"), *store.provenance("dataset").values()]
     assert not control_characters("".join(texts))
     assert control_characters("".join(values)) <= {"\t"}

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from s2rstore.metrics.bootstrap import student_quantile
+from s2rtools import translation
+from s2rtools.lane_detection import experiment_arms
 from s2rtools.lane_detection.arm_evaluation import Scores
 from s2rtools.lane_detection.experiment_arms import Arm, FitRequest, TranslatorCache, parse_sources
 from s2rtools.lane_detection.experiment_data import split_images
@@ -260,3 +262,21 @@ def test_translators_of_other_recordings_or_sizes_are_fitted_anew(tmp_path: Path
     for source, files in ((same, 1), (grouped, 2), (tall, 3), (same, 3)):
         cache.get(request, source, target)
         assert len(list(tmp_path.glob("mkl-*.safetensors"))) == files
+
+
+def test_translators_of_other_code_are_fitted_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = tmp_path / "code"
+    code.mkdir()
+    monkeypatch.setattr(translation, "__file__", str(code / "__init__.py"))
+    images = np.random.default_rng(0).integers(0, 256, (8, 8, 16, 3), dtype=np.uint8)
+    source = ImageSet("real", images, np.zeros(8, np.int32), tuple("abcdefgh"))
+    request = FitRequest(parse_sources("fda")[0], "real2sim", 0, None)
+    for default, files in (("0.01", 1), ("0.02", 2), ("0.01", 2)):
+        (code / "fda.py").write_text(f"BETA = {default}")
+        experiment_arms._translation_code.cache_clear()
+        TranslatorCache(tmp_path).get(request, source, source)
+        assert len(list(tmp_path.glob("fda-*.safetensors"))) == files
+    monkeypatch.undo()
+    experiment_arms._translation_code.cache_clear()

@@ -50,7 +50,7 @@ def array(store: Store, run: str, *names: str | None) -> np.ndarray:
 
 def test_zero_adjustments_give_identical_results(store: Store) -> None:
     assert store.run("zero").sim_adjustments != []
-    for record in store.arrays("zero"):
+    for record in store.array_kinds("zero"):
         names = record.kind, record.side, record.mode
         assert array(store, "zero", *names).tobytes() == array(store, "vanilla", *names).tobytes()
     for side in ("sim", "real"):
@@ -61,7 +61,9 @@ def test_zero_adjustments_give_identical_results(store: Store) -> None:
 
 def test_only_the_moved_side_has_rendered_frames(store: Store, moved_camera_store: Path) -> None:
     frame_arrays = {
-        run: sorted((r.kind, r.side) for r in store.arrays(run) if r.kind.startswith("frames:"))
+        run: sorted(
+            (r.kind, r.side) for r in store.array_kinds(run) if r.kind.startswith("frames:")
+        )
         for run in ("vanilla", "zero", "up", "low")
     }
     assert frame_arrays["vanilla"] == frame_arrays["zero"] == []

@@ -98,7 +98,7 @@ def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path, column
     shutil.copytree(computed, path)
     with s2rstore.open(path) as store:
         before = store.execute("SELECT * FROM pair ORDER BY iid")
-        arrays = {record.path for record in store.arrays("vanilla")}
+        arrays = {record.path for record in store.array_kinds("vanilla")}
     for folder in path.glob(f"runs.zarr/*/*/{outliers.KIND}.*"):
         shutil.rmtree(folder)
     with edit(path) as draft:
@@ -115,7 +115,7 @@ def test_only_missing_scores_are_computed(computed: Path, tmp_path: Path, column
     assert {p: p.stat().st_mtime_ns for p in written} == written
     with s2rstore.open(path) as store:
         assert store.execute("SELECT * FROM pair ORDER BY iid") == before
-        assert {record.path for record in store.arrays("vanilla")} == arrays
+        assert {record.path for record in store.array_kinds("vanilla")} == arrays
     assert verify(path) == []
     assert precompute(path, reporter, ["vanilla"], FEATURE_DISTANCE_ONLY) == []
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
@@ -88,9 +88,9 @@ def values(store: Store, kind: str, side: str | None, mode: str | None = None) -
 
 def test_arrays_of_parts_equal_those_of_one_part(whole: Path, parted: Path) -> None:
     with s2rstore.open(whole) as one, s2rstore.open(parted) as two:
-        assert len(two.arrays("vanilla")) == len(one.arrays("vanilla"))
-        assert len(two.array_parts("vanilla")) == 2 * len(one.arrays("vanilla"))
-        for record in one.arrays("vanilla"):
+        assert len(two.array_kinds("vanilla")) == len(one.array_kinds("vanilla"))
+        assert len(two.array_parts("vanilla")) == 2 * len(one.array_kinds("vanilla"))
+        for record in one.array_kinds("vanilla"):
             if record.axes[0] == "iid" and record.kind in ("prediction", "embedding", *KINDS):
                 names = record.kind, record.side, record.mode
                 np.testing.assert_allclose(
@@ -227,7 +227,7 @@ def test_reading_a_part_that_is_not_computed_is_refused(
     withdraw_later_arrays(path, "true")
     with s2rstore.open(path) as store:
         assert store.heatmap("vanilla", "activation", "sim", FIRST - 1).ndim == 2
-        with pytest.raises(RequestError, match="not computed for all instances"):
+        with pytest.raises(NotComputedError, match=f"instance {FIRST}: activation of"):
             store.heatmap("vanilla", "activation", "sim", FIRST)
         assert len(neighbours(store, "vanilla", "sim", FIRST, 5)[0]) == 0
         near, _ = neighbours(store, "vanilla", "sim", 0, 40)

@@ -76,10 +76,10 @@ def test_black_input_gives_a_constant_prediction(computed: Path) -> None:
 
 def test_every_array_is_complete_and_finite(computed: Path) -> None:
     with s2rstore.open(computed) as store:
-        kinds = {record.kind for record in store.arrays("vanilla")}
+        kinds = {record.kind for record in store.array_kinds("vanilla")}
         for kind in ("activation", "occlusion", "feature_distance", "pixel_difference"):
             assert {kind, f"map:{kind}"} <= kinds
-        for record in store.arrays("vanilla"):
+        for record in store.array_kinds("vanilla"):
             _, array = store.array("vanilla", record.kind, record.side, record.mode)
             values = np.asarray(array[:], dtype=np.float64)
             assert values.shape == record.shape
@@ -126,17 +126,25 @@ def test_several_workers_give_the_same_values(
     _assert_equal_arrays(path, computed, 1e-5)
 
 
+THREAD_TOLERANCE = 2e-3
+"""Of the standard deviation of occlusion, which is a difference of two nearly equal errors: with
+other numbers of threads, matrix products add in another order (documented in the guide)."""
+
+
 def _assert_equal_arrays(path: Path, reference: Path, tolerance: float) -> None:
     with s2rstore.open(path) as store, s2rstore.open(reference) as other:
         assert store.run("vanilla").key == other.run("vanilla").key
-        for record in store.arrays("vanilla"):
+        for record in store.array_kinds("vanilla"):
             if record.kind in ("pca", "umap"):
                 continue
             names = record.kind, record.side, record.mode
             computed_array = np.asarray(store.array("vanilla", *names)[1][:], dtype=np.float64)
             reference_array = np.asarray(other.array("vanilla", *names)[1][:], dtype=np.float64)
+            atol = tolerance
+            if tolerance and record.kind == "occlusion":
+                atol = max(tolerance, THREAD_TOLERANCE * float(np.nanstd(reference_array)))
             assert np.allclose(
-                computed_array, reference_array, atol=tolerance, rtol=1e-3, equal_nan=True
+                computed_array, reference_array, atol=atol, rtol=1e-3, equal_nan=True
             ), record
 
 

@@ -14,8 +14,9 @@ from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
 from s2rtui.cli import main
 from s2rtui.session import Session, navigation, pending_target, shared_selection
-from s2rtui.user_data.notebook import Notebook
+from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support.appended import append_trajectory
+from tests.support.copies import copy_store
 
 N = 40
 """Instances of the tiny store; its trajectories are a and b."""
@@ -137,3 +138,49 @@ def test_verify_finds_a_run_that_lacks_some_instances_of_a_part(store_copy: Path
         draft._connection.execute("DELETE FROM prediction WHERE run = 'vanilla' AND iid = 7")
     found = [damage.what for damage in check(store_copy).damages]
     assert "run vanilla: 39 of 40 sim rows" in found
+
+
+def test_notes_on_instances_of_another_copy_are_kept_but_not_applied(
+    store_copy: Path, tmp_path: Path, notebooks: partial[Notebook]
+) -> None:
+    copy = copy_store(store_copy, tmp_path / "copy.s2r")
+    append_trajectory(store_copy, "a0", 5)
+    append_trajectory(copy, "other", 3)
+    first = Session(store_copy, notebooks=notebooks)
+    notebook = first.writable_notebook
+    for iid in (3, N + 1):
+        notebook.note(iid, f"note on {iid}")
+        notebook.toggle_tag([iid], "seen")
+    notebook.save("common", SavedSelection("ids(3)", 1, "vanilla", 1))
+    notebook.save("late", SavedSelection(f"ids({N + 1})", 1, "vanilla", 1))
+    notebook.save("worst", SavedSelection("worst15", 1, "vanilla", 6))
+    second = Session(copy, notebooks=notebooks)
+    assert second.store.identity == first.store.identity
+    assert set(second.notes.remarks) == {3}
+    assert set(second.notes.selections) == {"common", "worst"}
+    assert second.notes.unread.count == 0
+    second.writable_notebook.note(N + 1, "of the copy")
+    with pytest.raises(RequestError, match="another copy of this store"):
+        second.writable_notebook.save("late", SavedSelection("all", 1, "vanilla", 40))
+    notebook.refresh()
+    assert first.notes.remarks[N + 1].note == f"note on {N + 1}"
+    assert first.notes.remarks[N + 1].tags == ("seen",)
+    assert set(first.notes.selections) == {"common", "late", "worst"}
+    second.writable_notebook.refresh()
+    assert second.notes.remarks[N + 1].note == "of the copy"
+    first.close()
+    second.close()
+
+
+def test_notes_of_an_appended_part_are_found_while_the_session_is_open(
+    store_copy: Path, notebooks: partial[Notebook]
+) -> None:
+    session = Session(store_copy, notebooks=notebooks)
+    append_trajectory(store_copy, "a0", 5)
+    session.open_newest_generation()
+    session.writable_notebook.note(N + 2, "late")
+    session.close()
+    append_trajectory(store_copy, "a1", 2)
+    again = Session(store_copy, notebooks=notebooks)
+    assert again.notes.remarks[N + 2].note == "late"
+    again.close()

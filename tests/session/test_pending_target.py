@@ -116,10 +116,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SessionPair]:
     for number, run in enumerate(RUNS):
         embeddings.add(path, run, {"sim": points * number, "real": points + number})
     sessions = SessionPair(
-        *(
-            Session(path, notebooks=lambda dataset_hash: Notebook(dataset_hash, folder))
-            for _ in range(2)
-        )
+        *(Session(path, notebooks=lambda identity: Notebook(identity, folder)) for _ in range(2))
     )
     for session in (sessions.deferred, sessions.direct):
         session.select("real.loss > 0.15")

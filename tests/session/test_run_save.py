@@ -51,8 +51,8 @@ def test_a_saved_run_equals_the_one_of_the_command_line(
     assert main(["precompute", str(path), "--run", "typed"]) == 0
     with s2rstore.open(path) as store:
         assert store.run("saved").key == store.run("typed").key
-        assert len(store.arrays("saved")) == len(store.arrays("typed"))
-        for record in store.arrays("saved"):
+        assert len(store.array_kinds("saved")) == len(store.array_kinds("typed"))
+        for record in store.array_kinds("saved"):
             names = record.kind, record.side, record.mode
             array, other_array = (store.array(run, *names)[1][:] for run in ("saved", "typed"))
             assert np.asarray(array).tobytes() == np.asarray(other_array).tobytes(), names

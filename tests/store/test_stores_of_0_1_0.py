@@ -75,7 +75,7 @@ def test_images_predictions_and_heatmaps_can_be_read(folder: Path) -> None:
         assert frame.rgb.shape == (16, 16, 3)
         assert frame.rgb.any()
         assert frame.depth.any()
-        for record in store.arrays("tiny"):
+        for record in store.array_kinds("tiny"):
             array = np.asarray(store.stored(record))
             assert array.shape == record.shape
         assert np.isfinite(store.run_columns("tiny").real.error).all()

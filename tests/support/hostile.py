@@ -101,11 +101,11 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, row: dict[str, ob
     )
 
 
-def notebook(folder: Path, dataset_hash: str = "0" * 64, **sections: object) -> Path:
+def notebook(folder: Path, store_identity: str = "0" * 64, **sections: object) -> Path:
     """Write a notebook file, as anyone with access to the home folder can."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{dataset_hash[:16]}.json"
-    content = {"version": 1, "dataset": dataset_hash, **sections}
+    path = folder / f"{store_identity[:16]}.json"
+    content = {"version": 1, "dataset": store_identity, **sections}
     path.write_text(json.dumps(content))
     return path
 

@@ -119,15 +119,17 @@ def test_a_fit_continues_after_an_interrupt_inside_a_step(
         np.testing.assert_array_equal(continued[key], value)
 
 
-def test_a_fit_with_a_checkpoint_of_another_fit_starts_again(tmp_path):
+def test_the_checkpoint_of_another_fit_is_refused_and_kept(tmp_path):
     settings = replace(tiny_settings("cut"), checkpoint=tmp_path / "fit.safetensors")
     other = replace(settings, seed=settings.seed + 1)
     find_method("cut").fit(*unpaired(), other)
-    fitted = find_method("cut").fit(*unpaired(), settings)
-    expected = tiny_fit("cut")
-    assert fitted.history == expected.history
-    for key, value in expected.translator.tensors().items():
-        np.testing.assert_array_equal(fitted.translator.tensors()[key], value)
+    before = settings.checkpoint.read_bytes()
+    with pytest.raises(RequestError, match=r"checkpoint of another fit \(other seed\)"):
+        find_method("cut").fit(*unpaired(), settings)
+    options = {**settings.options, "rate": "0.001"}
+    with pytest.raises(RequestError, match="learning_rate"):
+        find_method("cut").fit(*unpaired(), replace(other, options=options))
+    assert settings.checkpoint.read_bytes() == before
 
 
 def test_a_damaged_checkpoint_is_refused(tmp_path):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from s2rstore.errors import RequestError
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import NotComputedError
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -18,7 +21,10 @@ NEIGHBOURS = 5
 
 
 def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
-    """Images, heat and numbers of one instance; reads frames and heatmaps."""
+    """Images, heat and numbers of one instance; reads frames and heatmaps.
+
+    A note says so where the heat of this instance is not computed.
+    """
     if not store.has_poses:
         return _image_input(store, iid)
     truth = store.instances
@@ -27,13 +33,19 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     columns = store.run_columns(run)
     shift = columns.shift[iid]
     sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
+    missing: tuple[tuple[str, str], ...] = ()
+    try:
+        heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
+    except NotComputedError as error:
+        heats, missing = dict.fromkeys(SIDES), (("heat", str(error)),)
     return InstanceInput(
         iid=iid,
-        sim=_side(store, run, iid, "sim", heat, sim),
-        real=_side(store, run, iid, "real", heat, real),
+        sim=_side(store, run, iid, "sim", heats["sim"], sim),
+        real=_side(store, run, iid, "real", heats["real"], real),
         truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
-        **heat_fields(store, run, heat),
+        **heat_fields(store, run, None if missing else heat),
         notes=(
+            *missing,
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             ("gap", f"{columns.gap[iid]:+.2f} m (real - sim error), shift {shift:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
@@ -85,15 +97,27 @@ def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
     for side in SIDES:
         try:
             near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS)
-        except RequestError:
+        except NotComputedError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)
         sides.append(f"{side} {listed or 'none'}")
     return [("alike", ", ".join(sides))]
 
 
+def _heat(
+    store: Store, run: str, side: Side, iid: int, heat: HeatChoice | None
+) -> NDArray[np.float32] | None:
+    """The chosen heatmap of one side. Raises NotComputedError where it is not computed."""
+    return None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode)
+
+
 def _side(
-    store: Store, run: str, iid: int, side: Side, heat: HeatChoice | None, shown: ModelInput
+    store: Store,
+    run: str,
+    iid: int,
+    side: Side,
+    heat: NDArray[np.float32] | None,
+    shown: ModelInput,
 ) -> SideView:
     part = store.run_columns(run).side(side)
     values = [part.x, part.y, part.heading, part.error, part.heading_error]
@@ -101,7 +125,7 @@ def _side(
     return SideView(
         rgb=shown.rgb,
         depth=shown.depth,
-        heat=None if heat is None else store.heatmap(run, heat.kind, side, iid, heat.mode),
+        heat=heat,
         pose=None if math.isnan(x) else PoseNumbers(x, y, heading, error, turn),
         title=shown.title,
         original=shown.original,

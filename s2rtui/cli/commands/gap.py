@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli.coverage_notes import print_coverage
 
 if TYPE_CHECKING:
     from s2rtools.gap.gate.gate import GapRequest
@@ -81,6 +82,7 @@ def execute(options: argparse.Namespace) -> int:
     files: dict[Path, str] = {}
     with s2rstore.open(options.store) as store:
         evidence = gate.collect_evidence(store, request)
+        print_coverage(store, [evidence.run, evidence.anchor_run])
         if options.freeze_golden:
             files[options.freeze_golden] = golden_run.text(golden_run.take(evidence))
         judged = gate.judge_gap(evidence, request)

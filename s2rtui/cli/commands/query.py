@@ -7,6 +7,7 @@ import sys
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
@@ -39,7 +40,8 @@ def execute(options: argparse.Namespace) -> int:
             if name not in known:
                 trajectories = ", ".join(sorted(known))
                 raise RequestError(f"--trajectory {name}: {options.store} has {trajectories}")
-        notes = ReadNotebook(store.identity).notes
+        notes = ReadNotebook(store.identity, parts=store.parts).notes
+        print_coverage(store, [run])
         query = options.expression, run, options.trajectory
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 from s2rtui.cli.formatting.progress import reporter
 
@@ -38,7 +39,8 @@ def execute(options: argparse.Namespace) -> int:
     if options.out.suffix != ".html":
         raise RequestError(f"--out {options.out}: must end in .html")
     with s2rstore.open(options.store) as store:
-        notes = ReadNotebook(store.identity).notes
+        notes = ReadNotebook(store.identity, parts=store.parts).notes
+        print_coverage(store, options.run or store.runs)
     request = ReportRequest(
         selections(notes, tuple(options.select), options.saved),
         runs=tuple(options.run),

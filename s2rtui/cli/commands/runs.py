@@ -13,7 +13,6 @@ from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
     from s2rstore.metrics.run_metrics import SideMetrics
-    from s2rstore.reader import Store
 
 _NAMES = (
     "run", "model", "sim", "real", "n", "trained on", "sim accuracy %", f"sim {LEVEL_TEXT}",
@@ -42,19 +41,12 @@ def execute(options: argparse.Namespace) -> int:
                 baseline = round(100 * run_metrics.baseline_accuracy(store, run.run), 1)
                 figures = [sides[0].n, sides[0].trained_on, *_side(sides[0]), *_side(sides[1]),
                            baseline if sides[0].n else None]  # fmt: skip
-                note = _coverage(store, run.run)
+                note = store.coverage(run.run).summary
                 if not sides[0].n:
                     note = note or "trained on every instance"
             rows.append((run.run, run.model, *domains, *figures, note))
     output.write(_NAMES, rows, options)
     return 0
-
-
-def _coverage(store: Store, run: str) -> str:
-    """A note where a run is not computed for instances that were appended."""
-    sides = [r for r in store.array_parts(run) if r.kind == "prediction" and r.side == "sim"]
-    computed, total = sum(record.shape[0] for record in sides), len(store.instances)
-    return f"computed for {computed} of {total} instances" if 0 < computed < total else ""
 
 
 def _side(metrics: SideMetrics) -> list[object]:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from s2rtui.cli import scene_arguments
+from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows as output
 
 EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
@@ -27,6 +28,7 @@ def execute(options: argparse.Namespace) -> int:
 
     view = STORED[options.view]
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:
+        print_coverage(scene.store, scene_arguments.runs(scene.state))
         if options.words:
             print(view.summary(scene))
             return 0

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.metrics import run_metrics, store_summary
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
@@ -71,6 +71,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
     ]
     overview = _overview_images(session, request)
     sections = [_section(session, request, *planned, begin_step) for planned in plan]
+    facts += [("note", note) for run in store.runs if (note := store.coverage(run).note)]
     begin_step("")
     caption = "All runs, over the instances that are new to each model"
     in_table = tuple(f"  {run}: " for run in store.runs)
@@ -153,6 +154,8 @@ def _section(
         begin_step(f"{selection.title} in {run}")
         try:
             _set_state(session, request, run, selection.expression)
+        except DamagedStoreError:
+            raise
         except RequestError as error:
             return Section(*title, problem=f"Cannot be evaluated: {error}")
         state, store = session.state, session.store

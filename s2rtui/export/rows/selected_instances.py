@@ -31,7 +31,10 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 
 @dataclass(frozen=True, slots=True)
 class EvaluationFacts:
-    """Expression, run and data of an evaluation; `expanded` has no saved names in it."""
+    """Expression, run and data of an evaluation; `expanded` has no saved names in it.
+
+    `note` says for how many instances the run is computed where these are not all.
+    """
 
     expression: str
     expanded: str
@@ -41,6 +44,7 @@ class EvaluationFacts:
     dataset: str
     dataset_name: str
     count: int
+    note: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the facts without those that add no information."""
@@ -49,6 +53,8 @@ class EvaluationFacts:
             del facts["expanded"]
         if self.trajectories is None:
             del facts["trajectories"]
+        if not self.note:
+            del facts["note"]
         return facts
 
 
@@ -96,6 +102,7 @@ def selected_rows(
     facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
+        store.coverage(name).note,
     )  # fmt: skip
     names = [column.split(" AS ")[-1] for column in columns or default]
     return SelectedRows(tuple(names), rows, facts)

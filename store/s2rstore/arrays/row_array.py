@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError, RequestError
 
 
 class RowArray(ABC):
@@ -94,13 +94,13 @@ def row_numbers(rows: Any) -> NDArray[np.int64]:
 
 
 class PartedArray(RowArray):
-    """Arrays that hold consecutive rows, as one array of `rows` rows.
+    """Arrays that hold the values of consecutive instances, as one array of `rows` rows.
 
     `parts` are arrays with the number of their first row, ascending. Reading rows that no part
-    holds raises RequestError with `missing` as its text.
+    holds raises NotComputedError, which names the first such instance and the `label` of the array.
     """
 
-    def __init__(self, parts: Sequence[tuple[int, RowArray]], rows: int, missing: str) -> None:
+    def __init__(self, parts: Sequence[tuple[int, RowArray]], rows: int, label: str) -> None:
         (_, first), *others = parts
         end = 0
         for start, part in parts:
@@ -116,7 +116,7 @@ class PartedArray(RowArray):
         self.parts = tuple(parts)
         self.shape = (rows, *first.shape[1:])
         self.dtype, self.attrs = first.dtype, first.attrs
-        self._missing = missing
+        self._label = label
 
     @property
     def path(self) -> Path:
@@ -130,8 +130,18 @@ class PartedArray(RowArray):
         self._check_range(start, stop)
         values = np.empty((stop - start, *self.shape[1:]), dtype=self.dtype)
         if self._read(values, start, stop) != stop - start:
-            raise RequestError(self._missing)
+            raise NotComputedError(
+                f"instance {self._first_missing(start)}: {self._label} is not computed; "
+                "run `s2r precompute`"
+            )
         return values
+
+    def _first_missing(self, row: int) -> int:
+        """The first row from `row` on that no part holds."""
+        for first, part in self.parts:
+            if first <= row < first + part.shape[0]:
+                row = first + part.shape[0]
+        return row
 
     def filled(self) -> NDArray[Any]:
         values = np.full(self.shape, np.nan, dtype=self.dtype)

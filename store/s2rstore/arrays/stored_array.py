@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import zarr_metadata
 from s2rstore.arrays.row_array import RowArray
 from s2rstore.arrays.zarr_metadata import Layout
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError
 from s2rstore.files import safe_files
 from s2rstore.files.layout import CURRENT
 
@@ -177,10 +177,11 @@ def _reading(where: Path) -> Iterator[None]:
         yield
     except FileNotFoundError as error:
         message = f"{where}: missing; open the store again, or run `s2r verify`"
-        raise RequestError(message) from error
+        raise DamagedStoreError(message) from error
     except OSError as error:
         reason = safe_files.error_text(error)
-        raise RequestError(f"{where}: cannot be read ({reason}); run `s2r verify`") from error
+        message = f"{where}: cannot be read ({reason}); run `s2r verify`"
+        raise DamagedStoreError(message) from error
 
 
 @cache
@@ -225,8 +226,8 @@ def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where
         raise _damaged(where, f"a chunk of {total} bytes instead of {chunk_bytes}")
 
 
-def _damaged(where: Path, why: str) -> RequestError:
-    return RequestError(f"{where}: damaged ({why}); run `s2r verify`")
+def _damaged(where: Path, why: str) -> DamagedStoreError:
+    return DamagedStoreError(f"{where}: damaged ({why}); run `s2r verify`")
 
 
 @cache
@@ -251,10 +252,11 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     except FileNotFoundError as error:
         old = safe_files.kind(root, f"{relative}/.zarray") is not None
         what = "an array of Zarr format 2, which is not read" if old else "no such array"
-        raise RequestError(f"{path}: {what}; run `s2r verify`") from error
+        raise DamagedStoreError(f"{path}: {what}; run `s2r verify`") from error
     except OSError as error:
         reason = safe_files.error_text(error)
-        raise RequestError(f"{path}: unreadable metadata ({reason}); run `s2r verify`") from error
+        message = f"{path}: unreadable metadata ({reason}); run `s2r verify`"
+        raise DamagedStoreError(message) from error
     layout, attributes = zarr_metadata.parse_document(content, str(path))
     return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
 

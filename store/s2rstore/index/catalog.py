@@ -335,8 +335,11 @@ class IndexCatalog:
         """The published arrays of a run, one for each part of the data set that is computed."""
         return list(self._array_records.get(self.run(run).run, ()))
 
-    def arrays(self, run: str) -> list[ArrayRecord]:
-        """What is published of a run: the first array of each kind, side and mode."""
+    def array_kinds(self, run: str) -> list[ArrayRecord]:
+        """What is published of a run: the first array of each kind, side and mode.
+
+        `array_parts` gives all arrays, one for each part of the data set.
+        """
         records: dict[tuple[str, str | None, str | None], ArrayRecord] = {}
         for record in sorted(self.array_parts(run), key=lambda record: record.first_iid):
             records.setdefault((record.kind, record.side, record.mode), record)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import ExpressionError, RequestError, unknown
+from s2rstore.errors import DamagedStoreError, ExpressionError, RequestError, unknown
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
 from s2rstore.records import SPLITS, Side
@@ -167,11 +167,14 @@ def similar_instances(
 ) -> NDArray[np.int64]:
     """The instances that `like` selects, where `run` is the current run.
 
-    Raises ExpressionError where the run has no embeddings or the instance does not exist.
+    Raises ExpressionError where the run has no embeddings or the instance does not exist,
+    DamagedStoreError where the embeddings cannot be read.
     """
     if neighbours is None:
         raise ExpressionError(node.column, "like needs a store with embeddings")
     try:
         return neighbours(node.run or run, node.side, node.iid, node.count, trajectories)
+    except DamagedStoreError:
+        raise
     except RequestError as error:
         raise ExpressionError(node.column, f"like: {error}") from error

@@ -27,7 +27,7 @@ from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, schema
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.reader import Store
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, Coverage
 
 _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
@@ -482,11 +482,8 @@ def _uncomputed_parts(store: Store) -> Iterator[str]:
     counts = dict(store.execute(query))
     total = len(store.instances)
     for name, run in store.runs.items():
-        if run.key and 0 < counts.get(name, 0) < total:
-            yield (
-                f"run {name}: computed for {counts[name]} of {total} instances; `s2r precompute` "
-                "computes the others"
-            )
+        if note := Coverage(name, counts.get(name, 0), total).note if run.key else "":
+            yield note
         rows: dict[str, int] = {}
         for record in store.array_parts(name):
             if record.axes[:1] == ("iid",) and record.kind != "prediction":

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import NotComputedError
 from s2rstore.index.columns import valid_in_trajectories
 from s2rstore.metrics.top_k import top_k
 from s2rstore.reader import Store
@@ -30,7 +30,7 @@ def neighbours(
 
     The instance comes first, at 0; then at most `count` valid ones of the named trajectories
     (None = all), the nearest first, ties by iid. Empty where the instance has no embedding.
-    Raises RequestError for an unknown instance and for a run without embeddings.
+    Raises RequestError for an unknown instance, NotComputedError for a run without embeddings.
     """
     store.check_instance(iid)
     valid = store.run_columns(run).valid
@@ -40,20 +40,21 @@ def neighbours(
 
 def can_compare(store: Store, run: str) -> bool:
     """Whether a run has embeddings."""
-    return any(record.kind in _KINDS for record in store.arrays(run))
+    return any(record.kind in _KINDS for record in store.array_kinds(run))
 
 
 def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
     """The vectors that `neighbours` compares, (N, D): principal components, NaN where missing.
 
-    Cached for the next query. Raises RequestError for a run without embeddings.
+    Cached for the next query. Raises NotComputedError for a run without embeddings.
     """
 
     def read() -> NDArray[np.float32]:
-        kinds = {record.kind for record in store.arrays(run)}
+        kinds = {record.kind for record in store.array_kinds(run)}
         kind = next((kind for kind in _KINDS if kind in kinds), None)
         if kind is None:
-            raise RequestError(f"run {run!r} has no embeddings to compare; run `s2r precompute`")
+            message = f"run {run!r} has no embeddings to compare; run `s2r precompute`"
+            raise NotComputedError(message)
         return np.asarray(store.array(run, kind, side)[1].filled(), dtype=np.float32)
 
     return store.embeddings.get((run, side), read)

@@ -49,6 +49,7 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "model_sha256": store.models[run.model].sha256,
         "expression": evidence.expression,
         "selected": int(evidence.iids.size),
+        "note": store.coverage(run.run).note,
         "drives": [drive.name for drive in evidence.drives],
         "settings": {
             "replicates": settings.replicates,

@@ -6,12 +6,14 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from s2rstore.errors import RequestError
+from s2rtools import translation
 from s2rtools.common.result_files import write_all
 from s2rtools.lane_detection.line_detector import (
     DEFAULT_THRESHOLDS,
@@ -220,13 +222,29 @@ def _limited(images: ImageSet) -> ImageSet:
 def _key(request: FitRequest, source: ImageSet, target: ImageSet) -> str:
     method = METHODS[request.source.method]
     seed, minutes = (request.seed, request.minutes) if method.learned else (0, None)
-    facts = [method.name, method.version, request.source.options, request.direction, seed, minutes]
+    options = [(name, value, _file_digest(value)) for name, value in request.source.options]
+    facts = [method.name, _translation_code(), options, request.direction, seed, minutes]
     digest = hashlib.sha256(json.dumps(facts).encode())
     for images in (source, target):
         digest.update(json.dumps(images.images.shape).encode())
         digest.update(np.ascontiguousarray(images.images).tobytes())
         digest.update(np.ascontiguousarray(images.groups, dtype=np.int64).tobytes())
     return f"{method.name}-{digest.hexdigest()[:16]}"
+
+
+@cache
+def _translation_code() -> str:
+    """Hash of the code of all methods: the default values of their options are part of it."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(translation.__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _file_digest(value: str) -> str | None:
+    """Hash of the file that the value of an option names; None for other values."""
+    path = Path(value)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
 
 
 def translated(translator: Translator | None, images: Rgb) -> Rgb:

@@ -70,7 +70,7 @@ def score_heatmaps(truth: GroundTruth, runs: list[str], seed: int) -> list[HeatS
 def _scored_kinds(store: Store, run: str) -> list[tuple[str, str | None]]:
     """Kinds and modes to score; of kinds with several planes, the plane of the loss."""
     chosen: dict[tuple[str, str | None], None] = {}
-    for record in store.arrays(run):
+    for record in store.array_kinds(run):
         if record.kind in HEATMAP_KINDS:
             mode = "loss" if HEATMAP_KINDS[record.kind].planes else record.mode
             chosen[record.kind, mode] = None

@@ -54,10 +54,11 @@ def write_checkpoint(
     write_file(path, save(plain, header))
 
 
-def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitProgress | None:
-    """Restore `state`; None, and `state` unchanged, where the file is of a fit with other facts.
+def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitProgress:
+    """Restore `state` and give the progress.
 
-    Raises RequestError if the file is damaged.
+    Raises RequestError, and leaves `state` unchanged, if the file is that of a fit with other
+    facts, which it names, or damaged.
     """
     check_regular(path)
     try:
@@ -68,16 +69,26 @@ def read_checkpoint(path: Path, state: FitState, facts: dict[str, Any]) -> FitPr
         raise RequestError(
             f"{path}: not a checkpoint ({error}); remove it to start again"
         ) from error
-    if header.get("facts") != json.dumps(facts, sort_keys=True):
-        return None
     try:
+        if others := _differences(json.loads(header["facts"]), facts):
+            raise RequestError(
+                f"{path}: checkpoint of another fit (other {', '.join(others)}); repeat that fit, "
+                "or remove the file to start again"
+            )
         _restore(tensors, state)
         return FitProgress(**json.loads(header["progress"]))
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RuntimeError) as error:
         reason = str(error).splitlines()[0]
         raise RequestError(
             f"{path}: damaged checkpoint ({reason}); remove it to start again"
         ) from error
+
+
+def _differences(stored: dict[str, Any], facts: dict[str, Any]) -> list[str]:
+    """The names of the facts in which two fits differ."""
+    facts = json.loads(json.dumps(facts))
+    names = sorted(stored.keys() | facts.keys())
+    return [name for name in names if stored.get(name) != facts.get(name)]
 
 
 def _restore(tensors: Mapping[str, Tensor], state: FitState) -> None:

@@ -108,15 +108,15 @@ def run_fit(
 
     With `settings.checkpoint`, the state is saved every few seconds, at the end and after an
     interrupt between two steps; an interrupt inside a step keeps the last saved state. A fit with
-    a checkpoint of the same fit continues there, one with that of another fit starts again. A
-    continued fit of a number of steps gives the same result as an uninterrupted one. Raises
-    RequestError where the loss is not finite.
+    a checkpoint of the same fit continues there. A continued fit of a number of steps gives the
+    same result as an uninterrupted one. Raises RequestError where the loss is not finite, and for
+    the checkpoint of another fit, which is never overwritten.
     """
     facts = _facts(sampler, plan, settings)
     path = settings.checkpoint
     progress = FitProgress()
     if path is not None and path.exists():
-        progress = read_checkpoint(path, learner.state, facts) or progress
+        progress = read_checkpoint(path, learner.state, facts)
     steps = _steps(plan, settings)
     learner.state.network.train().requires_grad_(True)
     saved = time.monotonic()

@@ -74,7 +74,7 @@ class VisualAxis(Axis):
             return None
         store, run = evidence.store, evidence.run
         reason = instance_selection.uncomputed_reason(evidence)
-        if reason is None and not any(r.kind == "embedding" for r in store.arrays(run)):
+        if reason is None and not any(r.kind == "embedding" for r in store.array_kinds(run)):
             reason = f"run {run!r} has no embeddings; run `s2r precompute`"
         return reason
 

@@ -1,0 +1,311 @@
+"""Every entry point that reads an array of a store fails where one of its shards is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import astuple
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.metrics.nearest_neighbours import neighbours
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rstore.run_inputs import run_frames
+from s2rtools.gap.visual import visual_axis
+from s2rtools.scoring import heatmap_metrics
+from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.scoring.heatmap_metrics import score_heatmaps
+from s2rtools.training import pretrained
+from s2rtools.translator_evaluation import report
+from s2rtui.charts.instance.model import instance_input
+from s2rtui.charts.registry import STORED
+from s2rtui.cli import main
+from s2rtui.session import HeatChoice, heatmaps
+from tests.support.hidden_shards import (
+    Function,
+    array_of,
+    command,
+    files_read,
+    hidden,
+    linked_copy,
+    outcome,
+    shard_files,
+)
+
+pytestmark = pytest.mark.xdist_group("hidden shards")
+RUNS = ("vanilla", "up")
+"""Runs of the store; the sim camera of `up` is moved."""
+COUNT = 6
+"""Instances of either part."""
+IIDS = (0, COUNT)
+"""An instance of either part."""
+HEATS = (
+    "activation:loss", "activation:x", "activation:y", "activation:heading", "feature_distance",
+    "pixel_difference:rgb", "pixel_difference:depth", "harmonised_distance",
+    "harmonised_difference", "occlusion:rgb", "occlusion:depth", "occlusion:rgbd",
+)  # fmt: skip
+MOVES = "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6"
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A computed world of two parts with all heatmaps of two runs."""
+    store = tmp_path_factory.mktemp("hidden") / "w.s2r"
+    ingest = "ingest", "world", "--instances", str(COUNT), "--store", str(store)
+    assert main([*ingest, "--size", "64", "--trajectory", "traj1"]) == 0
+    pretrained.add_pretrained_models(store)
+    moved = "--model", "vanilla", "--adjust", MOVES, "--store", str(store)
+    assert main(["run", "add", "up", *moved]) == 0
+    runs = [word for run in RUNS for word in ("--run", run)]
+    assert main(["precompute", str(store), *runs]) == 0
+    assert main([*ingest, "--append"]) == 0
+    assert main(["precompute", str(store), *runs]) == 0
+    fit = "translate", "fit", "levels", "--store", str(store), "--name", "T"
+    assert main(list(fit)) == 0
+    return store
+
+
+# --- functions of an open store, in families that read the same arrays in the same way ------------
+
+
+def stored_arrays(store: Store) -> Iterator[Function]:
+    for run in RUNS:
+        for record in store.array_parts(run):
+            yield lambda record=record: store.stored(record)[:]
+
+
+def whole_arrays(store: Store) -> Iterator[Function]:
+    """The arrays that `Store.array` joins from their parts."""
+    for run in RUNS:
+        for record in store.array_kinds(run):
+            if record.axes[0] == "iid":
+                names = run, record.kind, record.side, record.mode
+                yield lambda names=names: store.array(*names)[1][:]
+
+
+def frames(store: Store) -> Iterator[Function]:
+    for domain in SIDES:
+        for iid in IIDS:
+            yield lambda domain=domain, iid=iid: store.frame(iid, domain)
+
+
+def run_images(store: Store) -> Iterator[Function]:
+    """The images of the moved camera among them."""
+    for run in RUNS:
+        for side in SIDES:
+            yield lambda run=run, side=side: run_frames(store, store.run(run), side, 0, 2 * COUNT)
+
+
+def choices() -> Iterator[tuple[str, HeatChoice]]:
+    for run, heat, side in product(RUNS, HEATS, SIDES):
+        kind, _, mode = heat.partition(":")
+        yield run, HeatChoice(kind, mode or None, side)
+
+
+def instance_views(store: Store) -> Iterator[Function]:
+    for (run, heat), iid in product(choices(), IIDS):
+        yield lambda run=run, heat=heat, iid=iid: instance_input(store, run, iid, heat)
+
+
+def maps_of_runs(store: Store) -> Iterator[Function]:
+    for run, heat in choices():
+        yield lambda run=run, heat=heat: heatmaps.run_grid(store, run, heat)
+
+
+def maps_of_instances(store: Store) -> Iterator[Function]:
+    for (run, heat), iid in product(choices(), IIDS):
+        yield lambda run=run, heat=heat, iid=iid: heatmaps.instance_grid(store, run, heat, iid)
+
+
+def maps_of_selections(store: Store) -> Iterator[Function]:
+    iids = np.arange(2 * COUNT)
+    for run, heat in choices():
+        yield lambda run=run, heat=heat: heatmaps.selection_grid(store, run, heat, iids, "sum")
+
+
+def seen_floor(store: Store) -> Iterator[Function]:
+    iids = np.array(IIDS)
+    for run in RUNS:
+        for side in SIDES:
+            yield lambda run=run, side=side: heatmaps.visible_floor(store, run, side, iids)
+
+
+def similar(store: Store) -> Iterator[Function]:
+    for run in RUNS:
+        for side in SIDES:
+            yield lambda run=run, side=side: neighbours(store, run, side, 1, 3)
+
+
+def scores(store: Store) -> Iterator[Function]:
+    """The part of `s2r score` that reads heatmaps."""
+    truth = GroundTruth(store)
+    yield lambda: list(map(astuple, score_heatmaps(truth, ["up"], 0)))
+
+
+FAMILIES = (
+    stored_arrays, whole_arrays, frames, run_images, instance_views, maps_of_runs,
+    maps_of_instances, maps_of_selections, seen_floor, similar, scores,
+)  # fmt: skip
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+EXPORT = "export", "{store}", "--out", "{out}", "--view"
+COMMANDS = (
+    ("query", "{store}", "worst(50%, real.error)", "--json"),
+    ("query", "{store}", "like(1, 3)", "--json"),
+    ("query", "{store}", 'run("up").real.error > 0 & like(1, 3)', "--trajectory", "traj2"),
+    ("query", "{store}", "like(1, 3)", "--count"),
+    ("sql", "{store}", "SELECT run, sum(x) FROM prediction GROUP BY run ORDER BY run"),
+    ("runs", "{store}", "--json"),
+    *(("show", "{store}", view, "--select", "like(1, 3)") for view in STORED),
+    ("show", "{store}", "map", "--words"),
+    (*EXPORT, "instance", "--heat", "pixel_difference", "--iid", str(COUNT)),
+    (*EXPORT, "map", "--heat", "occlusion:rgb", "--on", "run", "--run", "up"),
+    (*EXPORT, "map", "--heat", "feature_distance", "--on", "selection", "--clip"),
+    (*EXPORT, "workbench", "--heat", "activation:x", "--on", "run"),
+    ("snapshot", "{store}", "--size", "160x48", "--keys", "3", "--out", "{out}"),
+    ("report", "{store}", "--select", "like(2, 2)", "--heat", "activation:x", "--light", "--out",
+     "{out}"),
+    ("gap", "{store}", "--axis", "visual", "--json"),
+    ("gap", "{store}", "--axis", "task", "--json"),
+    ("translate", "report", "--store", "{store}", "--no-keep", "--json", "T"),
+    ("translate", "report", "--store", "{store}", "--no-keep", "--json", "--run", "up", "T"),
+)  # fmt: skip
+
+
+@pytest.fixture
+def small_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Allow the few instances of the store, few replicates, and measure no time."""
+    monkeypatch.setattr(visual_axis, "MIN_INSTANCES", 2)
+    monkeypatch.setattr(visual_axis, "MIN_BLOCKS", 2)
+    monkeypatch.setattr(heatmap_metrics, "REPLICATES", 2)
+    monkeypatch.setattr(report, "milliseconds_per_image", lambda *arguments: 1.0)
+
+
+def check(functions: Iterable[Function], path: Path, most: int = 1000) -> set[str]:
+    """Hide each shard that one of the functions reads, `most` for each; gives these shards.
+
+    A function must fail and name the shard. It must not change where all shards that it does not
+    read are hidden.
+    """
+    shards, tried = set(shard_files(path)), set()
+    for function in functions:
+        with files_read(path) as names:
+            whole = outcome(function)
+        assert whole.code in (0, 3), whole.error
+        used = names & shards
+        if used and used <= tried:
+            continue
+        new = sorted(used - tried)
+        for shard in new[:: -(-len(new) // most) or 1]:
+            with hidden(path, [shard]):
+                found = outcome(function)
+            assert (found.code, found.result) == (2, None), shard
+            assert str(path / shard) in found.error, (shard, found.error)
+        with hidden(path, shards - used):
+            assert outcome(function) == whole
+        tried |= used
+    return tried
+
+
+@pytest.mark.usefixtures("small_scale")
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.__name__)
+def test_functions_name_a_hidden_shard(
+    family: Callable[[Store], Iterable[Function]], computed: Path
+) -> None:
+    with s2rstore.open(computed) as store:
+
+        def without_cache(function: Function) -> Function:
+            return lambda: store.embeddings.clear() or function()
+
+        assert check(map(without_cache, family(store)), computed)
+
+
+@pytest.mark.usefixtures("small_scale")
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words))
+def test_commands_name_a_hidden_shard(words: tuple[str, ...], computed: Path) -> None:
+    check([command(computed, *words)], computed, most=2 if words[0] == "report" else 4)
+
+
+def test_every_kind_of_array_is_covered(computed: Path) -> None:
+    with s2rstore.open(computed) as store, files_read(computed) as read:
+        for function in (*stored_arrays(store), *frames(store)):
+            function()
+    assert set(shard_files(computed)) <= read
+    with s2rstore.open(computed) as store:
+        for run in RUNS:
+            known = heatmaps.heatmap_choices(store, run)
+            assert sorted(":".join(filter(None, names)) for names in known) == sorted(HEATS)
+        kinds = {record.kind for record in store.array_kinds("up")}
+    assert kinds >= {"prediction", "embedding", "pca", "umap", "neighbour_distance"}
+    assert kinds >= {"frames:rgb", "frames:depth", "map:occlusion"}
+    parts = {}
+    for shard in shard_files(computed):
+        if shard.startswith("runs.zarr/"):
+            name = array_of(computed, shard).split("/")
+            parts.setdefault((name[1], name[3]), set()).add(name[2])
+    assert {len(keys) for keys in parts.values()} == {2}
+
+
+def test_verify_lists_every_hidden_shard(computed: Path) -> None:
+    shards = shard_files(computed)
+    with hidden(computed, shards):
+        found = outcome(command(computed, "verify", "{store}"))
+    assert found.code == 1
+    for shard in shards:
+        assert shard in found.error, shard
+
+
+def test_score_names_a_hidden_shard(computed: Path) -> None:
+    shards = [name for name in shard_files(computed) if "occlusion.rgbd.real" in name]
+    with hidden(computed, shards):
+        found = outcome(command(computed, "score", "{store}", "--run", "up", "--no-keep"))
+    assert (found.code, found.result) == (2, None)
+    assert any(str(computed / shard) in found.error for shard in shards)
+
+
+@pytest.mark.parametrize("image", ["rgb", "depth"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("translate", "fit", "levels", "--store", "{store}", "--name", "U", "--depth-noise"),
+        ("train", "--recipe", "vanilla", "--steps", "1", "--name", "U", "--store", "{store}"),
+        ("precompute", "{store}", "--run", "new"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_that_write_name_missing_frames_and_write_nothing(
+    words: tuple[str, ...], image: str, computed: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    store = linked_copy(computed, tmp_path / "w.s2r")
+    assert main(["run", "add", "new", "--model", "dataaug", "--store", str(store)]) == 0
+    before = set(store.rglob("*.duckdb"))
+    shards = [name for name in shard_files(store) if f"frames.zarr/real/traj2/{image}" in name]
+    with hidden(store, shards):
+        found = outcome(command(store, *words))
+    assert (found.code, found.result) == (2, None)
+    assert str(store / shards[0]) in found.error
+    assert set(store.rglob("*.duckdb")) == before
+
+
+def test_precompute_computes_missing_shards_again(computed: Path, tmp_path: Path) -> None:
+    store = linked_copy(computed, tmp_path / "w.s2r")
+    gone = [name for name in shard_files(store) if name.startswith("runs.zarr/")]
+    for name in gone:
+        (store / name).unlink()
+    assert main(["precompute", str(store), "--run", "vanilla", "--run", "up"]) == 0
+    assert main(["verify", str(store)]) == 0
+    with s2rstore.open(store) as again, s2rstore.open(computed) as first:
+        for run in RUNS:
+            for record in first.array_parts(run):
+                np.testing.assert_allclose(
+                    again.stored(record)[:].astype(float), first.stored(record)[:].astype(float),
+                    rtol=1e-4, atol=1e-4,
+                )  # fmt: skip
