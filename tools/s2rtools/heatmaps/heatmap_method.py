@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -88,7 +88,6 @@ class OutputSpec:
     axes: tuple[str, ...]
     unit: str
     dtype: str = "float32"
-    attributes: dict[str, str] = field(default_factory=dict)
 
 
 class HeatmapKind(ABC):
@@ -96,7 +95,8 @@ class HeatmapKind(ABC):
 
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
-    `model_free` kinds need no network; `aligned` kinds compare both views by calibrated rigs.
+    `model_free` kinds need no network; `uses_features` tells whether `compute` reads the features
+    and predictions of the pair; `aligned` kinds compare both views by calibrated rigs.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
@@ -106,6 +106,7 @@ class HeatmapKind(ABC):
     cost: ClassVar[Literal["forward", "many"]] = "forward"
     planes: ClassVar[tuple[str, ...]] = ()
     model_free: ClassVar[bool] = False
+    uses_features: ClassVar[bool] = False
     aligned: ClassVar[bool] = False
     surface: ClassVar[Literal["own", "nearer"]] = "own"
 
@@ -116,6 +117,13 @@ class HeatmapKind(ABC):
     @abstractmethod
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         """The arrays that `compute` fills."""
+
+    def attributes(self, model: LoadedModel, differences: str = "float32") -> dict[str, str]:
+        """How the values are computed; stored with each array.
+
+        `differences` is the precision of the differences of the backend, see `Backend`.
+        """
+        return {}
 
     @abstractmethod
     def compute(self, pair: PairBatch) -> HeatArrays:

@@ -26,6 +26,7 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rstore.run_inputs import FRAME_KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 
 KEY_VERSION = 1
 
@@ -87,6 +88,11 @@ class Stage:
     @property
     def first_iid(self) -> int:
         return self.specs[0].first_iid
+
+    @property
+    def is_network(self) -> bool:
+        """Whether the units run the network."""
+        return self.name == "forward" or self.name in HEATMAP_KINDS
 
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)
