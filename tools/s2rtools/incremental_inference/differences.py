@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from s2rtools.incremental_inference.graph import BaseOutputs, Convolution, LocalGraph, Operation
+from s2rtools.incremental_inference.graph import BaseOutputs, LocalGraph, Operation
 from s2rtools.incremental_inference.regions import PixelRegion
 
 SHARE = 0.05
@@ -64,9 +64,7 @@ class DifferenceGraph:
                 parts[step.name] = differences.new_empty((len(differences), channels, 0, 0))
                 continue
             if step.convolution is not None:
-                parts[step.name] = self._convolved(
-                    step, step.convolution, base, parts, regions, lead
-                )
+                parts[step.name] = self._convolved(step, base, parts, regions, lead)
             elif step.kind in ("add", "concatenate"):
                 canvases = [self._canvas(step, name, parts[name], regions) for name in step.inputs]
                 parts[step.name] = step.call(*canvases)
@@ -75,13 +73,13 @@ class DifferenceGraph:
         return parts[self.graph.output].unflatten(0, lead)
 
     def _convolved(
-        self, step: Operation, part: Convolution, base: BaseOutputs, parts: dict[str, Tensor],
-        regions: Regions, lead: tuple[int, ...],
+        self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,
+        lead: tuple[int, ...],
     ) -> Tensor:  # fmt: skip
-        weight = self._weights[step.name]
+        part, weight = step.convolution, self._weights[step.name]
         canvas = self._canvas(step, step.inputs[0], parts[step.inputs[0]], regions, weight.dtype)
+        assert part is not None and step.windows is not None
         change = part.linear(canvas, weight).float()
-        assert step.windows is not None
         strides = [w.stride // s for w, s in zip(step.windows, part.strides, strict=True)]
         height, width = change.shape[-2:]
         corners = [(r[step.name].r0 * strides[0], r[step.name].c0 * strides[1]) for r in regions]

@@ -273,6 +273,10 @@ def _fuse_operations(steps: list[Operation], output: str) -> tuple[list[Operatio
     return list(fused.values()), renamed.get(output, output)
 
 
+def _concatenated(*parts: Tensor) -> Tensor:
+    return torch.cat(parts, dim=1)
+
+
 def _unchanged(x: Tensor) -> Tensor:
     return x
 
@@ -301,9 +305,7 @@ def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> Operation:
         if node.target in _ADD and len(inputs) == 2 and not node.kwargs:
             return Operation(node.name, inputs, "add", torch.add)
         if node.target in _CAT and node.kwargs.get("dim", (*node.args, 0)[1]) == 1:
-            return Operation(
-                node.name, inputs, "concatenate", lambda *parts: torch.cat(parts, dim=1)
-            )
+            return Operation(node.name, inputs, "concatenate", _concatenated)
     raise NotLocalError(f"{node.name} ({node.target}) is not local")
 
 

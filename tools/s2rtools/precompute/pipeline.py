@@ -44,8 +44,8 @@ class ProgressReporter(Protocol):
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
 
-    `refit` fits projections on all instances again. `backend` names the backend of predictions; `auto`
-    keeps that of earlier computations of a run, else it measures which one is the fastest.
+    `refit` fits projections on all instances again. `backend` names that of the
+    predictions; `auto` keeps the recorded one of a run, else it measures which is the fastest.
     """
 
     kinds: tuple[str, ...] | None = None
