@@ -78,7 +78,8 @@ class DifferenceGraph:
     ) -> Tensor:  # fmt: skip
         part, weight = step.convolution, self._weights[step.name]
         canvas = self._canvas(step, step.inputs[0], parts[step.inputs[0]], regions, weight.dtype)
-        assert part is not None and step.windows is not None
+        assert part is not None
+        assert step.windows is not None
         change = part.linear(canvas, weight).float()
         strides = [w.stride // s for w, s in zip(step.windows, part.strides, strict=True)]
         height, width = change.shape[-2:]
