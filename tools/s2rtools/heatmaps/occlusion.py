@@ -64,7 +64,7 @@ class Occlusion(HeatmapKind):
         ]
 
     def attributes(self, model: LoadedModel, differences: str = "float32") -> dict[str, str]:
-        trunk = fold_batch_norm(model.network.trunk)
+        trunk = fold_batch_norm(model.network.trunk).cpu()
         reason = non_local_reason(trunk)
         if reason is not None:
             return {"method": f"in full: {reason}"}
