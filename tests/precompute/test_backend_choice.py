@@ -22,15 +22,6 @@ pytestmark = pytest.mark.xdist_group("computed")
 KINDS = ("feature_distance",)
 
 
-class Lines(SilentReporter):
-    def __init__(self) -> None:
-        super().__init__()
-        self.lines: list[str] = []
-
-    def say(self, line: str) -> None:
-        self.lines.append(line)
-
-
 @pytest.fixture
 def store(trained_store: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(trained_store, tmp_path / "s.s2r"))
@@ -47,9 +38,9 @@ def bfloat16_is_fastest(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def compute(path: Path, backend: str = "auto") -> list[str]:
-    lines = Lines()
-    precompute(path, lines, ["vanilla"], PrecomputeOptions(KINDS, backend=backend))
-    return lines.lines
+    reporter = SilentReporter()
+    precompute(path, reporter, ["vanilla"], PrecomputeOptions(KINDS, backend=backend))
+    return reporter.lines
 
 
 def record(path: Path) -> dict[str, object]:
