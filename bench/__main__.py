@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    end_to_end,
     inference,
     live_prediction,
     map_grids,
@@ -41,6 +42,7 @@ _MEASUREMENTS = (
     "live_prediction",
     "precompute_memory",
     "time_delay",
+    "end_to_end",
 )
 
 
@@ -51,6 +53,13 @@ def main() -> int:
     parser.add_argument(
         "--store", type=Path, help="a computed store for startup and terminal_bytes"
     )
+    parser.add_argument(
+        "--pairs", type=int, help="real pairs for end_to_end, evenly spread (default: all)"
+    )
+    parser.add_argument(
+        "--commit", default=end_to_end.COMMIT,
+        help="revision or working tree to compare end_to_end with (default %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
     selected = options.only or list(_MEASUREMENTS)
@@ -88,6 +97,16 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from precompute_memory.figures((1_000, 100_000))
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "end_to_end" in selected:
+        yield from _end_to_end(options)
+
+
+def _end_to_end(options: argparse.Namespace) -> Iterator[BudgetRow]:
+    data = os.environ.get("S2R_DATA")
+    if data:
+        yield from end_to_end.figures(Path(data), options.pairs, options.commit)
+    else:
+        print("end_to_end: skipped, S2R_DATA names no Sim2RealViz data", file=sys.stderr)
 
 
 def _computed(folder: Path) -> Path:

@@ -41,7 +41,7 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[BudgetRow]
     images = sum(len(x) for x in inputs)
     sample = np.concatenate(inputs[:2])
     for name in ("torch", "auto"):
-        backend = choose_backend(model, sample, name, threads)
+        backend = choose_backend(model, sample, name, threads).backend
         label = f"{name} ({backend.precision})"
         if name == "auto" and backend.name == "torch":
             yield BudgetRow("no backend is faster and close enough", 1, "")

@@ -29,7 +29,7 @@ def figures(threads: int) -> Iterator[BudgetRow]:
         graph = LocalGraph(backend.trunk)
         with torch.inference_mode():
             local = seconds(
-                partial(occlusion._recompute_locally, backend, graph, x, other, patches), 3
+                partial(occlusion._recompute_locally, backend, x, other, patches, graph), 3
             )
             forwards = [
                 216 / batch * seconds(partial(_forward, backend, x[:1].repeat(batch, 1, 1, 1)), 3)

@@ -13,6 +13,8 @@ from tests.support.copies import copy_store
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
+os.environ["S2R_BACKEND"] = "torch"
+"""The default measures which backend is the fastest, so that values would depend on the machine."""
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from s2rstore.errors import RequestError
-from s2rtools.inference import Backend, choose_backend, open_backend
+from s2rtools.inference import Backend, MeasuredBackend, calibration, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from tests.support import networks
@@ -33,12 +33,12 @@ def test_folding_does_not_change_the_outputs(architecture: str) -> None:
     assert "BatchNorm2d" not in names
 
 
-def test_the_default_is_float32_and_deterministic() -> None:
+def test_torch_is_float32_and_deterministic() -> None:
     model = networks.build_model("resposenet")
     x = batch(model)
-    backend = choose_backend(model, x)
+    backend = choose_backend(model, x, "torch").backend
     assert (backend.name, backend.precision) == ("torch", "float32")
-    assert (backend.forward_all(x).pose == choose_backend(model, x).forward_all(x).pose).all()
+    assert (backend.forward_all(x).pose == Backend(model).forward_all(x).pose).all()
 
 
 def test_an_inaccurate_backend_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,9 +53,35 @@ def test_an_inaccurate_backend_is_rejected(monkeypatch: pytest.MonkeyPatch) -> N
 def test_auto_selects_only_accurate_backends() -> None:
     model = networks.build_model("resposenet")
     x = batch(model)
-    backend = choose_backend(model, x, "auto")
+    chosen = choose_backend(model, x, "auto")
     reference = Backend(model).forward_all(x).pose
-    assert np.hypot(*(backend.forward_all(x).pose - reference)[:, :2].T).max() <= 0.01
+    deviation = np.hypot(*(chosen.backend.forward_all(x).pose - reference)[:, :2].T).max()
+    assert deviation <= 0.01
+    assert chosen.metres == pytest.approx(deviation, abs=1e-5)
+
+
+def measured(name: str, speed: float, metres: float) -> MeasuredBackend:
+    backend = Backend(networks.build_model("resposenet"))
+    backend.precision = name
+    return MeasuredBackend(backend, speed, metres, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("candidates", "expected"),
+    [
+        ([("fast", 3.0, 0.001), ("faster", 5.0, 0.02)], "fast"),
+        ([("exact", 3.0, 0.0), ("little faster", 3.2, 0.001)], "exact"),
+        ([("exact", 1.3, 0.0), ("fast", 4.0, 0.009)], "fast"),
+        ([("slow", 0.5, 0.0)], "float32"),
+    ],
+)
+def test_auto_prefers_speed_among_the_accurate(
+    candidates: list[tuple[str, float, float]], expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = networks.build_model("resposenet")
+    results = [measured(*candidate) for candidate in candidates]
+    monkeypatch.setattr(calibration, "measure_backends", lambda *given: results)
+    assert choose_backend(model, batch(model), "auto").backend.precision == expected
 
 
 def test_unknown_and_missing_backends_are_named() -> None:

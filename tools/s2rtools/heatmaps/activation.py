@@ -31,6 +31,7 @@ class Activation(HeatmapKind):
 
     name = "activation"
     planes = ("x", "y", "heading", "loss")
+    uses_features = True
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         shape = (len(self.planes), *feature_size(model))

@@ -23,6 +23,7 @@ class FeatureDistance(HeatmapKind):
 
     name = "feature_distance"
     uses_truth = False
+    uses_features = True
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         return [OutputSpec(None, None, feature_size(model), ("row", "column"), "activation")]

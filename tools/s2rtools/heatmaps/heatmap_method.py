@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -88,7 +88,6 @@ class OutputSpec:
     axes: tuple[str, ...]
     unit: str
     dtype: str = "float32"
-    attributes: dict[str, str] = field(default_factory=dict)
 
 
 class HeatmapKind(ABC):
@@ -96,8 +95,9 @@ class HeatmapKind(ABC):
 
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
-    `model_free` kinds need no network, and `uses_truth` tells whether the true poses matter;
-    `aligned` kinds compare both views by calibrated rigs.
+    `model_free` kinds need no network; `uses_features` tells whether `compute` reads the features
+    and predictions of the pair, `uses_truth` whether it reads the true poses; `aligned` kinds
+    compare both views by calibrated rigs.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
@@ -108,6 +108,7 @@ class HeatmapKind(ABC):
     planes: ClassVar[tuple[str, ...]] = ()
     model_free: ClassVar[bool] = False
     uses_truth: ClassVar[bool] = True
+    uses_features: ClassVar[bool] = False
     aligned: ClassVar[bool] = False
     surface: ClassVar[Literal["own", "nearer"]] = "own"
 
@@ -118,6 +119,13 @@ class HeatmapKind(ABC):
     @abstractmethod
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         """The arrays that `compute` fills."""
+
+    def attributes(self, model: LoadedModel, differences: str = "float32") -> dict[str, str]:
+        """How the values are computed; stored with each array.
+
+        `differences` is the precision of the differences of the backend, see `Backend`.
+        """
+        return {}
 
     @abstractmethod
     def compute(self, pair: PairBatch) -> HeatArrays:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -13,7 +15,14 @@ from torch import Tensor
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
-from s2rtools.incremental_inference import LocalGraph, PixelRegion, cut_patches, non_local_reason
+from s2rtools.incremental_inference import (
+    DifferenceGraph,
+    LocalGraph,
+    PixelRegion,
+    cut_patches,
+    local_cost,
+    non_local_reason,
+)
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
@@ -22,15 +31,23 @@ MODES = ("rgb", "depth", "rgbd")
 _CHANNELS = {"rgb": (0, 1, 2), "depth": (3,), "rgbd": (0, 1, 2, 3)}
 _BATCH = 8
 _PIXELS_AT_ONCE = 8 * 128 * 128
+_PIXELS_AT_ONCE_ON_GPU = 128 * 128 * 128
+
+Poses = tuple[NDArray[np.float64], NDArray[np.float64]]
+Recompute = Callable[[Backend, Tensor, Tensor, list[PixelRegion]], Poses]
+"""Poses (N, 3) of unchanged inputs (N, 4, h, w), and (N, P, M, 3) with patches of the others."""
+_METHODS: WeakKeyDictionary[Backend, tuple[str, Recompute]] = WeakKeyDictionary()
 
 
 class Occlusion(HeatmapKind):
     """Replace each of 6 x 6 patches of one side's input by the other side's patch.
 
     Plane 0 in metres, plane 1 in degrees of heading. Real input: error before - after; sim input:
-    error after - before; so values > 0 mark where the gap arises. Always float32 torch. The network
-    is recomputed locally if the trunk allows it, else fully: attribute `method`. Source: Zeiler and
-    Fergus, "Visualizing and understanding convolutional networks", 2014, with the exchange of
+    error after - before; so values > 0 mark where the gap arises. Computed in float32 torch. The
+    network is recomputed locally where the trunk allows it and a count of operations says that this
+    saves time, else in full. A run may compute the differences that the patches cause in bfloat16:
+    their error is then relative to the effect. The attribute `method` names the way. Source: Zeiler
+    and Fergus, "Visualizing and understanding convolutional networks", 2014, with the exchange of
     patches of Sim2RealViz, section 4.4.
     """
 
@@ -40,36 +57,51 @@ class Occlusion(HeatmapKind):
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         count = self.params["patches"]
-        reason = non_local_reason(fold_batch_norm(model.network.trunk))
-        method = "by locality" if reason is None else f"in full: {reason}"
         return [
-            OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees",
-                       attributes={"method": method})
+            OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees")
             for side in SIDES
             for mode in MODES
-        ]  # fmt: skip
+        ]
+
+    def attributes(self, model: LoadedModel, differences: str = "float32") -> dict[str, str]:
+        trunk = fold_batch_norm(model.network.trunk).cpu()
+        reason = non_local_reason(trunk)
+        if reason is not None:
+            return {"method": f"in full: {reason}"}
+        if differences != "float32":
+            return {"method": f"by locality, differences in {differences}"}
+        cost = local_cost(LocalGraph(trunk), model.network.input_size, self._patches(model))
+        if cost < 1:
+            return {"method": "by locality"}
+        return {"method": "in full: locality does not save time"}
+
+    def is_local(self, model: LoadedModel) -> bool:
+        """Whether the trunk can be recomputed locally."""
+        return non_local_reason(fold_batch_norm(model.network.trunk)) is None
+
+    def _patches(self, model: LoadedModel) -> list[PixelRegion]:
+        return cut_patches(*model.network.input_size, self.params["patches"])
 
     def compute(self, pair: PairBatch) -> HeatArrays:
         height, width = pair.model.network.input_size
-        backend = _float32_backend(pair.backend)
-        at_once = max(1, _PIXELS_AT_ONCE // (height * width))
+        at_once = max(1, _pixels_at_once(pair.backend) // (height * width))
+        method = self._method_of(pair.backend)
         parts = [
-            self._chunk(pair, backend, slice(start, start + at_once))
+            self._chunk(pair, method, slice(start, start + at_once))
             for start in range(0, len(pair.sim.x), at_once)
         ]
         return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
-    def _chunk(self, pair: PairBatch, backend: Backend, rows: slice) -> HeatArrays:
+    def _method_of(self, backend: Backend) -> Recompute:
+        """The function that recomputes the poses of changed inputs."""
+        return _chosen_method(self, backend)
+
+    def _chunk(self, pair: PairBatch, recompute: Recompute, rows: slice) -> HeatArrays:
         count = self.params["patches"]
-        patches = cut_patches(*pair.model.network.input_size, count)
         inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])
         others = torch.cat([pair.real.x[rows], pair.sim.x[rows]])
-        graph = _graph_of(backend.trunk)
         with torch.inference_mode():
-            if graph is None:
-                before, after = _recompute_fully(backend, inputs, others, patches)
-            else:
-                before, after = _recompute_locally(backend, graph, inputs, others, patches)
+            before, after = recompute(pair.backend, inputs, others, self._patches(pair.model))
         truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
         change = (
             _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
@@ -85,15 +117,24 @@ class Occlusion(HeatmapKind):
         return "depth" if mode == "depth" else "rgb"
 
 
-@lru_cache(maxsize=2)
-def _graph_of(trunk: torch.nn.Module) -> LocalGraph | None:
-    return LocalGraph(trunk) if non_local_reason(trunk) is None else None
+def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
+    """As `Occlusion.attributes` names it for the backend's model and precision of differences."""
+    key = backend.differences
+    if backend not in _METHODS or _METHODS[backend][0] != key:
+        method = kind.attributes(backend.model, key)["method"]
+        recompute: Recompute = _recompute_fully
+        if method.startswith("by locality"):
+            recompute = partial(_recompute_locally, graph=LocalGraph(backend.trunk))
+            if key != "float32":
+                graph = DifferenceGraph(LocalGraph(backend.trunk), getattr(torch, key))
+                recompute = partial(_recompute_differences, graph=graph)
+        _METHODS[backend] = key, recompute
+    return _METHODS[backend][1]
 
 
-@lru_cache(maxsize=2)
-def _float32_backend(backend: Backend) -> Backend:
-    """Float32 backend of the model, because reduced precision would hide small effects."""
-    return backend if type(backend) is Backend else Backend(backend.model)
+def _pixels_at_once(backend: Backend) -> int:
+    """Pixels of the inputs that are changed at once: what caches or the GPU's memory take."""
+    return _PIXELS_AT_ONCE if backend.device.type == "cpu" else _PIXELS_AT_ONCE_ON_GPU
 
 
 def _pose_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -120,17 +161,14 @@ def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
 
 
 def _recompute_locally(
-    backend: Backend, graph: LocalGraph, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion], graph: LocalGraph
+) -> Poses:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
     regions = [graph.affected_regions(patch, base) for patch in patches]
-    groups: dict[Any, list[int]] = {}
-    for number in range(len(patches)):
-        groups.setdefault(graph.batch_signature(regions[number]), []).append(number)
-    for numbers in groups.values():
+    for numbers in _batches(graph, regions):
         content = [_patch_content(inputs, others, patches[number]) for number in numbers]
         changed = graph.recompute(
             base, torch.stack(content, dim=1), [regions[number] for number in numbers]
@@ -144,9 +182,49 @@ def _recompute_locally(
     return _poses(backend, features), poses
 
 
+def _recompute_differences(
+    backend: Backend,
+    inputs: Tensor,
+    others: Tensor,
+    patches: list[PixelRegion],
+    graph: DifferenceGraph,
+) -> Poses:
+    """Like `_recompute_locally`, by differences in the precision of the graph."""
+    base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
+    output = graph.graph.output
+    features = base.outputs[output]
+    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    regions = [graph.graph.affected_regions(patch, base) for patch in patches]
+    for numbers in _batches(graph.graph, regions):
+        content = [
+            _patch_content(inputs, others, patches[number])
+            - inputs[:, None, :, patches[number].r0 : patches[number].r1,
+                     patches[number].c0 : patches[number].c1]
+            for number in numbers
+        ]  # fmt: skip
+        changes = graph.recompute(
+            base, torch.stack(content, dim=1), [regions[number] for number in numbers]
+        )
+        for position, number in enumerate(numbers):
+            target = regions[number][output]
+            full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
+            full[..., target.r0 : target.r1, target.c0 : target.c1] += changes[:, position]
+            changed_poses = _poses(backend, full.flatten(0, 1))
+            poses[:, number] = changed_poses.reshape(len(inputs), len(MODES), 3)
+    return _poses(backend, features), poses
+
+
+def _batches(graph: LocalGraph, regions: list[dict[str, PixelRegion]]) -> list[list[int]]:
+    """Numbers of the patches that can be computed together."""
+    groups: dict[Any, list[int]] = {}
+    for number, affected in enumerate(regions):
+        groups.setdefault(graph.batch_signature(affected), []).append(number)
+    return list(groups.values())
+
+
 def _recompute_fully(
     backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> Poses:
     """Like `_recompute_locally`, by running the whole network on every changed input."""
     poses = np.empty((len(inputs), len(patches), len(MODES), 3))
     for number, region in enumerate(patches):
@@ -155,6 +233,13 @@ def _recompute_fully(
             inputs, others, region
         )
         batches = changed.flatten(0, 1).split(_BATCH)
-        changed_poses = [_poses(backend, backend.features(batch)) for batch in batches]
+        changed_poses = [_poses(backend, _features(backend, batch)) for batch in batches]
         poses[:, number] = np.concatenate(changed_poses).reshape(len(inputs), len(MODES), 3)
-    return _poses(backend, backend.features(inputs)), poses
+    return _poses(backend, _features(backend, inputs)), poses
+
+
+def _features(backend: Backend, x: Tensor) -> Tensor:
+    """Trunk features in float32 torch, whatever the precision of the backend."""
+    assert backend.trunk is not None
+    features: Tensor = backend.trunk(x.contiguous(memory_format=torch.channels_last))
+    return features

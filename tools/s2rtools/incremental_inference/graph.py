@@ -51,11 +51,26 @@ class NotLocalError(ValueError):
     """The trunk contains an operation whose output depends on the whole image."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Convolution:
+    """The linear part of an operation and what follows: `after(linear(x, weight) + bias)`.
+
+    `linear` slides with the given strides along rows and columns, without padding.
+    """
+
+    linear: Callable[..., Tensor]
+    weight: Tensor
+    bias: Tensor | None
+    strides: Pair
+    after: Callable[[Tensor], Tensor]
+
+
 @dataclass(frozen=True, slots=True)
-class _Operation:
+class Operation:
     """One operation: its kind, the names of its inputs and the function that computes it.
 
-    `windows` slide along rows and columns of the input, which is padded with `fill`.
+    `windows` slide along rows and columns of the input, which is padded with `fill`. `convolution`
+    is the same as `call`, with its linear part apart.
     """
 
     name: str
@@ -64,14 +79,19 @@ class _Operation:
     call: Callable[..., Tensor]
     windows: tuple[SlidingWindow, SlidingWindow] | None = None
     fill: float = 0.0
+    convolution: Convolution | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseOutputs:
-    """Outputs of every operation for the unchanged images (N, C, h, w), and padded copies."""
+    """Outputs of every operation for the unchanged images (N, C, h, w), and padded copies.
+
+    `sums` are the outputs of the convolutions with bias, before the operations merged into them.
+    """
 
     outputs: dict[str, Tensor]
     padded: dict[str, Tensor]
+    sums: dict[str, Tensor]
 
 
 class LocalGraph:
@@ -86,7 +106,7 @@ class LocalGraph:
         if trunk.training:
             raise NotLocalError("it is in training mode")
         modules = dict(traced.named_modules())
-        self._steps: list[_Operation] = []
+        self._steps: list[Operation] = []
         self._input = last = ""
         for node in traced.graph.nodes:
             if node.op == "placeholder":
@@ -101,17 +121,36 @@ class LocalGraph:
                 self._steps.append(_operation(node, modules))
         self._steps, self.output = _fuse_operations(self._steps, last)
 
-    def compute_base(self, x: Tensor) -> BaseOutputs:
-        """Run the trunk on unchanged images, as the base of later calls."""
+    @property
+    def steps(self) -> tuple[Operation, ...]:
+        """The operations in the order of computation."""
+        return tuple(self._steps)
+
+    @property
+    def input(self) -> str:
+        """Name under which the input image stands among the outputs of operations."""
+        return self._input
+
+    def compute_base(self, x: Tensor, sums: bool = False) -> BaseOutputs:
+        """Run the trunk on unchanged images, as the base of later calls.
+
+        With `sums`, the outputs of the convolutions are kept for `recompute_differences`.
+        """
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
+        kept: dict[str, Tensor] = {}
         for step in self._steps:
             values = [outputs[name] for name in step.inputs]
             if step.windows is not None:
                 values = [_pad(values[0], *step.windows, step.fill)]
                 padded[step.name] = values[0]
-            outputs[step.name] = step.call(*values)
-        return BaseOutputs(outputs, padded)
+            if sums and step.convolution is not None:
+                part = step.convolution
+                kept[step.name] = part.linear(values[0], part.weight, part.bias)
+                outputs[step.name] = part.after(kept[step.name])
+            else:
+                outputs[step.name] = step.call(*values)
+        return BaseOutputs(outputs, padded, kept)
 
     def affected_regions(self, region: PixelRegion, base: BaseOutputs) -> dict[str, PixelRegion]:
         """For every operation, the output region that a changed input region affects."""
@@ -131,10 +170,10 @@ class LocalGraph:
         parts: list[Any] = [regions[self._input].shape]
         for step in self._steps:
             parts.append(regions[step.name].shape)
-            parts.extend(self._offset(step, regions, name) for name in step.inputs)
+            parts.extend(self.offset(step, regions, name) for name in step.inputs)
         return tuple(parts)
 
-    def _offset(self, step: _Operation, regions: dict[str, PixelRegion], name: str) -> Pair:
+    def offset(self, step: Operation, regions: dict[str, PixelRegion], name: str) -> Pair:
         """Offset of an input's changed part in the crop from which the step is computed."""
         target, source = regions[step.name], regions[name]
         if step.windows is None:
@@ -171,13 +210,13 @@ class LocalGraph:
         self,
         base: BaseOutputs,
         part: Tensor,
-        step: _Operation,
+        step: Operation,
         name: str,
         regions: Sequence[dict[str, PixelRegion]],
         lead: tuple[int, ...],
     ) -> Tensor:
         target = regions[0][step.name]
-        row, col = self._offset(step, regions[0], name)
+        row, col = self.offset(step, regions[0], name)
         required = [region[step.name] for region in regions]
         if step.windows is None:
             if part.shape[-2:] == target.shape:
@@ -202,14 +241,14 @@ class LocalGraph:
         return crop
 
 
-def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operation], str]:
+def _fuse_operations(steps: list[Operation], output: str) -> tuple[list[Operation], str]:
     """Merge pointwise steps and unpadded pooling into the window that alone feeds them.
 
     Merged steps are computed on the window's crop, not on separate crops. Returns the steps
     and the name of the last step.
     """
     users = Counter([output, *(name for step in steps for name in step.inputs)])
-    fused: dict[str, _Operation] = {}
+    fused: dict[str, Operation] = {}
     renamed: dict[str, str] = {}
     for step in steps:
         inputs = tuple(renamed.get(name, name) for name in step.inputs)
@@ -222,19 +261,31 @@ def _fuse_operations(steps: list[_Operation], output: str) -> tuple[list[_Operat
             if step.windows is not None:
                 rows, cols = rows.followed_by(step.windows[0]), cols.followed_by(step.windows[1])
             renamed[step.name] = before.name
+            part = before.convolution
+            if part is not None:
+                part = replace(part, after=_composed(part.after, step.call))
             fused[before.name] = replace(
-                before, windows=(rows, cols), call=_composed(before.call, step.call)
-            )
+                before, windows=(rows, cols), call=_composed(before.call, step.call),
+                convolution=part,
+            )  # fmt: skip
         else:
             fused[step.name] = replace(step, inputs=inputs)
     return list(fused.values()), renamed.get(output, output)
+
+
+def _concatenated(*parts: Tensor) -> Tensor:
+    return torch.cat(parts, dim=1)
+
+
+def _unchanged(x: Tensor) -> Tensor:
+    return x
 
 
 def _composed(first: Callable[..., Tensor], then: Callable[..., Tensor]) -> Callable[..., Tensor]:
     return lambda x: then(first(x))
 
 
-def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
+def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> Operation:
     inputs = tuple(_input_names(node))
     if node.op == "call_module":
         module = modules[str(node.target)]
@@ -243,18 +294,18 @@ def _operation(node: fx.Node, modules: dict[str, nn.Module]) -> _Operation:
         if isinstance(module, _POINTWISE):
             if getattr(module, "inplace", False):
                 module.inplace = False
-            return _Operation(node.name, inputs, "pointwise", module)
+            return Operation(node.name, inputs, "pointwise", module)
         if isinstance(module, _WINDOWS):
             return _window_operation(node.name, inputs, module)
         raise NotLocalError(f"{node.target} ({type(module).__name__}) is not local")
     if node.op == "call_function":
         if node.target in _POINTWISE_FUNCTIONS:
             options = {k: v for k, v in node.kwargs.items() if k != "inplace"}
-            return _Operation(node.name, inputs, "pointwise", partial(node.target, **options))
+            return Operation(node.name, inputs, "pointwise", partial(node.target, **options))
         if node.target in _ADD and len(inputs) == 2 and not node.kwargs:
-            return _Operation(node.name, inputs, "join", torch.add)
+            return Operation(node.name, inputs, "add", torch.add)
         if node.target in _CAT and node.kwargs.get("dim", (*node.args, 0)[1]) == 1:
-            return _Operation(node.name, inputs, "join", lambda *parts: torch.cat(parts, dim=1))
+            return Operation(node.name, inputs, "concatenate", _concatenated)
     raise NotLocalError(f"{node.name} ({node.target}) is not local")
 
 
@@ -271,7 +322,7 @@ def _pair(value: int | Pair) -> Pair:
     return (value, value) if isinstance(value, int) else (int(value[0]), int(value[1]))
 
 
-def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> _Operation:
+def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> Operation:
     padding_value = getattr(module, "padding", 0)
     if isinstance(padding_value, str) or getattr(module, "padding_mode", "zeros") != "zeros":
         raise NotLocalError(f"{name}: padding {padding_value!r} is not supported")
@@ -287,20 +338,21 @@ def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> 
         for k, s, p, d in zip(kernel, stride, padding, dilation, strict=True)
     )
     if isinstance(module, nn.Conv2d):
-        convolve = partial(
-            functional.conv2d, weight=module.weight, bias=module.bias, stride=stride, padding=0,
-            dilation=dilation, groups=module.groups,
-        )  # fmt: skip
-        return _Operation(name, inputs, "window", convolve, (rows, cols))
+        linear = partial(
+            functional.conv2d, stride=stride, padding=0, dilation=dilation, groups=module.groups
+        )
+        part = Convolution(linear, module.weight, module.bias, stride, _unchanged)
+        convolve = partial(linear, weight=module.weight, bias=module.bias)
+        return Operation(name, inputs, "window", convolve, (rows, cols), convolution=part)
     if isinstance(module, nn.MaxPool2d):
         largest = partial(
             functional.max_pool2d, kernel_size=kernel, stride=stride, padding=0, dilation=dilation
         )
-        return _Operation(name, inputs, "pool", largest, (rows, cols), -math.inf)
+        return Operation(name, inputs, "pool", largest, (rows, cols), -math.inf)
     if any(padding) and not module.count_include_pad:
         raise NotLocalError(f"{name}: average pooling that excludes its padding")
     average = partial(functional.avg_pool2d, kernel_size=kernel, stride=stride)
-    return _Operation(name, inputs, "pool", average, (rows, cols))
+    return Operation(name, inputs, "pool", average, (rows, cols))
 
 
 def _pad(x: Tensor, rows: SlidingWindow, cols: SlidingWindow, fill: float) -> Tensor:

@@ -1,8 +1,21 @@
 """Run a network on this machine: batch norm folding, precision, backends.
 
-Registry: `backend.BACKENDS` maps a backend's name to a `Backend` class.
+Registry: `calibration.BACKENDS` maps a backend's name to a `Backend` class.
 """
 
-from s2rtools.inference.backend import Backend, ForwardOutput, choose_backend, open_backend
+from s2rtools.inference.backend import Backend, ForwardOutput
+from s2rtools.inference.calibration import (
+    MeasuredBackend,
+    choose_backend,
+    open_backend,
+    open_float32,
+)
 
-__all__ = ["Backend", "ForwardOutput", "choose_backend", "open_backend"]
+__all__ = [
+    "Backend",
+    "ForwardOutput",
+    "MeasuredBackend",
+    "choose_backend",
+    "open_backend",
+    "open_float32",
+]

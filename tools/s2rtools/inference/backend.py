@@ -1,9 +1,13 @@
-"""Backends: the forward pass of a model in a chosen library and precision."""
+"""The forward pass of a model: in torch on the processor, and what all backends share."""
 
 from __future__ import annotations
 
+import copy
+import platform
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -11,14 +15,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry import angles
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.torchscript import last_line
 
 BATCH = 8
-TOLERANCE_METRES = 0.01
-TOLERANCE_RADIANS = float(np.radians(0.5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,33 +36,45 @@ class ForwardOutput:
 
 
 class Backend:
-    """torch in float32, on the GPU if available; deterministic."""
+    """torch in float32 on the processor; deterministic for a given number of threads.
 
-    name = "torch"
+    `name` and `precision` belong to the keys of arrays, so they state all that changes the values
+    by more than the order of additions does: a backend of another device has another name. `trunk`
+    is the network's trunk in float32 with batch norm folded, None without accessible features.
+    `differences` is the precision of the differences from which occlusion is computed.
+    """
+
+    name: ClassVar[str] = "torch"
+    library: ClassVar[str] = "torch"
+    device: ClassVar[torch.device] = torch.device("cpu")
     precision = "float32"
     batch = BATCH
-    uses_gpu = True
+    differences = "float32"
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
         """`threads` 0 keeps torch's setting."""
         if threads:
             torch.set_num_threads(threads)
         self.model = model
-        self.device = torch.device("cuda" if self.uses_gpu and torch.cuda.is_available() else "cpu")
-        if self.device.type == "cuda":
-            torch.backends.cudnn.allow_tf32 = False
-            torch.backends.cuda.matmul.allow_tf32 = False
         self.trunk: nn.Module | None = None
         if model.network.has_features:
             self.trunk = fold_batch_norm(model.network.trunk).to(self.device)
-        model.network.to(self.device)
+
+    @property
+    def device_name(self) -> str:
+        """The processor or GPU that computes."""
+        return processor_name()
+
+    @classmethod
+    def unavailable_reason(cls) -> str | None:
+        """What this machine lacks for the backend; None if it can be opened."""
+        return None
 
     def features(self, x: Tensor) -> Tensor:
         """Trunk features in float32."""
         if self.trunk is None:
             raise RequestError(f"model {self.model.name!r} has no accessible feature maps")
-        x = x.to(self.device).contiguous(memory_format=torch.channels_last)
-        return self.trunk(x).float()
+        return self.trunk(x.contiguous(memory_format=torch.channels_last)).float()
 
     def pose(self, raw: Tensor) -> NDArray[np.float64]:
         """Decoded poses (B, 3) in metres, metres, radians."""
@@ -81,6 +94,13 @@ class Backend:
                 if len(values) != len(tensor):
                     raise self._error(f"returns {len(values)} {name} for {len(tensor)} images")
             return ForwardOutput(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
+
+    def input_only(self, x: NDArray[np.float32]) -> ForwardOutput:
+        """The input batch on the backend's device without a forward pass: poses are NaN."""
+        tensor = torch.from_numpy(x).to(self.device)
+        return ForwardOutput(
+            tensor, None, tensor.new_empty(len(x), 0), np.full((len(x), 3), np.nan)
+        )
 
     def _opaque_output(self, x: Tensor) -> Tensor:
         """Checked output of a network without accessible features."""
@@ -112,87 +132,24 @@ class Bfloat16Backend(Backend):
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
         super().__init__(model, threads)
+        self._reduced = None
         if self.trunk is not None:
-            self.trunk = self.trunk.to(torch.bfloat16)
+            self._reduced = copy.deepcopy(self.trunk).to(torch.bfloat16)
 
     def features(self, x: Tensor) -> Tensor:
-        return super().features(x.to(torch.bfloat16))
+        if self._reduced is None:
+            return super().features(x)
+        x = x.to(torch.bfloat16).contiguous(memory_format=torch.channels_last)
+        features: Tensor = self._reduced(x)
+        return features.float()
 
 
-class OpenVinoBackend(Backend):
-    """OpenVINO on the CPU in its preferred precision; needs the package `openvino`."""
-
-    name = "openvino"
-    precision = "openvino"
-    uses_gpu = False
-
-    def __init__(self, model: LoadedModel, threads: int = 0) -> None:
-        super().__init__(model, threads)
-        import openvino
-
-        if self.trunk is None:
-            raise RequestError(
-                f"model {self.model.name!r}: a network without features runs on torch only"
-            )
-        example = torch.zeros(1, 4, *model.network.input_size)
-        converted = openvino.convert_model(self.trunk, example_input=example)
-        options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
-        self._compiled = openvino.compile_model(converted, "CPU", options)
-        kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
-        self.precision = f"openvino {kind.get_type_name()}"
-
-    def features(self, x: Tensor) -> Tensor:
-        output = self._compiled([x.contiguous().numpy()])[0]
-        return torch.from_numpy(np.array(output, dtype=np.float32))
-
-
-BACKENDS: dict[str, type[Backend]] = {
-    backend.name: backend for backend in (Backend, Bfloat16Backend, OpenVinoBackend)
-}
-BACKEND_NAMES = ("auto", *BACKENDS)
-
-
-def open_backend(model: LoadedModel, name: str, threads: int = 0) -> Backend:
-    """Open a backend by name. Raises RequestError for unknown names and missing packages."""
-    if name not in BACKENDS:
-        raise RequestError(f"backend {name!r}: one of {', '.join(BACKEND_NAMES)}")
-    try:
-        return BACKENDS[name](model, threads)
-    except ImportError as error:
-        raise RequestError(
-            f"backend {name!r} needs {error.name}: pip install {error.name}"
-        ) from error
-
-
-def choose_backend(
-    model: LoadedModel, sample: NDArray[np.float32], name: str = "torch", threads: int = 0
-) -> Backend:
-    """The named backend, if it deviates at most 1 cm and 0.5 degrees from float32 on the sample.
-
-    `auto` chooses torch on a GPU, else the first of OpenVINO and bfloat16 that is installed and
-    accurate enough. `sample` (B, 4, h, w). Raises RequestError if a backend requested by name
-    deviates too far.
-    """
-    reference = Backend(model, threads)
-    on_gpu = name == "auto" and reference.device.type == "cuda"
-    if name == Backend.name or on_gpu or not model.network.has_features:
-        return reference
-    expected = reference.forward_all(sample).pose
-    for candidate in (OpenVinoBackend.name, Bfloat16Backend.name) if name == "auto" else (name,):
-        try:
-            backend = open_backend(model, candidate, threads)
-        except RequestError:
-            if name == "auto":
-                continue
-            raise
-        pose = backend.forward_all(sample).pose
-        metres = float(np.hypot(*(pose[:, :2] - expected[:, :2]).T).max())
-        radians = float(angles.distance(pose[:, 2], expected[:, 2]).max())
-        if metres <= TOLERANCE_METRES and radians <= TOLERANCE_RADIANS:
-            return backend
-        if name != "auto":
-            raise RequestError(
-                f"backend {name}: off by {metres:.3f} m and {np.degrees(radians):.2f} degrees on a "
-                "calibration batch; use --backend torch"
-            )
-    return Backend(model, threads)
+@cache
+def processor_name() -> str:
+    """Model name of the processor, or its architecture where the system tells no name."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -23,7 +23,7 @@ from s2rstore.run_inputs import run_camera_move, run_domain
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
-from s2rtools.inference import Backend
+from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
@@ -114,7 +114,7 @@ class LiveModel:
         self._store = s2rstore.open(store.path, generation=store.generation)
         try:
             self.run = self._store.run(run)
-            self._backend = Backend(load_model(self._store, self.run.model, trust), threads)
+            self._backend = open_float32(load_model(self._store, self.run.model, trust), threads)
             height, width = self._backend.model.network.input_size
             self._backend.forward_all(np.zeros((1, 4, height, width), dtype=np.float32))
         except BaseException:

@@ -7,26 +7,24 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
+from typing import Protocol
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Run
+from s2rstore.records import Run
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.inference import Backend, choose_backend
 from s2rtools.models.load_model import load_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
+from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.executors import run_units
-from s2rtools.precompute.frame_reader import read_pairs
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stages
@@ -49,12 +47,13 @@ class ProgressReporter(Protocol):
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
 
-    `refit` fits projections on all instances again.
+    `refit` fits projections on all instances again. `backend` names that of the
+    predictions; `auto` keeps the recorded one of a run, else it measures which is the fastest.
     """
 
     kinds: tuple[str, ...] | None = None
     workers: int = 1
-    backend: str = "torch"
+    backend: str = "auto"
     trust: bool = False
     refit: bool = False
 
@@ -105,14 +104,16 @@ def _compute_run(
     with s2rstore.open(root) as store:
         run = store.run(name)
         model = load_model(store, run.model, options.trust)
-        backend = _choose_backend(store, run, model, options.backend)
         allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
-        groups = _stage_groups(store, run, model, backend, allowed, options.refit)
+        backends = run_backends(
+            root, store, run, model, allowed, options.backend, reporter.say, lease.check
+        )
+        groups = _stage_groups(store, run, model, backends, allowed, options.refit)
         planned = store.parts
         published = {record.path for record in store.array_parts(name)}
     for group in groups:
         lease.check()
-        _compute_stages(root, group, published, backend["name"], options, reporter, lease)
+        _compute_stages(root, group, published, backends, options, reporter, lease)
     with s2rstore.open(root) as store:
         has_grown = store.parts != planned
     if has_grown:
@@ -120,7 +121,7 @@ def _compute_run(
         return _compute_run(root, name, kinds, options, reporter, lease)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
-    is_new = publish_run(root, name, stages, backend, lease.check)
+    is_new = publish_run(root, name, stages, backends.record(), lease.check)
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
 
@@ -129,7 +130,7 @@ def _stage_groups(
     store: Store,
     run: Run,
     model: LoadedModel,
-    backend: dict[str, Any],
+    backends: RunBackends,
     kinds: Sequence[str],
     refit: bool,
 ) -> list[list[Stage]]:
@@ -147,7 +148,7 @@ def _stage_groups(
         keys = ArrayKeys(hashes, run, part)
         rendered = frames_stages(store, keys, run, part)
         specs = tuple(spec for stage in rendered for spec in stage.specs)
-        forward, others = network_stages(keys, run, part, model, backend, kinds, specs)
+        forward, others = network_stages(keys, run, part, model, backends, kinds, specs)
         frames += rendered
         forwards.append(forward)
         heatmaps += others
@@ -171,23 +172,11 @@ def _projections(store: Store, run: Run, forwards: Sequence[Stage], refit: bool)
     return projection_stages(forwards, len(store.instances))
 
 
-def _choose_backend(store: Store, run: Run, model: LoadedModel, name: str) -> dict[str, Any]:
-    """Name and precision of the backend; all but plain torch are checked on the first images."""
-    height, width = model.network.input_size
-    samples = [np.empty((0, 4, height, width), dtype=np.float32)]
-    if name != Backend.name:
-        stop = min(16, len(store.instances))
-        for _, frames in read_pairs(store, run, (height, width), 0, stop, 16):
-            samples += [frames[side].x for side in SIDES]
-    chosen = choose_backend(model, np.concatenate(samples), name)
-    return {"name": chosen.name, "precision": chosen.precision}
-
-
 def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
     published: Collection[str],
-    backend: str,
+    backends: RunBackends,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
@@ -200,7 +189,9 @@ def _compute_stages(
         total = sum(len(unit.instances) for unit in units)
         reporter.begin(f"{units[0].stage.run}: {label}", total)
         workers = min(options.workers, len(units), os.cpu_count() or 1)
-        opener = partial(UnitComputer, backend, options.trust)
+        if any(unit.stage.is_network for unit in units):
+            workers = backends.limit_workers(workers)
+        opener = partial(UnitComputer, backends, options.trust)
         for unit in run_units(root, units, opener, workers):
             lease.raise_if_lost()
             plan.finish(unit)

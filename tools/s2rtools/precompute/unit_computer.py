@@ -8,10 +8,11 @@ from typing import Any
 import s2rstore
 from s2rstore.arrays import array_writer
 from s2rstore.arrays.zarr_metadata import Layout
-from s2rtools.inference import Backend, open_backend
+from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.frame_reader import Renderers, RunFrames
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks import (
     map_grids,
     network_outputs,
@@ -25,12 +26,12 @@ from s2rtools.precompute.work_units import ArraySpec, WorkUnit
 class UnitComputer:
     """Computes work units of one store; models are loaded once per process."""
 
-    def __init__(self, backend: str, trust: bool, root: Path, threads: int) -> None:
-        """`backend` is the name of the backend that the arrays' keys contain."""
+    def __init__(self, backends: RunBackends, trust: bool, root: Path, threads: int) -> None:
+        """`backends` are those that the arrays' keys contain."""
         self._root, self._threads = root, threads
         self._store = s2rstore.open(root)
-        self._backend_name, self._trust = backend, trust
-        self._backends: dict[str, Backend] = {}
+        self._run_backends, self._trust = backends, trust
+        self._backends: dict[str, tuple[Backend, Backend]] = {}
         self._renderers: Renderers = {}
         self._layouts: dict[str, Layout] = {}
 
@@ -62,5 +63,5 @@ class UnitComputer:
             return rendered_frames.render_frames(frames, unit)
         if run.model not in self._backends:
             model = load_model(self._store, run.model, self._trust)
-            self._backends = {run.model: open_backend(model, self._backend_name, self._threads)}
-        return network_outputs.compute_outputs(self._store, run, self._backends[run.model], unit)
+            self._backends = {run.model: self._run_backends.open(model, self._threads)}
+        return network_outputs.compute_outputs(self._store, run, *self._backends[run.model], unit)

@@ -24,6 +24,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import FRAME_KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,11 @@ class Stage:
         """The instances of a unit."""
         start = number * self.unit_rows
         return self.instances[start : start + self.unit_rows]
+
+    @property
+    def is_network(self) -> bool:
+        """Whether the units run the network."""
+        return self.name == "forward" or self.name in HEATMAP_KINDS
 
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
-from s2rtools.inference import Backend
+from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 FORWARD_ROWS = 256
@@ -27,7 +28,7 @@ def network_stages(
     run: Run,
     part: Part,
     model: LoadedModel,
-    backend: dict[str, Any],
+    backends: RunBackends,
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
 ) -> tuple[Stage, list[Stage]]:
@@ -37,7 +38,7 @@ def network_stages(
     only. `frames` are the arrays of rendered frames that the stages read.
     """
     rendered = [spec.key for spec in frames]
-    key = keys.prediction(backend, rendered)
+    key = keys.prediction(backends.predictions.facts(), rendered)
     size = model.network.embedding_size
     specs = [
         ArraySpec(
@@ -60,7 +61,9 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(part, kind, model, *keys.heatmap(kind, backend, rendered))
+        heatmaps = _kind_specs(
+            part, kind, model, backends, *keys.heatmap(kind, backends.kind_facts(kind), rendered)
+        )
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -69,36 +72,51 @@ def network_stages(
 
 
 def _kind_specs(
-    part: Part, name: str, model: LoadedModel, key: str, is_shared: bool
+    part: Part, name: str, model: LoadedModel, backends: RunBackends, key: str, is_shared: bool
 ) -> list[ArraySpec]:
     kind = HEATMAP_KINDS[name]
+    attributes = kind.attributes(model, backends.differences or "float32")
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
-                  out.unit, key, part.instances, tuple(sorted(out.attributes.items())),
+                  out.unit, key, part.instances, tuple(sorted(attributes.items())),
                   part.first_iid, is_shared)
         for out in kind.outputs(model)
     ]  # fmt: skip
 
 
 def compute_outputs(
-    store: Store, run: Run, backend: Backend, unit: WorkUnit
+    store: Store, run: Run, backend: Backend, heatmap_backend: Backend, unit: WorkUnit
 ) -> dict[ArraySpec, NDArray[Any]]:
-    """Predictions, embeddings and heatmaps of a unit's instances."""
+    """Predictions, embeddings and heatmaps of a unit's instances.
+
+    `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
+    """
     alignment = rig_calibration.load_alignment(store, run)
     truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, size = unit.instances, backend.model.network.input_size
+    kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
+    is_predicted = any(spec.kind in ("prediction", "embedding") for spec in unit.missing)
+    uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
         poses = truth[iid : iid + len(frames["sim"].x)]
-        sim, real = (side_batch(backend, frames[side], poses) for side in SIDES)
-        pair = PairBatch(backend.model, backend, sim, real, alignment)
+        outputs, pair = {}, None
+        if is_predicted:
+            outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
+        if kinds:
+            given = outputs if heatmap_backend is backend else {}
+            sim, real = (
+                side_batch(heatmap_backend, frames[side], poses, given.get(side), uses_features)
+                for side in SIDES
+            )
+            pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)
         heatmaps: dict[str, Any] = {}
         for spec in unit.missing:
             if spec.kind == "prediction":
-                values: NDArray[Any] = pair.side(spec.side).prediction
+                values: NDArray[Any] = outputs[spec.side].pose
             elif spec.kind == "embedding":
-                values = np.asarray(pair.side(spec.side).embedding)
+                values = outputs[spec.side].embedding.cpu().numpy()
             else:
                 if spec.kind not in heatmaps:
                     heatmaps[spec.kind] = HEATMAP_KINDS[spec.kind].compute(pair)
@@ -107,9 +125,19 @@ def compute_outputs(
     return {spec: np.concatenate(parts) for spec, parts in batches.items()}
 
 
-def side_batch(backend: Backend, frames: SideFrames, poses: NDArray[np.float64]) -> SideBatch:
-    """One side after the forward pass; `poses` (B, 3) are the true poses."""
-    forward = backend.forward_all(frames.x)
+def side_batch(
+    backend: Backend,
+    frames: SideFrames,
+    poses: NDArray[np.float64],
+    forward: ForwardOutput | None = None,
+    features: bool = True,
+) -> SideBatch:
+    """One side after the forward pass; `poses` (B, 3) are the true poses.
+
+    Without `features`, the pass is left out where it was not given as `forward`.
+    """
+    if forward is None:
+        forward = backend.forward_all(frames.x) if features else backend.input_only(frames.x)
     return SideBatch(
         x=forward.x,
         rgb=frames.rgb,

@@ -1,0 +1,63 @@
+"""Estimated cost of locality, and recomputation by differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from s2rtools.heatmaps import occlusion
+from s2rtools.incremental_inference import DifferenceGraph, LocalGraph, cut_patches, local_cost
+from s2rtools.inference import Backend
+from s2rtools.models.pose_network import LoadedModel
+from tests.support import networks
+
+
+def poses_by_differences(model: LoadedModel, dtype: torch.dtype) -> tuple[np.ndarray, ...]:
+    """Poses of changed inputs by differences and in full, and those of the unchanged."""
+    generator = torch.Generator().manual_seed(1)
+    x = torch.rand(2, 4, *model.network.input_size, generator=generator) * 2 - 1
+    other = x.flip(0).contiguous()
+    backend = Backend(model)
+    patches = cut_patches(*model.network.input_size)
+    graph = DifferenceGraph(LocalGraph(backend.trunk), dtype)
+    with torch.inference_mode():
+        before, changed = occlusion._recompute_differences(backend, x, other, patches, graph)
+        _, full = occlusion._recompute_fully(backend, x, other, patches)
+    return changed, full, before
+
+
+@pytest.mark.parametrize("name", list(networks.local_trunks()))
+@pytest.mark.parametrize("size", [(36, 36), (37, 45)])
+def test_differences_in_float32_equal_full_inference(name: str, size: tuple[int, int]) -> None:
+    model = networks.small_model(*networks.local_trunks()[name], size)
+    changed, full, before = poses_by_differences(model, torch.float32)
+    effect = np.abs(full - before[:, None, None]).max()
+    assert np.abs(changed - full).max() <= 1e-4 * max(effect, 1)
+
+
+def test_differences_in_bfloat16_have_errors_relative_to_the_effect() -> None:
+    model = networks.build_model("resposenet")
+    changed, full, before = poses_by_differences(model, torch.bfloat16)
+    effect, error = full - before[:, None, None], changed - full
+    assert np.sqrt(np.square(error).mean()) <= 0.02 * np.sqrt(np.square(effect).mean())
+    assert np.abs(error).max() > 0
+
+
+def test_the_method_depends_on_the_estimated_cost() -> None:
+    kind = occlusion.Occlusion()
+    assert kind.attributes(networks.build_model("posest")) == {"method": "by locality"}
+    wide = nn.Sequential(*(nn.Conv2d(4, 4, 47, padding=23) for _ in range(2)))
+    model = networks.small_model(wide, 4, (24, 24))
+    assert kind.attributes(model) == {"method": "in full: locality does not save time"}
+
+
+def test_narrow_receptive_fields_cost_less() -> None:
+    patches = cut_patches(48, 48)
+    narrow, wide = (
+        local_cost(LocalGraph(nn.Sequential(nn.Conv2d(4, 8, k, padding=k // 2)).eval()), (48, 48),
+                   patches)
+        for k in (3, 63)
+    )  # fmt: skip
+    assert narrow < 0.5 < wide

@@ -1,0 +1,120 @@
+"""The backends of a run are chosen once, recorded, reported and kept."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rtools.inference import MeasuredBackend, open_backend
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute import backend_choice
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("computed")
+KINDS = ("feature_distance",)
+
+
+@pytest.fixture
+def store(trained_store: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(trained_store, tmp_path / "s.s2r"))
+
+
+@pytest.fixture
+def bfloat16_is_fastest(monkeypatch: pytest.MonkeyPatch) -> None:
+    def choose(model: LoadedModel, sample: object, name: str) -> MeasuredBackend:
+        name = "torch-bfloat16" if name == "auto" else name
+        return MeasuredBackend(open_backend(model, name), 3.1, 0.0004, 0.00035)
+
+    monkeypatch.setenv(backend_choice.DEFAULT_VARIABLE, "auto")
+    monkeypatch.setattr(backend_choice, "choose_backend", choose)
+
+
+def compute(path: Path, backend: str = "auto") -> list[str]:
+    reporter = SilentReporter()
+    precompute(path, reporter, ["vanilla"], PrecomputeOptions(KINDS, backend=backend))
+    return reporter.lines
+
+
+def record(path: Path) -> dict[str, object]:
+    with s2rstore.open(path) as opened:
+        return json.loads(opened.provenance("run:vanilla")["backend"])
+
+
+@pytest.mark.usefixtures("bfloat16_is_fastest")
+def test_the_choice_is_reported_recorded_and_kept(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = compute(store)
+    assert lines[0].startswith(
+        "vanilla: torch bfloat16, 3.1 x torch float32, at most 0.4 mm and 0.02 degrees off"
+    )
+    facts = record(store)
+    assert (facts["name"], facts["precision"]) == ("torch-bfloat16", "bfloat16")
+    assert {"metres", "radians", "speed", "library", "device"} <= set(facts)
+
+    def never(*given: object) -> None:
+        raise AssertionError("the recorded choice is kept")
+
+    monkeypatch.setattr(backend_choice, "choose_backend", never)
+    assert compute(store) == ["vanilla: up to date"]
+
+
+@pytest.mark.usefixtures("bfloat16_is_fastest")
+def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store: Path) -> None:
+    compute(store, "torch")
+    assert compute(store) == ["vanilla: up to date"]
+    assert record(store)["name"] == "torch"
+    compute(store, "torch-bfloat16")
+    assert record(store)["name"] == "torch-bfloat16"
+
+
+@pytest.mark.usefixtures("bfloat16_is_fastest")
+def test_records_of_earlier_versions_are_kept(store: Path) -> None:
+    compute(store, "torch")
+    with s2rstore.open(store) as opened:
+        keys = {array.path for array in opened.arrays("vanilla")}
+    with edit(store) as draft:
+        old = {"name": "torch", "precision": "float32"}
+        draft.set_provenance("run:vanilla", {"backend": old})
+    assert compute(store) == ["vanilla: up to date"]
+    with s2rstore.open(store) as opened:
+        assert {array.path for array in opened.arrays("vanilla")} == keys
+
+
+def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
+    compute(store, "torch-bfloat16")
+    assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
+    assert record(store)["name"] == "torch-bfloat16"
+
+
+def test_the_recorded_precision_must_be_available() -> None:
+    from tests.support import networks
+
+    identity = BackendIdentity("torch", "float64")
+    with pytest.raises(RequestError, match="--backend torch"):
+        identity.open(networks.build_model("resposenet"), 1)
+
+
+def test_one_process_uses_the_gpu() -> None:
+    gpu, torch = BackendIdentity("cuda", "float32"), BackendIdentity("torch", "float32")
+    assert RunBackends(gpu, gpu).limit_workers(8) == 1
+    assert RunBackends(torch, torch).limit_workers(8) == 8
+
+
+def test_keys_of_heatmaps_name_the_precision_of_differences() -> None:
+    torch = BackendIdentity("torch", "float32")
+    assert RunBackends(torch, torch, "float32").kind_facts("occlusion") == torch.facts()
+    reduced = RunBackends(torch, torch, "bfloat16")
+    assert reduced.kind_facts("occlusion") == {**torch.facts(), "differences": "bfloat16"}
+    assert reduced.kind_facts("activation") == torch.facts()

@@ -1,0 +1,159 @@
+"""Incremental recomputation of a network by differences from the unchanged image.
+
+A convolution of changed values is that of the unchanged ones plus the convolution of their
+difference, which is zero outside the affected region. Only the difference is convolved, so a
+reduced precision rounds the difference and not the values: its error is relative to the effect of
+the change. Sums, activations and pooling stay in float32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from s2rtools.incremental_inference.graph import BaseOutputs, LocalGraph, Operation
+from s2rtools.incremental_inference.regions import PixelRegion
+
+SHARE = 0.05
+"""Convolutions with at least this share of the multiply-adds are computed in reduced precision."""
+
+Regions = Sequence[dict[str, PixelRegion]]
+
+
+class DifferenceGraph:
+    """A `LocalGraph` that is recomputed by differences, large convolutions in reduced precision."""
+
+    def __init__(self, graph: LocalGraph, precision: torch.dtype) -> None:
+        self.graph, self._precision = graph, precision
+        self._weights: dict[str, Tensor] = {}
+
+    def compute_base(self, x: Tensor) -> BaseOutputs:
+        """Run the trunk on unchanged images in float32, as the base of later calls."""
+        base = self.graph.compute_base(x, sums=True)
+        if not self._weights:
+            self._weights = self._converted_weights(base)
+        return base
+
+    def _converted_weights(self, base: BaseOutputs) -> dict[str, Tensor]:
+        """The weights of every convolution in the precision in which it is computed."""
+        parts = {s.name: s.convolution for s in self.graph.steps if s.convolution is not None}
+        additions = {
+            name: part.weight.numel() * base.sums[name][0, 0].numel()
+            for name, part in parts.items()
+        }
+        limit = SHARE * sum(additions.values())
+        return {
+            name: part.weight.to(self._precision if additions[name] >= limit else torch.float32)
+            for name, part in parts.items()
+        }
+
+    def recompute(self, base: BaseOutputs, differences: Tensor, regions: Regions) -> Tensor:
+        """The difference of the output for several patches of equal signature.
+
+        `differences` (N, P, M, C, h, w): for each of N base images and P places, M changes of the
+        patch. Returns (N, P, M, C', h', w') at `regions[p][graph.output]`.
+        """
+        lead = differences.shape[:3]
+        parts = {self.graph.input: differences.flatten(0, 2)}
+        for step in self.graph.steps:
+            if regions[0][step.name].empty:
+                channels = base.outputs[step.name].shape[1]
+                parts[step.name] = differences.new_empty((len(differences), channels, 0, 0))
+                continue
+            if step.convolution is not None:
+                parts[step.name] = self._convolved(step, base, parts, regions, lead)
+            elif step.kind in ("add", "concatenate"):
+                canvases = [self._canvas(step, name, parts[name], regions) for name in step.inputs]
+                parts[step.name] = step.call(*canvases)
+            else:
+                parts[step.name] = self._pointwise(step, base, parts, regions, lead)
+        return parts[self.graph.output].unflatten(0, lead)
+
+    def _convolved(
+        self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,
+        lead: tuple[int, ...],
+    ) -> Tensor:  # fmt: skip
+        part, weight = step.convolution, self._weights[step.name]
+        canvas = self._canvas(step, step.inputs[0], parts[step.inputs[0]], regions, weight.dtype)
+        assert part is not None
+        assert step.windows is not None
+        change = part.linear(canvas, weight).float()
+        strides = [w.stride // s for w, s in zip(step.windows, part.strides, strict=True)]
+        height, width = change.shape[-2:]
+        corners = [(r[step.name].r0 * strides[0], r[step.name].c0 * strides[1]) for r in regions]
+        needed = [PixelRegion(r, r + height, c, c + width) for r, c in corners]
+        changed = _rows_last(change).unflatten(0, lead)
+        changed = changed + _crops(base.sums[step.name], needed)[:, :, None]
+        after = part.after(_channels_second(changed.flatten(0, 2)))
+        return _minus(after, base.outputs[step.name], [r[step.name] for r in regions], lead)
+
+    def _pointwise(
+        self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,
+        lead: tuple[int, ...],
+    ) -> Tensor:  # fmt: skip
+        """Steps without a linear part: their output for the changed values minus the unchanged."""
+        name = step.inputs[0]
+        canvas = self._canvas(step, name, parts[name], regions)
+        if step.windows is None:
+            source, needed = base.outputs[name], [region[step.name] for region in regions]
+        else:
+            rows, cols = step.windows
+            source = base.padded[step.name]
+            needed = [
+                PixelRegion(*rows.required_inputs(r.r0, r.r1), *cols.required_inputs(r.c0, r.c1))
+                for r in (region[step.name] for region in regions)
+            ]
+        changed = _rows_last(canvas).unflatten(0, lead) + _crops(source, needed)[:, :, None]
+        after = step.call(_channels_second(changed.flatten(0, 2)))
+        return _minus(after, base.outputs[step.name], [r[step.name] for r in regions], lead)
+
+    def _canvas(
+        self, step: Operation, name: str, part: Tensor, regions: Regions,
+        dtype: torch.dtype = torch.float32,
+    ) -> Tensor:  # fmt: skip
+        """An input's difference with the zeros around it that the step reads."""
+        target = regions[0][step.name]
+        row, col = self.graph.offset(step, regions[0], name)
+        size = target.shape
+        if step.windows is not None:
+            rows, cols = (
+                window.required_inputs(0, length)
+                for window, length in zip(step.windows, size, strict=True)
+            )
+            size = rows[1], cols[1]
+        if (row, col, *size) == (0, 0, *part.shape[-2:]) and dtype == part.dtype:
+            return part
+        canvas = _channels_second(
+            torch.zeros(len(part), *size, part.shape[1], dtype=dtype, device=part.device)
+        )
+        top, left = max(row, 0), max(col, 0)
+        pasted = part[..., top - row : size[0] - row, left - col : size[1] - col]
+        canvas[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
+        return canvas
+
+
+def _rows_last(x: Tensor) -> Tensor:
+    """(B, C, h, w) as (B, h, w, C), contiguous."""
+    return x.permute(0, 2, 3, 1).contiguous()
+
+
+def _channels_second(x: Tensor) -> Tensor:
+    """(B, h, w, C) as (B, C, h, w) with the channels last in memory."""
+    return x.permute(0, 3, 1, 2)
+
+
+def _crops(x: Tensor, regions: Sequence[PixelRegion]) -> Tensor:
+    """Regions of equal size of x (N, C, H, W), as (N, P, h, w, C)."""
+    rows_last: Any = x.permute(0, 2, 3, 1)
+    return torch.stack([rows_last[:, r.r0 : r.r1, r.c0 : r.c1] for r in regions], dim=1)
+
+
+def _minus(
+    changed: Tensor, base: Tensor, regions: Sequence[PixelRegion], lead: tuple[int, ...]
+) -> Tensor:
+    """Changed outputs (N P M, C, h, w) minus the unchanged ones of their regions."""
+    grouped = _rows_last(changed).unflatten(0, lead)
+    return _channels_second((grouped - _crops(base, regions)[:, :, None]).flatten(0, 2))

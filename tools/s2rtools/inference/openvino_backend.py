@@ -1,0 +1,73 @@
+"""Backends of OpenVINO on the processor; they need the package `openvino`."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from s2rstore.errors import RequestError
+from s2rtools.inference.backend import Backend
+from s2rtools.models.pose_network import LoadedModel
+
+_TELEMETRY = "openvino_telemetry"
+
+
+class OpenVinoBackend(Backend):
+    """OpenVINO in its preferred precision on this processor, bfloat16 where it has that."""
+
+    name = "openvino"
+    library = "openvino"
+    hint: ClassVar[str | None] = None
+
+    def __init__(self, model: LoadedModel, threads: int = 0) -> None:
+        super().__init__(model, threads)
+        openvino = _import_openvino()
+        if self.trunk is None:
+            raise RequestError(
+                f"model {self.model.name!r}: a network without features runs on torch only"
+            )
+        example = torch.zeros(1, 4, *model.network.input_size)
+        converted = openvino.convert_model(self.trunk, example_input=example)
+        options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
+        if self.hint is not None:
+            options["INFERENCE_PRECISION_HINT"] = self.hint
+        self._compiled = openvino.compile_model(converted, "CPU", options)
+        kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
+        self.precision = f"openvino {kind.get_type_name()}"
+
+    @classmethod
+    def unavailable_reason(cls) -> str | None:
+        if importlib.util.find_spec("openvino") is None:
+            return "needs the package openvino: pip install openvino"
+        return None
+
+    def features(self, x: Tensor) -> Tensor:
+        output = self._compiled([x.contiguous().numpy()])[0]
+        return torch.from_numpy(np.array(output, dtype=np.float32))
+
+
+class OpenVinoFloat32Backend(OpenVinoBackend):
+    """OpenVINO in float32."""
+
+    name = "openvino-float32"
+    hint = "f32"
+
+
+def _import_openvino() -> ModuleType:
+    """The package, imported without its usage statistics, which it would send to its makers."""
+    blocked = _TELEMETRY not in sys.modules
+    if blocked:
+        sys.modules[_TELEMETRY] = None  # type: ignore[assignment]
+    try:
+        import openvino
+    finally:
+        if blocked:
+            del sys.modules[_TELEMETRY]
+    module: ModuleType = openvino
+    return module

@@ -1,0 +1,258 @@
+"""Choice of the backends of a run: measured once, recorded in the index, then kept."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from importlib import metadata
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from s2rstore.index.transaction import edit
+from s2rstore.reader import Store
+from s2rstore.records import SIDES, Run
+from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
+from s2rtools.heatmaps.occlusion import Occlusion
+from s2rtools.inference import Backend, MeasuredBackend, choose_backend, open_backend, open_float32
+from s2rtools.inference.calibration import AUTO, SPEED_MARGIN
+from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute.array_keys import content_key
+from s2rtools.precompute.frame_reader import PairFrames, read_pairs
+from s2rtools.precompute.run_backends import BFLOAT16, FLOAT32, BackendIdentity, RunBackends
+from s2rtools.precompute.tasks.network_outputs import side_batch
+
+DEFAULT_VARIABLE = "S2R_BACKEND"
+"""Environment variable that names the backend where none is requested."""
+HEATMAP_ERROR = 0.01
+"""Largest RMS error of a heatmap in reduced precision, in deviations of its values."""
+_PLACES, _PAIRS_PER_PLACE = 8, 2
+_OCCLUSION_PLACES, _OCCLUSION_ROUNDS = 1, 2
+_FEWEST_INSTANCES = 64
+"""In smaller stores, measuring reduced precision of occlusion costs more than it saves."""
+
+
+def run_backends(
+    root: Path,
+    store: Store,
+    run: Run,
+    model: LoadedModel,
+    kinds: Sequence[str],
+    requested: str,
+    report_line: Callable[[str], None],
+    check: Callable[[], None] = lambda: None,
+) -> RunBackends:
+    """The recorded backends of a run; chosen, reported and recorded where there are none yet.
+
+    A recorded choice is kept unless `requested` names another backend than that of the
+    predictions. `check` is called before the record is published, see `edit`. Raises RequestError
+    for an unknown or inaccurate backend.
+    """
+    requested = (os.environ.get(DEFAULT_VARIABLE) or AUTO) if requested == AUTO else requested
+    inputs = _input_key(store, run)
+    record = store.provenance_object(f"run:{run.run}", "backend")
+    kept = None
+    if record and record.get("inputs", inputs) == inputs:
+        kept = RunBackends.from_record(record)
+        if requested not in (AUTO, kept.predictions.name):
+            kept = None
+    sample = _Sample(store, run, model)
+    chosen = kept or _choose(sample, requested, inputs)
+    if Occlusion.name in kinds and chosen.differences is None:
+        chosen = _with_differences(chosen, sample, requested)
+    if chosen != kept:
+        report_line(f"{run.run}: {_summary(chosen)}")
+        with edit(root, check) as draft:
+            draft.set_provenance(f"run:{run.run}", {"backend": chosen.record()})
+    return chosen
+
+
+def _input_key(store: Store, run: Run) -> str:
+    """Key of the model and of what it looks at: the choice holds for these."""
+    model = store.models[run.model]
+    sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
+    return content_key({"model": model.sha256, "convention": model.convention, "sides": sides})
+
+
+class _Sample:
+    """The calibration batch: pairs at places that are evenly spread over the store."""
+
+    def __init__(self, store: Store, run: Run, model: LoadedModel) -> None:
+        self._store, self._run, self.model = store, run, model
+        self.instances = len(store.instances)
+        self._frames: list[tuple[int, PairFrames]] | None = None
+
+    def frames(self) -> list[tuple[int, PairFrames]]:
+        """First iid and frames of the pairs at each place."""
+        if self._frames is None:
+            size, n = self.model.network.input_size, self.instances
+            last = max(0, n - _PAIRS_PER_PLACE)
+            starts = np.unique(np.linspace(0, last, _PLACES).astype(int))
+            self._frames = [
+                batch
+                for start in starts
+                for batch in read_pairs(
+                    self._store, self._run, size, int(start), min(int(start) + _PAIRS_PER_PLACE, n),
+                    _PAIRS_PER_PLACE,
+                )
+            ]  # fmt: skip
+        return self._frames
+
+    def inputs(self) -> NDArray[np.float32]:
+        """Network inputs of both sides, (B, 4, h, w)."""
+        return np.concatenate([frames[side].x for _, frames in self.frames() for side in SIDES])
+
+    def pairs(self, backend: Backend) -> Iterator[PairBatch]:
+        """The calibration batch after the forward pass of a backend."""
+        truth = self._store.instances
+        poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        for iid, frames in self.frames():
+            rows = poses[iid : iid + len(frames["sim"].x)]
+            sim, real = (side_batch(backend, frames[side], rows) for side in SIDES)
+            yield PairBatch(backend.model, backend, sim, real)
+
+
+def _choose(sample: _Sample, requested: str, inputs: str) -> RunBackends:
+    """Measure the backends, and the heatmaps that the chosen one gives, on the sample."""
+    if requested == Backend.name:
+        backend = open_backend(sample.model, requested)
+        return _backends(MeasuredBackend(backend, 1.0, 0.0, 0.0), backend, {"inputs": inputs})
+    measured = choose_backend(sample.model, sample.inputs(), requested)
+    heat, facts = measured.backend, {"inputs": inputs}
+    if heat.precision not in (FLOAT32, "openvino f32"):
+        exact = open_float32(sample.model)
+        error = _heatmap_error(sample, heat, exact)
+        if error > HEATMAP_ERROR:
+            heat = exact
+        else:
+            facts["heatmap_error"] = f"{error:.2g}"
+    return _backends(measured, heat, facts)
+
+
+def _backends(measured: MeasuredBackend, heat: Backend, facts: dict[str, str]) -> RunBackends:
+    backend = measured.backend
+    return RunBackends(
+        BackendIdentity.of(backend),
+        BackendIdentity.of(heat),
+        None,
+        {
+            **facts,
+            "speed": float(f"{measured.speed:.3g}"),
+            "metres": float(f"{measured.metres:.3g}"),
+            "radians": float(f"{measured.radians:.3g}"),
+            "library": f"{backend.library} {metadata.version(backend.library)}",
+            "device": backend.device_name,
+        },
+    )
+
+
+def _heatmap_error(sample: _Sample, backend: Backend, exact: Backend) -> float:
+    """Largest RMS error of the heatmaps that use features, in deviations of their values."""
+    kinds = [
+        kind for kind in HEATMAP_KINDS.values()
+        if kind.uses_features and kind.suits(sample.model)
+    ]  # fmt: skip
+    reduced, expected = (
+        [kind.compute(pair) for pair in sample.pairs(each) for kind in kinds]
+        for each in (backend, exact)
+    )
+    errors = [0.0]
+    for number in range(len(kinds)):
+        for key in expected[number]:
+            values, reference = (
+                np.concatenate([maps[key] for maps in part[number :: len(kinds)]])
+                for part in (reduced, expected)
+            )
+            errors += _relative_errors(values, reference)
+    return max(errors)
+
+
+def _relative_errors(values: NDArray[Any], expected: NDArray[Any]) -> list[float]:
+    """RMS error of each plane, or of the one map (B, h, w), in deviations of its values."""
+    if values.ndim == 3:
+        values, expected = values[:, None], expected[:, None]
+    planes = (1, 0, 2, 3)
+    pairs = zip(values.transpose(planes), expected.transpose(planes), strict=True)
+    return [
+        float(np.sqrt(np.mean(np.square(a - b, dtype=np.float64))) / max(b.std(), 1e-12))
+        for a, b in pairs
+    ]
+
+
+def _with_differences(backends: RunBackends, sample: _Sample, requested: str) -> RunBackends:
+    """Choose the precision of the differences from which occlusion is computed."""
+    precision, facts = FLOAT32, dict(backends.facts)
+    kind, model = Occlusion(), sample.model
+    enough = sample.instances >= _FEWEST_INSTANCES
+    if requested == AUTO and enough and kind.suits(model) and kind.is_local(model):
+        error, speed = _reduced_differences(kind, sample, backends.heatmaps.open(model, 0))
+        if error <= HEATMAP_ERROR and speed > SPEED_MARGIN:
+            precision = BFLOAT16
+            facts["occlusion_error"] = f"{error:.2g}"
+    return replace(backends, differences=precision, facts=facts)
+
+
+def _reduced_differences(kind: Occlusion, sample: _Sample, backend: Backend) -> tuple[float, float]:
+    """Error of occlusion by differences in bfloat16, in deviations of the values, and speed-up.
+
+    The speed-up is 0 on a GPU, where it was measured to be little, and on a processor that does not
+    convolve faster in bfloat16.
+    """
+    if backend.device.type != "cpu" or not _bfloat16_is_faster():
+        return 0.0, 0.0
+    pairs = list(sample.pairs(backend))[:: max(1, _PLACES // _OCCLUSION_PLACES)]
+    maps, seconds = {}, {FLOAT32: np.inf, BFLOAT16: np.inf}
+    for precision in (FLOAT32, BFLOAT16) * _OCCLUSION_ROUNDS:
+        backend.differences = precision
+        began = perf_counter()
+        maps[precision] = [kind.compute(pair) for pair in pairs]
+        seconds[precision] = min(seconds[precision], perf_counter() - began)
+    errors = []
+    for key in maps[FLOAT32][0]:
+        exact, reduced = (
+            np.concatenate([each[key] for each in maps[precision]])
+            for precision in (FLOAT32, BFLOAT16)
+        )
+        errors += _relative_errors(reduced, exact)
+    return max(errors), seconds[FLOAT32] / seconds[BFLOAT16]
+
+
+def _bfloat16_is_faster() -> bool:
+    """Whether a convolution of usual size takes less time in bfloat16 than in float32."""
+    seconds = []
+    for precision in (torch.float32, torch.bfloat16):
+        x = torch.ones(8, 128, 12, 12, dtype=precision)
+        weight = torch.ones(128, 128, 3, 3, dtype=precision)
+        taken = []
+        for _ in range(3):
+            began = perf_counter()
+            functional.conv2d(x, weight).sum().item()
+            taken.append(perf_counter() - began)
+        seconds.append(min(taken))
+    return seconds[1] < seconds[0]
+
+
+def _summary(backends: RunBackends) -> str:
+    """The choice in one line, as `openvino bf16, 3.1 x torch float32, ...`."""
+    facts = backends.facts
+    parts = [backends.predictions.label]
+    if backends.predictions.name != Backend.name:
+        degrees = np.degrees(float(facts["radians"]))
+        parts.append(f"{float(facts['speed']):.1f} x torch float32")
+        parts.append(
+            f"at most {1000 * float(facts['metres']):.1g} mm and {degrees:.1g} degrees off"
+        )
+    text = ", ".join(parts)
+    if backends.heatmaps != backends.predictions:
+        text += f"; heatmaps in {backends.heatmaps.label}"
+    elif "heatmap_error" in facts:
+        text += f"; heatmaps {float(facts['heatmap_error']):.1%} off"
+    if backends.differences == BFLOAT16:
+        text += f"; occlusion in bfloat16 differences, {float(facts['occlusion_error']):.1%} off"
+    return text

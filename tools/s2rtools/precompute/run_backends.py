@@ -1,0 +1,102 @@
+"""The backends that compute a run, as its provenance and the keys of its arrays state them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from s2rstore.errors import RequestError
+from s2rtools.heatmaps.occlusion import Occlusion
+from s2rtools.inference import Backend, open_backend
+from s2rtools.inference.calibration import BACKENDS
+from s2rtools.inference.cuda_backend import CudaBackend
+from s2rtools.models.pose_network import LoadedModel
+
+FLOAT32, BFLOAT16 = "float32", "bfloat16"
+
+
+@dataclass(frozen=True, slots=True)
+class BackendIdentity:
+    """Name and precision of a backend, as keys of arrays contain them."""
+
+    name: str
+    precision: str
+
+    @classmethod
+    def of(cls, backend: Backend) -> BackendIdentity:
+        return cls(backend.name, backend.precision)
+
+    @property
+    def label(self) -> str:
+        """Library or device and precision, such as `openvino bf16`."""
+        return f"{self.name.partition('-')[0]} {self.precision.rpartition(' ')[2]}"
+
+    def facts(self) -> dict[str, str]:
+        return {"name": self.name, "precision": self.precision}
+
+    def open(self, model: LoadedModel, threads: int) -> Backend:
+        """Raises RequestError if this machine does not have the backend in this precision."""
+        backend = open_backend(model, self.name, threads)
+        if BackendIdentity.of(backend) != self:
+            raise RequestError(
+                f"model {model.name!r}: arrays of this run were computed in {self.precision}, this "
+                f"machine offers {backend.precision}; --backend torch computes all of them again"
+            )
+        return backend
+
+
+@dataclass(frozen=True, slots=True)
+class RunBackends:
+    """What computes a run: predictions and embeddings, heatmaps, and differences in occlusion.
+
+    `differences` is None as long as no occlusion of the run was planned. `facts` are the measured
+    properties, for the provenance.
+    """
+
+    predictions: BackendIdentity
+    heatmaps: BackendIdentity
+    differences: str | None = None
+    facts: dict[str, Any] = field(default_factory=dict, compare=False)
+
+    @classmethod
+    def from_record(cls, record: dict[str, Any]) -> RunBackends:
+        """From the provenance of a run; earlier versions recorded one backend for everything."""
+        predictions = BackendIdentity(record["name"], record["precision"])
+        heatmaps = record.get("heatmaps")
+        return cls(
+            predictions,
+            BackendIdentity(heatmaps["name"], heatmaps["precision"]) if heatmaps else predictions,
+            record.get("differences") if heatmaps else FLOAT32,
+            {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")},
+        )
+
+    def record(self) -> dict[str, Any]:
+        return {
+            **self.predictions.facts(),
+            "heatmaps": self.heatmaps.facts(),
+            **self.facts,
+            "differences": self.differences,
+        }
+
+    def kind_facts(self, kind: str) -> dict[str, str]:
+        """What the key of a heatmap kind's arrays contains of the backend."""
+        facts = self.heatmaps.facts()
+        if kind == Occlusion.name and self.differences not in (None, FLOAT32):
+            facts["differences"] = str(self.differences)
+        return facts
+
+    def open(self, model: LoadedModel, threads: int) -> tuple[Backend, Backend]:
+        """The backends of predictions and of heatmaps. Raises RequestError, see `BackendIdentity`.
+
+        They are one object where they are the same.
+        """
+        predictions = heatmaps = self.predictions.open(model, threads)
+        if self.heatmaps != self.predictions:
+            heatmaps = self.heatmaps.open(model, threads)
+        heatmaps.differences = self.differences or FLOAT32
+        return predictions, heatmaps
+
+    def limit_workers(self, workers: int) -> int:
+        """One process uses the GPU; networks on the processor run in `workers` processes."""
+        kinds = (BACKENDS.get(each.name, Backend) for each in (self.predictions, self.heatmaps))
+        return 1 if any(issubclass(kind, CudaBackend) for kind in kinds) else workers
