@@ -27,6 +27,7 @@ from s2rtools.models.load_model import load_model
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import as_stored, network_stages
 from s2rtools.precompute.work_units import ArraySpec, Stage
@@ -62,10 +63,11 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
 def _filled_stage(store: Store, run: Run) -> Stage:
     """The stage of all map grids, its sources filled with noise, some of it NaN."""
     model = load_model(store, run.model)
-    backend = {"name": "torch", "precision": "float32"}
+    torch = BackendIdentity("torch", "float32")
+    backends = RunBackends(torch, torch)
     part = store.parts[0]
     keys = ArrayKeys(InputHashes(store), run, part)
-    forward, others = network_stages(keys, run, part, model, backend, tuple(HEATMAP_KINDS))
+    forward, others = network_stages(keys, run, part, model, backends, tuple(HEATMAP_KINDS))
     rng = np.random.default_rng(0)
     for stage in (forward, *others):
         for spec in stage.specs:

@@ -109,13 +109,14 @@ def two_runs(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> P
 def test_arrays_that_need_no_model_are_stored_once(two_runs: Path) -> None:
     with s2rstore.open(two_runs) as store:
         paths = {
-            run: {r.path for r in store.arrays(run) if r.kind in KINDS[1:]} for run in store.runs
+            run: {r.path for r in store.array_kinds(run) if r.kind in KINDS[1:]}
+            for run in store.runs
         }
         assert len(paths["vanilla"]) == 4
         assert all(path.startswith("_shared/") for path in paths["vanilla"])
         assert paths["again"] == paths["vanilla"]
         assert not paths["bright"] & paths["vanilla"]
-        for record in store.arrays("again"):
+        for record in store.array_kinds("again"):
             values = np.asarray(store.array("again", record.kind, record.side, record.mode)[1])
             _, other = store.array("vanilla", record.kind, record.side, record.mode)
             np.testing.assert_array_equal(values, np.asarray(other))

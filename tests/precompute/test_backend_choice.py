@@ -80,13 +80,13 @@ def test_a_run_in_float32_stays_in_float32_unless_a_backend_is_named(store: Path
 def test_records_of_earlier_versions_are_kept(store: Path) -> None:
     compute(store, "torch")
     with s2rstore.open(store) as opened:
-        keys = {array.path for array in opened.arrays("vanilla")}
+        keys = {array.path for array in opened.array_kinds("vanilla")}
     with edit(store) as draft:
         old = {"name": "torch", "precision": "float32"}
         draft.set_provenance("run:vanilla", {"backend": old})
     assert compute(store) == ["vanilla: up to date"]
     with s2rstore.open(store) as opened:
-        assert {array.path for array in opened.arrays("vanilla")} == keys
+        assert {array.path for array in opened.array_kinds("vanilla")} == keys
 
 
 def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(

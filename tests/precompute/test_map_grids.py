@@ -16,6 +16,7 @@ from s2rtools.models.load_model import load_model
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.tasks import map_grids
 from s2rtools.precompute.tasks.map_grids import compute_grids, map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
@@ -40,16 +41,17 @@ def map_stage(store: Store, name: str, kinds: tuple[str, ...] = KINDS) -> Stage:
     run, part = store.run(name), store.parts[0]
     keys = ArrayKeys(InputHashes(store), run, part)
     rendered = tuple(s for stage in frames_stages(store, keys, run, part) for s in stage.specs)
-    backend = {"name": "torch", "precision": run.precision}
+    torch = BackendIdentity("torch", str(run.precision))
+    backends = RunBackends(torch, torch)
     model = load_model(store, run.model)
-    forward, others = network_stages(keys, run, part, model, backend, kinds, rendered)
+    forward, others = network_stages(keys, run, part, model, backends, kinds, rendered)
     (stage,) = map_stages(store, keys, forward, others)
     return stage
 
 
 @pytest.mark.parametrize("run", ["vanilla", "up", "low"])
 def test_published_grids_equal_a_plain_computation(store: Store, run: str) -> None:
-    records = [record for record in store.arrays(run) if record.kind.startswith("map:")]
+    records = [record for record in store.array_kinds(run) if record.kind.startswith("map:")]
     assert len(records) == 8
     for record in records:
         kind = record.kind.removeprefix("map:")
@@ -168,7 +170,8 @@ def test_map_grids_have_the_paths_that_are_published(store: Store) -> None:
 
 def test_runs_without_heatmaps_have_no_maps(store: Store) -> None:
     run, model = store.run("vanilla"), load_model(store, "vanilla")
-    backend = {"name": "torch", "precision": run.precision}
+    torch = BackendIdentity("torch", str(run.precision))
+    backends = RunBackends(torch, torch)
     keys = ArrayKeys(InputHashes(store), run, store.parts[0])
-    forward, others = network_stages(keys, run, store.parts[0], model, backend, ())
+    forward, others = network_stages(keys, run, store.parts[0], model, backends, ())
     assert map_stages(store, keys, forward, others) == []
