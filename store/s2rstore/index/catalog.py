@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.index import locked_connection, row_check, schema
+from s2rstore.index import locked_connection, reading_statements, row_check, row_files, schema
 from s2rstore.records import (
     NO_RUN,
     ArrayRecord,
@@ -62,6 +62,7 @@ class IndexCatalog:
             self._index, memory
         )
         try:
+            self.row_files = row_files.listed(self._opened, self._index)
             self._check_rows()
         except BaseException:
             self._opened.close()
@@ -99,13 +100,19 @@ class IndexCatalog:
         return layout.read_current(self.path).generation
 
     def connection(self) -> duckdb.DuckDBPyConnection:
-        """A new read-only connection to this generation's index, for use in another thread."""
+        """A new read-only connection to this generation's index, for use in another thread.
+
+        Where rows are in files, check other statements than own ones by `reading_statements`.
+        """
         with self._lock:
             return self._connection.cursor()
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        return self.connection().execute(sql, parameters or []).fetchall()
+        connection = self.connection()
+        if self.row_files:
+            reading_statements.check(connection, sql)
+        return connection.execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table, with texts in printable characters."""
