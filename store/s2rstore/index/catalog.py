@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -41,11 +42,17 @@ _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "conv
 class IndexCatalog:
     """The tables of an open index; any thread may read them."""
 
-    def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        memory: str = "",
+        generation: int | None = None,
+        left_out: Collection[str] = (),
+    ) -> None:
         """Open the published generation, or an earlier one.
 
-        `memory` limits DuckDB, see `locked_connection.connect`. Raises RequestError where `path`
-        holds no store that this version can read.
+        For `memory` and `left_out` see `locked_connection.connect`. Raises RequestError where
+        `path` holds no store that this version can read.
         """
         self.path = Path(path)
         current = layout.read_current(self.path)
@@ -59,7 +66,7 @@ class IndexCatalog:
         self._index = safe_files.checked_path(self.path, name)
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
-            self._index, memory
+            self._index, memory, left_out=left_out
         )
         try:
             self.row_files = row_files.listed(self._opened, self._index)

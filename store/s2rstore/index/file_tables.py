@@ -11,7 +11,7 @@ import duckdb
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.index import row_files, schema
+from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.index.row_files import PARTITIONS, RowFile, RowFiles
 
 _CHANGED = 'memory.main."{}"'
@@ -173,17 +173,16 @@ class FileTables:
             return
         for table in ("pair", *self._kept):
             self._connection.execute(f'DROP VIEW IF EXISTS temp.main."{table}"')
-        filed = [table for table, files in self._kept.items() if files]
+        made: list[str] = []
         for table, files in self._kept.items():
             known = schema.BY_NAME[table]
+            files.sort(key=lambda file: (file.run or "", file.path))  # as `row_files.listed`
             if files:
-                made = [row_files.view(table, files), *schema.comments_on(known, "VIEW")]
+                made += [row_files.view(table, files), *schema.comments_on(known, "VIEW")]
             else:
-                made = schema.statements_of(known)
-            for statement in made:
-                self._connection.execute(statement)
-        for statement in schema.pair_statements():
-            self._connection.execute(statement)
+                made += schema.statements_of(known)
+        locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+        filed = [table for table, files in self._kept.items() if files]
         row_files.check_types(self._connection, filed, self._folder)
         values = [
             (file.table, file.run, file.path, file.sha256, file.bytes, file.rows)

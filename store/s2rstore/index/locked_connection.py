@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import duckdb
@@ -50,14 +50,17 @@ def connect(
     tables: Sequence[schema.Table] = schema.TABLES,
     views: Sequence[str] = schema.VIEWS,
     with_row_files: bool = True,
+    left_out: Collection[str] = (),
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
     `memory`, in DuckDB's notation (128MB), limits its cache of the file and the memory of queries;
     the first connection of a process to a file decides. Without `with_row_files`, tables whose rows
-    are in files cannot be read, and these files may be missing. Where there are such files, callers
-    must check that statements only read (`reading_statements`). Raises RequestError where the file
-    or a file of rows is missing, is not a database, or does not hold the expected tables and views.
+    are in files cannot be read, and these files may be missing. The rows of the files `left_out`,
+    by their paths relative to the index, are missing from their tables. Where there are files of
+    rows, callers must check that statements only read (`reading_statements`). Raises RequestError
+    where the file or a file of rows is missing, is not a database, or does not hold the expected
+    tables and views.
     """
     require_regular(path)
     try:
@@ -77,7 +80,11 @@ def connect(
         return connection
     stored = connection.execute("SELECT table_name FROM duckdb_tables()").fetchall()
     connection.close()
-    return _connect_with_files(path, memory, [name for (name,) in stored], files, views)
+    present = {
+        table: [file for file in group if file.path not in left_out]
+        for table, group in files.items()
+    }
+    return _connect_with_files(path, memory, [name for (name,) in stored], present, views)
 
 
 def _connect_with_files(
@@ -102,7 +109,7 @@ def _connect_with_files(
             connection.execute(row_files.view(table, files[table], folder))
         connection.execute(views[0])
         row_files.check_types(connection, files, path)
-        identity = _identity(path)
+        identity = *_identity(path), hash(tuple(paths))
         if identity not in _counted:
             row_files.check_counts(connection, path, files)
             _counted[identity] = None
@@ -158,8 +165,15 @@ def attach_new(
     version = schema.STORAGE_VERSION
     connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
     connection.execute(f"USE {name}")
+    run_at_once(connection, statements)
+
+
+def run_at_once(connection: duckdb.DuckDBPyConnection, statements: Iterable[str]) -> None:
+    """Run statements in one transaction, so that the disk is waited for once."""
+    connection.execute("BEGIN")
     for statement in statements:
         connection.execute(statement)
+    connection.execute("COMMIT")
 
 
 def detach_new(connection: duckdb.DuckDBPyConnection, name: str) -> None:

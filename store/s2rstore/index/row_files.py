@@ -87,8 +87,8 @@ def listed(
     for row in rows:
         file = RowFile(*row)
         if not _is_valid(file):
-            what = f"{file.table!r}, {file.run!r}, {file.path!r}"
-            raise RequestError(f"{path}: table row_file: invalid row ({what}); run `s2r verify`")
+            what = repr((file.table, file.run, file.path))[:120]
+            raise RequestError(f"{path}: table row_file: invalid row {what}; run `s2r verify`")
         files.setdefault(file.table, []).append(file)
     for table, group in files.items():
         keys = [file.path if PARTITIONS[table] is None else file.run for file in group]
@@ -121,6 +121,10 @@ def select(table: str, files: Iterable[RowFile], folder: Path | None = None) -> 
     Paths are relative, or below `folder`, the absolute folder of the index. A filter on the run
     reads the files of that run alone, since the run is the name of the folder that holds a file.
     """
+    files = list(files)
+    if not files:
+        nulls = (f'NULL::{c.type} AS "{c.name}"' for c in schema.BY_NAME[table].columns)
+        return f"SELECT {', '.join(nulls)} WHERE false"
     paths = (file.path if folder is None else f"{folder}/{file.path}" for file in files)
     literals = ", ".join("'" + path.replace("'", "''") + "'" for path in paths)
     partition = PARTITIONS[table]
@@ -189,7 +193,7 @@ def check_counts(connection: duckdb.DuckDBPyConnection, index: Path, files: RowF
     }
     query = "SELECT file_name, num_rows FROM parquet_file_metadata(?)"
     try:
-        rows = connection.execute(query, [list(expected)]).fetchall()
+        rows = connection.execute(query, [list(expected)]).fetchall() if expected else []
     except duckdb.Error as error:
         reason = first_line(error)
         raise RequestError(f"{index}: rows cannot be read ({reason}); run `s2r verify`") from error
