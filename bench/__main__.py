@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    growth,
     inference,
     live_prediction,
     occlusion_speed,
@@ -33,6 +34,7 @@ _MEASUREMENTS = (
     "startup",
     "terminal_bytes",
     "scale",
+    "growth",
     "back_projection",
     "occlusion_speed",
     "inference",
@@ -72,6 +74,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from terminal_bytes.figures(store)
     if "scale" in selected:
         yield from scale.figures(folder)
+    if "growth" in selected:
+        yield from growth.figures(folder)
     if "back_projection" in selected:
         yield from back_projection.figures()
     if "occlusion_speed" in selected:

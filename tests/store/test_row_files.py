@@ -222,7 +222,7 @@ _CHANGES = st.lists(
 
 @given(changes=_CHANGES)
 @settings(
-    max_examples=15, deadline=None, derandomize=True,
+    max_examples=6, deadline=None, derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )  # fmt: skip
 def test_any_changes_give_the_rows_of_a_store_without_files(

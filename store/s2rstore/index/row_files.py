@@ -25,8 +25,8 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.index import schema
 
-MAX_ROWS = 2_000_000
-"""Rows that a table may have inside an index; copying so many takes about a second."""
+MAX_ROWS = 1_000_000
+"""Rows that a table may have inside an index; copying so many takes one or two seconds."""
 TABLE = "row_file"
 """The table that lists the files."""
 FOLDER = "rows"
