@@ -146,7 +146,7 @@ class FileTables:
 
     def _place(self) -> None:
         """Give the new files their names, durably; a file of the same content stays as it is."""
-        folders = set()
+        folders: set[str] = set()
         for partial, file in self._written.items():
             name = f"{layout.INDEX}/{file.path}"
             if not self._holds(name, file):
