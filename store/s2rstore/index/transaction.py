@@ -45,15 +45,23 @@ class IndexTransaction:
         arrays = {name: _column(values) for name, values in columns.items()}
         if not arrays or len(next(iter(arrays.values()))) == 0:
             return
-        values = [
-            f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
-            for name, array in arrays.items()
-        ]
+        values, constants, varying = [], [], {}
+        for name, array in arrays.items():
+            if _is_one_text(array):  # converting equal texts one by one takes longest of all
+                values.append("?")
+                constants.append(array[0])
+            else:
+                quoted = f'"{name}"'
+                is_number = array.dtype.kind == "f"
+                values.append(f"nullif({quoted}, 'NaN'::DOUBLE)" if is_number else quoted)
+                varying[name] = array
         names = ", ".join(f'"{name}"' for name in arrays)
-        self._connection.register("incoming", arrays)
+        rows = varying or {"row": np.arange(len(next(iter(arrays.values()))))}
+        self._connection.register("incoming", rows)
         self._connection.execute(
             f"INSERT INTO {self._tables.target(table)} ({names}) "
-            f"SELECT {', '.join(values)} FROM incoming"
+            f"SELECT {', '.join(values)} FROM incoming",
+            constants,
         )
         self._connection.unregister("incoming")
 
@@ -261,6 +269,11 @@ def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
     if known and isinstance(known[0], bool | int | float):
         return np.array([np.nan if v is None else float(v) for v in listed])
     return np.array(listed, dtype=object)
+
+
+def _is_one_text(array: NDArray[Any]) -> bool:
+    first = array[0]
+    return array.dtype == object and isinstance(first, str) and bool((array == first).all())
 
 
 def _json_text(value: Any) -> str:
