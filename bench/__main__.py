@@ -18,6 +18,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 from bench import (
     back_projection,
     end_to_end,
+    growth,
     inference,
     live_prediction,
     map_grids,
@@ -35,6 +36,7 @@ _MEASUREMENTS = (
     "startup",
     "terminal_bytes",
     "scale",
+    "growth",
     "back_projection",
     "map_grids",
     "occlusion_speed",
@@ -83,6 +85,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from terminal_bytes.figures(store)
     if "scale" in selected:
         yield from scale.figures(folder)
+    if "growth" in selected:
+        yield from growth.figures(folder)
     if "back_projection" in selected:
         yield from back_projection.figures()
     if "map_grids" in selected:

@@ -5,6 +5,7 @@ Sixteen trajectories lead through twelve rooms; the errors differ between runs a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ ROOMS = tuple(
 _TRAJECTORIES = 16
 
 
-def build(path: Path, n: int, seed: int = 11) -> Path:
+def build(path: Path, n: int, seed: int = 11, runs: Sequence[str] = RUNS) -> Path:
     """Write the store and return its path; frames and heatmaps are missing."""
     rng = np.random.default_rng(seed)
     per = -(-n // _TRAJECTORIES)
@@ -51,7 +52,7 @@ def build(path: Path, n: int, seed: int = 11) -> Path:
                 "curvature": rng.normal(0, 12, n),
             },
         )
-        for index, run in enumerate(RUNS):
+        for index, run in enumerate(runs):
             _run(draft, run, index, (x, y, heading), codes, rng)
     return path
 
@@ -104,18 +105,22 @@ def _dataset(draft: IndexTransaction, n: int, per: int) -> None:
     )  # fmt: skip
 
 
+def run_row(run: str, index: int) -> dict[str, Any]:
+    """The row of a computed run in table `run`."""
+    return {
+        "run": run, "model": "posest", "sim_domain": "sim", "real_domain": "real",
+        "sim_adjustments": [], "real_adjustments": [], "key": f"{index:016x}",
+        "precision": "float32", "created_at": f"2026-01-01T00:00:{index:02d}+00:00",
+    }  # fmt: skip
+
+
 def _run(
     draft: IndexTransaction, run: str, index: int, pose: tuple[NDArray[np.float64], ...],
     codes: NDArray[np.integer[Any]], rng: np.random.Generator,
 ) -> None:  # fmt: skip
     x, y, heading = pose
     n = x.size
-    draft.insert_row(
-        "run",
-        {"run": run, "model": "posest", "sim_domain": "sim", "real_domain": "real",
-         "sim_adjustments": [], "real_adjustments": [], "key": f"{index:016x}",
-         "precision": "float32", "created_at": f"2026-01-01T00:00:{index:02d}+00:00"},
-    )  # fmt: skip
+    draft.insert_row("run", run_row(run, index))
     for side in ("sim", "real"):
         hard = 1 + 2 * (codes == (index + 3) % len(ROOMS)) if side == "real" else 1
         spread = (0.25 if side == "sim" else 0.6 + 0.1 * index) * hard

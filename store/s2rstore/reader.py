@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -56,8 +56,14 @@ class Store(IndexCatalog):
     `in_use` names the runs whose columns `drop_run_columns` keeps.
     """
 
-    def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
-        super().__init__(path, memory, generation)
+    def __init__(
+        self,
+        path: str | Path,
+        memory: str = "",
+        generation: int | None = None,
+        left_out: Collection[str] = (),
+    ) -> None:
+        super().__init__(path, memory, generation, left_out)
         self.in_use: frozenset[str] = frozenset()
         self._runs_columns: dict[str, RunColumns] = {}
         self._columns = LruCache(_COLUMN_BYTES)

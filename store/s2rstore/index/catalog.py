@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -15,7 +16,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.index import locked_connection, row_check, schema
+from s2rstore.index import locked_connection, reading_statements, row_check, row_files, schema
 from s2rstore.records import (
     NO_RUN,
     ArrayRecord,
@@ -41,11 +42,17 @@ _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "conv
 class IndexCatalog:
     """The tables of an open index; any thread may read them."""
 
-    def __init__(self, path: str | Path, memory: str = "", generation: int | None = None) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        memory: str = "",
+        generation: int | None = None,
+        left_out: Collection[str] = (),
+    ) -> None:
         """Open the published generation, or an earlier one.
 
-        `memory` limits DuckDB, see `locked_connection.connect`. Raises RequestError where `path`
-        holds no store that this version can read.
+        For `memory` and `left_out` see `locked_connection.connect`. Raises RequestError where
+        `path` holds no store that this version can read.
         """
         self.path = Path(path)
         current = layout.read_current(self.path)
@@ -59,9 +66,10 @@ class IndexCatalog:
         self._index = safe_files.checked_path(self.path, name)
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
-            self._index, memory
+            self._index, memory, left_out=left_out
         )
         try:
+            self.row_files = row_files.listed(self._opened, self._index)
             self._check_rows()
         except BaseException:
             self._opened.close()
@@ -99,13 +107,19 @@ class IndexCatalog:
         return layout.read_current(self.path).generation
 
     def connection(self) -> duckdb.DuckDBPyConnection:
-        """A new read-only connection to this generation's index, for use in another thread."""
+        """A new read-only connection to this generation's index, for use in another thread.
+
+        Where rows are in files, check other statements than own ones by `reading_statements`.
+        """
         with self._lock:
             return self._connection.cursor()
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        return self.connection().execute(sql, parameters or []).fetchall()
+        connection = self.connection()
+        if self.row_files:
+            reading_statements.check(connection, sql)
+        return connection.execute(sql, parameters or []).fetchall()
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table, with texts in printable characters."""

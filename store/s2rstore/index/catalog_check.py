@@ -2,7 +2,8 @@
 
 A macro called `sqrt` would replace the function of that name in every query on the file, and a
 view called `instance` could read other files or never end. So a file may hold the known tables as
-base tables, the known views with the known definition, other tables, and nothing else.
+base tables, the known views with the known definition, other tables, and nothing else. In place of
+a table whose rows are in files there must be the view that follows from the list of these files.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ from pathlib import Path
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
+from s2rstore.index import row_files
+from s2rstore.index.row_files import RowFiles
 from s2rstore.index.schema import Table
-
-_MOST_ROWS_PER_BYTE = 1.0
-"""Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""
 
 # Objects of a database that can hold code or change what names mean. Macros come first: nothing
 # else may be queried before it is known that no function was replaced.
@@ -58,8 +58,17 @@ def check(
             raise _refusal(path, f"{what} {name!r}")
         if database is None:
             (database,) = connection.execute("SELECT current_database()").fetchall()[0]
-        _check_views(connection, views, path, database)
-        _check_tables(connection, tables, path, database)
+        columns = _table_columns(connection, database)
+        files: RowFiles = {}
+        for known in tables:
+            if known.name == row_files.TABLE and known.name in columns:
+                _check_table(known, columns, path)
+                files = row_files.listed(connection, path, database)
+        _check_views(connection, views, files, path, database)
+        for known in tables:
+            if known.name not in files:
+                _check_table(known, columns, path)
+        _check_counts(connection, path, database)
     except duckdb.Error as error:
         message = f"{path}: unreadable catalog ({first_line(error)}); run `s2r verify`"
         raise RequestError(message) from error
@@ -72,16 +81,24 @@ def _refusal(path: Path, what: str) -> RequestError:
 
 
 def _check_views(
-    connection: duckdb.DuckDBPyConnection, views: Sequence[str], path: Path, database: str
+    connection: duckdb.DuckDBPyConnection,
+    views: Sequence[str],
+    files: RowFiles,
+    path: Path,
+    database: str,
 ) -> None:
     known: dict[str, list[str]] = {}
-    for statement in views:
+    for statement in (*views, *(row_files.view(table, files[table]) for table in files)):
         known.setdefault(_parts(statement)[0], []).append(_tree(connection, statement))
-    for name, sql in connection.execute(_VIEWS, [database]).fetchall():
+    present = dict(connection.execute(_VIEWS, [database]).fetchall())
+    for name, sql in present.items():
         if name not in known:
             raise _refusal(path, f"view {name!r}")
         if _parts(sql)[0] != name or _tree(connection, sql) not in known[name]:
             raise _refusal(path, f"view {name!r} with another definition")
+    for table in files:
+        if table not in present:
+            raise RequestError(f"{path}: no view {table} of its files; run `s2r verify`")
 
 
 def _parts(statement: str) -> tuple[str, str]:
@@ -97,29 +114,38 @@ def _tree(connection: duckdb.DuckDBPyConnection, statement: str) -> str:
     return _POSITIONS.sub("", parsed)
 
 
-def _check_tables(
-    connection: duckdb.DuckDBPyConnection, tables: Sequence[Table], path: Path, database: str
-) -> None:
+def _table_columns(
+    connection: duckdb.DuckDBPyConnection, database: str
+) -> dict[str, dict[str, tuple[str, str | None]]]:
+    """Type and default of every column of every base table."""
     present: dict[str, dict[str, tuple[str, str | None]]] = {}
     for table, column, kind, default in connection.execute(_COLUMNS, [database] * 2).fetchall():
         present.setdefault(table, {})[column] = (kind, default)
-    for known in tables:
-        if known.name not in present and known.optional:
+    return present
+
+
+def _check_table(
+    known: Table, present: dict[str, dict[str, tuple[str, str | None]]], path: Path
+) -> None:
+    if known.name not in present and known.optional:
+        return
+    if known.name not in present:
+        raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
+    for expected in known.columns:
+        kind, default = present[known.name].get(expected.name, ("", None))
+        if not kind and expected.optional:
             continue
-        if known.name not in present:
-            raise RequestError(f"{path}: no table {known.name}; run `s2r verify`")
-        for expected in known.columns:
-            kind, default = present[known.name].get(expected.name, ("", None))
-            if not kind and expected.optional:
-                continue
-            if kind != expected.type or default is not None:
-                has = f"{kind} {default or ''}".strip() or "missing"
-                raise RequestError(
-                    f"{path}: table {known.name}: column {expected.name} is {has}, "
-                    f"expected {expected.type}; run `s2r verify`"
-                )
-    # Tables of repeated rows would take far more memory than the size of the file.
+        if kind != expected.type or default is not None:
+            has = f"{kind} {default or ''}".strip() or "missing"
+            raise RequestError(
+                f"{path}: table {known.name}: column {expected.name} is {has}, "
+                f"expected {expected.type}; run `s2r verify`"
+            )
+
+
+def _check_counts(connection: duckdb.DuckDBPyConnection, path: Path, database: str) -> None:
+    """Tables of repeated rows would take far more memory than the size of the file."""
     size = path.stat().st_size
     for table, rows in connection.execute(_COUNTS, [database]).fetchall():
-        if rows > _MOST_ROWS_PER_BYTE * size:
+        if rows > row_files.MAX_ROWS_PER_BYTE * size:
             raise RequestError(f"{path}: table {table}: {rows} rows in {size} bytes")

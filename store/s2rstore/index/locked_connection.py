@@ -4,20 +4,24 @@ Such a file can hold views, macros and a write-ahead log of unknown origin, and 
 only `read_only` still reads and writes other files. Every connection of this module has external
 access off and its configuration locked before the first statement, and nothing is read from a file
 before its catalog is compared with the known tables (`catalog_check`).
+
+An index whose rows are in files (`row_files`) is read by a database in memory, which may open the
+index and exactly these files. Its views stand for the tables of the index.
 """
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import safe_files
-from s2rstore.index import catalog_check, catalog_check_cache, schema
+from s2rstore.index import catalog_check, catalog_check_cache, row_files, schema
+from s2rstore.index.row_files import RowFiles
 
 DEFAULT_MEMORY = "2GB"
 """Memory limit of DuckDB for one file and its queries."""
@@ -26,6 +30,7 @@ _CLOSED: dict[str, str | bool | int | float | list[str]] = {
     "enable_external_access": "false",
     "temp_directory": "",
 }
+_CLOSED_SETTINGS = ("temp_directory = ''", "enable_external_access = false")
 _SETTINGS = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -35,6 +40,8 @@ _opening = threading.Lock()
 """Connections of one process to one file share a configuration, which is locked once."""
 _checked: dict[tuple[int, ...], None] = {}
 """Identities of the files whose catalog passed the check; a published file never changes."""
+_counted: dict[tuple[int, ...], None] = {}
+"""Identities of the indexes whose files of rows hold as many rows as they should."""
 
 
 def connect(
@@ -42,12 +49,18 @@ def connect(
     memory: str = "",
     tables: Sequence[schema.Table] = schema.TABLES,
     views: Sequence[str] = schema.VIEWS,
+    with_row_files: bool = True,
+    left_out: Collection[str] = (),
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
     `memory`, in DuckDB's notation (128MB), limits its cache of the file and the memory of queries;
-    the first connection of a process to a file decides. Raises RequestError where the file is
-    missing, is not a database, or does not hold the expected tables and views.
+    the first connection of a process to a file decides. Without `with_row_files`, tables whose rows
+    are in files cannot be read, and these files may be missing. The rows of the files `left_out`,
+    by their paths relative to the index, are missing from their tables. Where there are files of
+    rows, callers must check that statements only read (`reading_statements`). Raises RequestError
+    where the file or a file of rows is missing, is not a database, or does not hold the expected
+    tables and views.
     """
     require_regular(path)
     try:
@@ -59,6 +72,51 @@ def connect(
         raise RequestError(message) from error
     try:
         _check(connection, tables, views, path)
+        files = row_files.listed(connection, path) if with_row_files else {}
+    except BaseException:
+        connection.close()
+        raise
+    if not files:
+        return connection
+    stored = connection.execute("SELECT table_name FROM duckdb_tables()").fetchall()
+    connection.close()
+    present = {
+        table: [file for file in group if file.path not in left_out]
+        for table, group in files.items()
+    }
+    return _connect_with_files(path, memory, [name for (name,) in stored], present, views)
+
+
+def _connect_with_files(
+    path: Path, memory: str, tables: Sequence[str], files: RowFiles, views: Sequence[str]
+) -> duckdb.DuckDBPyConnection:
+    """A database in memory with a view on every table of an index, and on its files of rows."""
+    row_files.check_present(path, files)
+    index = literal_path(path)
+    folder = Path(index).parent
+    paths = [f"{folder}/{file.path}" for group in files.values() for file in group]
+    allowed = ", ".join(f"'{escaped(text)}'" for text in (index, f"{index}.wal", *paths))
+    connection = duckdb.connect()
+    try:
+        for setting in (f"allowed_paths = [{allowed}]", *_CLOSED_SETTINGS):
+            connection.execute(f"SET {setting}")
+        _lock(connection, memory or DEFAULT_MEMORY)
+        connection.execute(f"ATTACH '{escaped(index)}' AS stored (READ_ONLY)")
+        for table in tables:
+            name = table.replace('"', '""')
+            connection.execute(f'CREATE VIEW "{name}" AS SELECT * FROM stored."{name}"')
+        for table in files:
+            connection.execute(row_files.view(table, files[table], folder))
+        connection.execute(views[0])
+        row_files.check_types(connection, files, path)
+        identity = *_identity(path), hash(tuple(paths))
+        if identity not in _counted:
+            row_files.check_counts(connection, path, files)
+            _counted[identity] = None
+    except duckdb.Error as error:
+        connection.close()
+        message = f"{path}: cannot be opened ({first_line(error)}); run `s2r verify`"
+        raise RequestError(message) from error
     except BaseException:
         connection.close()
         raise
@@ -66,14 +124,22 @@ def connect(
 
 
 def connect_empty(
-    folders: Sequence[Path], memory: str = DEFAULT_MEMORY
+    folders: Sequence[Path], memory: str = DEFAULT_MEMORY, search_folder: Path | None = None
 ) -> duckdb.DuckDBPyConnection:
-    """A locked connection to an empty database that can attach files in `folders` alone."""
+    """A locked connection to an empty database that can attach files in `folders` alone.
+
+    It can make views over files of rows by their paths relative to `search_folder`.
+    """
     connection = duckdb.connect()
-    listed = ", ".join(f"'{escaped(literal_path(folder))}'" for folder in folders)
+    allowed = [literal_path(folder) for folder in folders]
+    if search_folder is not None:
+        # DuckDB checks a relative path as one in the working folder, before it searches for it.
+        allowed.append(os.path.abspath(row_files.FOLDER))
+        connection.execute(f"SET file_search_path = '{escaped(literal_path(search_folder))}'")
+    listed = ", ".join(f"'{escaped(folder)}'" for folder in allowed)
     connection.execute(f"SET allowed_directories = [{listed}]")
-    connection.execute("SET temp_directory = ''")
-    connection.execute("SET enable_external_access = false")
+    for setting in _CLOSED_SETTINGS:
+        connection.execute(f"SET {setting}")
     _lock(connection, memory)
     return connection
 
@@ -99,8 +165,15 @@ def attach_new(
     version = schema.STORAGE_VERSION
     connection.execute(f"ATTACH '{literal}' AS {name} (STORAGE_VERSION '{version}')")
     connection.execute(f"USE {name}")
+    run_at_once(connection, statements)
+
+
+def run_at_once(connection: duckdb.DuckDBPyConnection, statements: Iterable[str]) -> None:
+    """Run statements in one transaction, so that the disk is waited for once."""
+    connection.execute("BEGIN")
     for statement in statements:
         connection.execute(statement)
+    connection.execute("COMMIT")
 
 
 def detach_new(connection: duckdb.DuckDBPyConnection, name: str) -> None:
@@ -158,8 +231,7 @@ def _check(
     path: Path,
 ) -> None:
     """Check the catalog, unless this file, or one of the same content, has passed before."""
-    status = path.stat()
-    identity = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+    identity = _identity(path)
     if identity in _checked:
         return
     key = catalog_check_cache.key(path, repr((duckdb.__version__, tables, views)))
@@ -168,3 +240,8 @@ def _check(
         if key is not None:
             catalog_check_cache.add(key)
     _checked[identity] = None
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns

@@ -5,7 +5,9 @@ Missing values are SQL NULL, never NaN. Angles are radians, lengths metres.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Literal
 
 VERSION = 1
 
@@ -276,6 +278,19 @@ TABLES: tuple[Table, ...] = (
         optional=True,
     ),
     table_of(
+        "row_file",
+        "Parquet files that hold all rows of a table, which is then a view over them; a table "
+        "without files holds its rows itself",
+        "table_name run path",
+        ("table_name", "VARCHAR", "prediction, projection or frame"),
+        ("run", "VARCHAR", "run whose rows it holds; NULL in table frame"),
+        ("path", "VARCHAR", "relative to the folder of the index"),
+        ("sha256", "VARCHAR", "of the file"),
+        ("bytes", "BIGINT", "size of the file"),
+        ("row_count", "BIGINT", "number of rows in the file"),
+        optional=True,
+    ),
+    table_of(
         "provenance",
         "provenance: versions, seeds, training curves, command lines",
         "what key",
@@ -345,11 +360,20 @@ def pair_comments() -> dict[str, str]:
     return comments
 
 
-def statements() -> list[str]:
-    """The SQL that makes an empty index, comments included."""
+def statements(without: Collection[str] = ()) -> list[str]:
+    """The SQL that makes an empty index, comments included.
+
+    The tables `without` are left out, and with them the view `pair`, which may need them.
+    """
+    made = (table for table in TABLES if table.name not in without)
+    listed = [statement for table in made for statement in statements_of(table)]
+    return listed if without else listed + pair_statements()
+
+
+def pair_statements() -> list[str]:
+    """The SQL that makes view `pair`, comments included."""
     comments = pair_comments()
     return [
-        *(statement for table in TABLES for statement in statements_of(table)),
         VIEWS[0],
         "COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'",
         *(f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comments[name])}'" for name in comments),
@@ -359,9 +383,13 @@ def statements() -> list[str]:
 def statements_of(table: Table) -> list[str]:
     """The SQL that makes one empty table, comments included."""
     columns = ", ".join(f'"{column.name}" {column.type}' for column in table.columns)
+    return [f'CREATE TABLE "{table.name}" ({columns})', *comments_on(table, "TABLE")]
+
+
+def comments_on(table: Table, kind: Literal["TABLE", "VIEW"]) -> list[str]:
+    """The SQL that describes a table, or the view in its place, and its columns."""
     return [
-        f'CREATE TABLE "{table.name}" ({columns})',
-        f"COMMENT ON TABLE \"{table.name}\" IS '{_quoted(table.comment)}'",
+        f"COMMENT ON {kind} \"{table.name}\" IS '{_quoted(table.comment)}'",
         *(
             f'COMMENT ON COLUMN "{table.name}"."{column.name}" IS \'{_quoted(column.comment)}\''
             for column in table.columns

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
-from s2rstore.index import locked_connection, schema
+from s2rstore.index import locked_connection, row_files, schema
+from s2rstore.index.file_tables import FileTables
 
-_BASE_TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = 'base'"
+_TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
 
 Check = Callable[[], None]
 ColumnData = Mapping[str, NDArray[Any] | Sequence[Any]]
@@ -28,11 +29,12 @@ class IndexTransaction:
     """The index of the next generation, before it is published.
 
     Starts as a copy of the current one. Everything written here becomes visible at once when
-    the `edit` block ends, or never.
+    the `edit` block ends, or never. `tables` are those whose rows are in files.
     """
 
-    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+    def __init__(self, connection: duckdb.DuckDBPyConnection, tables: FileTables) -> None:
         self._connection = connection
+        self._tables = tables
 
     def insert(self, table: str, columns: ColumnData) -> None:
         """Append rows given as equally long columns; NaN and None become NULL.
@@ -43,14 +45,23 @@ class IndexTransaction:
         arrays = {name: _column(values) for name, values in columns.items()}
         if not arrays or len(next(iter(arrays.values()))) == 0:
             return
-        values = [
-            f"nullif(\"{name}\", 'NaN'::DOUBLE)" if array.dtype.kind == "f" else f'"{name}"'
-            for name, array in arrays.items()
-        ]
+        values, constants, varying = [], [], {}
+        for name, array in arrays.items():
+            if _is_one_text(array):  # converting equal texts one by one takes longest of all
+                values.append("?")
+                constants.append(array[0])
+            else:
+                quoted = f'"{name}"'
+                is_number = array.dtype.kind == "f"
+                values.append(f"nullif({quoted}, 'NaN'::DOUBLE)" if is_number else quoted)
+                varying[name] = array
         names = ", ".join(f'"{name}"' for name in arrays)
-        self._connection.register("incoming", arrays)
+        rows = varying or {"row": np.arange(len(next(iter(arrays.values()))))}
+        self._connection.register("incoming", rows)
         self._connection.execute(
-            f'INSERT INTO "{table}" ({names}) SELECT {", ".join(values)} FROM incoming'
+            f"INSERT INTO {self._tables.target(table)} ({names}) "
+            f"SELECT {', '.join(values)} FROM incoming",
+            constants,
         )
         self._connection.unregister("incoming")
 
@@ -64,15 +75,18 @@ class IndexTransaction:
     def delete(self, table: str, **where: str) -> None:
         """Remove the rows whose columns equal the given values."""
         _check_names(table, where)
+        self._tables.forget(table, where)
         condition = " AND ".join(f'"{name}" = ?' for name in where) or "true"
-        self._connection.execute(f'DELETE FROM "{table}" WHERE {condition}', list(where.values()))
+        query = f"DELETE FROM {self._tables.target(table)} WHERE {condition}"
+        self._connection.execute(query, list(where.values()))
 
     def update(self, table: str, where: Mapping[str, str], values: Mapping[str, Any]) -> None:
         """Set columns of the rows whose columns equal the given values."""
         _check_names(table, (*where, *values))
+        self._tables.load(table, where)
         changes = ", ".join(f'"{name}" = ?' for name in values)
         condition = " AND ".join(f'"{name}" = ?' for name in where)
-        query = f'UPDATE "{table}" SET {changes} WHERE {condition}'
+        query = f"UPDATE {self._tables.target(table)} SET {changes} WHERE {condition}"
         self._connection.execute(query, [*values.values(), *where.values()])
 
     def set_provenance(self, what: str, facts: Mapping[str, Any]) -> None:
@@ -117,27 +131,38 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
         for entry in safe_files.names(root, layout.INDEX):
             if entry.name.startswith(".building-"):  # of a writer that has lost the lock
                 atomic_writes.remove(root, entry.path)
-        building = f"{layout.INDEX}/.building-{secrets.token_hex(8)}.duckdb"
-        beside = safe_files.checked_path(root, building)
-        connection = locked_connection.connect_empty([root / layout.INDEX])
+        building, compacted = (
+            f"{layout.INDEX}/.building-{secrets.token_hex(8)}.duckdb" for _ in range(2)
+        )
+        folder = root / layout.INDEX
+        connection = locked_connection.connect_empty([folder], search_folder=folder)
+        tables = FileTables(connection, root)
         try:
-            old = safe_files.checked_path(root, base.index) if base else None
-            _begin(connection, beside, old)
-            yield IndexTransaction(connection)
+            _begin(connection, root, building, base, tables)
+            yield IndexTransaction(connection, tables)
             check_leases()  # a new holder of the lock has removed this index
             rows = connection.execute("SELECT hash FROM dataset").fetchall()
-            locked_connection.detach_new(connection, "draft")
+            moved = tables.move_large_tables()
+            tables.write()
+            finished = compacted if moved else building
+            if moved:
+                _copy_without(connection, root, compacted, [*tables.names, *moved])
+            check_leases()
+            tables.finish()
+            locked_connection.detach_new(connection, "compacted" if moved else "draft")
             connection.close()
             dataset_hash = str(rows[0][0]) if rows else ""
             generation = _next_generation(root, base)
-            _publish(root, building, generation, dataset_hash, check_leases)
+            _publish(root, finished, generation, dataset_hash, check_leases)
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
         finally:
             connection.close()
-            atomic_writes.remove(root, building)
-            atomic_writes.remove(root, f"{building}.wal")
+            tables.remove_partial()
+            for path in (building, compacted):
+                atomic_writes.remove(root, path)
+                atomic_writes.remove(root, f"{path}.wal")
 
 
 def check_writable(root: Path) -> None:
@@ -152,21 +177,57 @@ def check_writable(root: Path) -> None:
         raise RequestError(f"{folder}: cannot be written (the store is read-only)")
 
 
-def _begin(connection: duckdb.DuckDBPyConnection, beside: Path, base: Path | None) -> None:
-    locked_connection.attach_new(connection, beside, "draft", schema.statements())
+def _begin(
+    connection: duckdb.DuckDBPyConnection,
+    root: Path,
+    building: str,
+    base: layout.Current | None,
+    tables: FileTables,
+) -> None:
+    """Make the draft, and copy what the present generation has inside its index."""
     if base is not None:
-        locked_connection.attach_read_only(connection, base, "base")
-        stored = {row[0] for row in connection.execute(_BASE_TABLES).fetchall()}
-        for table in schema.TABLES:
-            if table.optional and table.name not in stored:
-                continue
-            described = connection.execute(f'SELECT * FROM base."{table.name}" LIMIT 0').description
-            present = {column[0] for column in described}
-            columns = [c.name for c in table.columns if c.name in present or not c.optional]
-            names = ", ".join(f'"{name}"' for name in columns)
-            rows = f'SELECT {names} FROM base."{table.name}"'
-            connection.execute(f'INSERT INTO draft."{table.name}" ({names}) {rows}')
+        path = safe_files.checked_path(root, base.index)
+        locked_connection.attach_read_only(connection, path, "base")
+        files = row_files.listed(connection, path, "base")
+        row_files.check_present(path, files)
+        tables.take_over(files)
+    beside = safe_files.checked_path(root, building)
+    locked_connection.attach_new(connection, beside, "draft", schema.statements(tables.names))
+    if base is not None:
+        _copy_tables(connection, "base", "draft", tables.names)
         connection.execute("DETACH base")
+    tables.begin()
+
+
+def _copy_tables(
+    connection: duckdb.DuckDBPyConnection, source: str, target: str, without: Sequence[str]
+) -> None:
+    """Copy the known tables of an attached index, apart from `without` and the list of files."""
+    stored = {row[0] for row in connection.execute(_TABLES, [source]).fetchall()}
+    for table in schema.TABLES:
+        if table.name in (*without, row_files.TABLE):
+            continue
+        if table.optional and table.name not in stored:
+            continue
+        described = connection.execute(f'SELECT * FROM {source}."{table.name}" LIMIT 0').description
+        present = {column[0] for column in described}
+        columns = [c.name for c in table.columns if c.name in present or not c.optional]
+        names = ", ".join(f'"{name}"' for name in columns)
+        rows = f'SELECT {names} FROM {source}."{table.name}"'
+        connection.execute(f'INSERT INTO {target}."{table.name}" ({names}) {rows}')
+
+
+def _copy_without(
+    connection: duckdb.DuckDBPyConnection, root: Path, path: str, without: Sequence[str]
+) -> None:
+    """Copy the draft to another file, without tables whose rows have moved to files.
+
+    To drop these tables would leave their space in the file.
+    """
+    target = safe_files.checked_path(root, path)
+    locked_connection.attach_new(connection, target, "compacted", schema.statements(without))
+    _copy_tables(connection, "draft", "compacted", without)
+    connection.execute("DETACH draft")
 
 
 def _check_names(table: str, names: Iterable[str]) -> None:
@@ -208,6 +269,11 @@ def _column(values: NDArray[Any] | Sequence[Any]) -> NDArray[Any]:
     if known and isinstance(known[0], bool | int | float):
         return np.array([np.nan if v is None else float(v) for v in listed])
     return np.array(listed, dtype=object)
+
+
+def _is_one_text(array: NDArray[Any]) -> bool:
+    first = array[0]
+    return array.dtype == object and isinstance(first, str) and bool((array == first).all())
 
 
 def _json_text(value: Any) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import duckdb
 
 from s2rstore.errors import RequestError
+from s2rstore.index import reading_statements
 from s2rstore.security.memory_limit import bounded_memory
 
 Rows = list[tuple[Any, ...]]
@@ -51,6 +52,7 @@ def run(
 
 
 def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], Rows]:
+    reading_statements.check(connection, sql)
     result = connection.execute(sql)
     names = [column[0] for column in (result and result.description) or ()]
     rows: Rows = []

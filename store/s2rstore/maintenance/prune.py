@@ -20,13 +20,14 @@ from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
-from s2rstore.index import locked_connection, schema
+from s2rstore.index import locked_connection, row_files, schema
 
 _IN_HISTORY = re.compile(
     rf"{layout.HISTORY}/\.(?P<name>[^/]*\.duckdb)"
     r"(\.[0-9a-f]+\.new(\.wal)?|\.lock\.[^/]+\.partial)"
 )
 """An unfinished file of a gap history or its lock, with the name of the history's file."""
+_ROWS = f"{layout.INDEX}/{row_files.FOLDER}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +114,12 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
     arrays: set[str] = set()
     weights: set[str] = set()
     translators: set[str] = set()
+    rows: set[str] = set()
     for index in indexes:
-        with locked_connection.connect(safe_files.checked_path(root, index)) as connection:
+        path = safe_files.checked_path(root, index)
+        with locked_connection.connect(path, with_row_files=False) as connection:
+            for files in row_files.listed(connection, path).values():
+                rows.update(f"{layout.INDEX}/{file.path}" for file in files)
             for query, values in (
                 ("SELECT path FROM zarr_array", arrays), ("SELECT sha256 FROM model", weights),
             ):  # fmt: skip
@@ -133,6 +138,11 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
         for domain in _entries(root, layout.FRAMES, "folder")
         for folder in _entries(root, domain.path, "folder")
         if folder.path not in frames
+    ]
+    unused += [
+        entry.path
+        for entry in safe_files.walk(root, _ROWS)
+        if entry.kind == "file" and entry.path not in rows
     ]
     models = _entries(root, layout.MODELS, "file")
     unused += [entry.path for entry in models if entry.name.split(".")[0] not in weights]
@@ -204,9 +214,11 @@ def _remove(root: Path, files: dict[str, list[FolderEntry]]) -> None:
     for path in files:
         atomic_writes.remove(root, path)
     Ledger(root).remove_entries({entry.path for entries in files.values() for entry in entries})
-    for run in _entries(root, layout.RUNS, "folder"):
-        if not safe_files.names(root, run.path):
-            atomic_writes.remove(root, run.path)
+    tables = _entries(root, _ROWS, "folder")
+    of_runs = [run for table in tables for run in _entries(root, table.path, "folder")]
+    for folder in (*_entries(root, layout.RUNS, "folder"), *of_runs):
+        if not safe_files.names(root, folder.path):
+            atomic_writes.remove(root, folder.path)
 
 
 def _with_beside(pruned: PruneResult, folders: list[Path], dry_run: bool) -> PruneResult:

@@ -1,9 +1,10 @@
 """Check that a store holds every file of its published generation, undamaged.
 
 Every file that can change a figure or an image is compared with a checksum: shards against the
-ledger; metadata of arrays, weights, floor plan and drives against the index; the index against
-`CURRENT.json`; the gap history against the checksums of its blocks. Stores of version 0.1.0 have
-only some of the checksums: there the structure of arrays and floor plan is checked, with a note.
+ledger; metadata of arrays, weights, floor plan, drives and files of rows against the index; the
+index against `CURRENT.json`; the gap history against the checksums of its blocks. Stores of version
+0.1.0 have only some of the checksums: there the structure of arrays and floor plan is checked, with
+a note.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.gap_history import reader
-from s2rstore.index import locked_connection, schema
+from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.metrics.pose_metrics import LOSS_GAMMA
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Coverage
@@ -77,8 +78,10 @@ def check(root: Path) -> VerifyReport:
         damage = _index_damage(root, current)
         if damage is not None:
             return VerifyReport((*foreign, damage), tuple(notes))
-        with Store(root) as store:
+        damaged = _damaged_row_files(root, current)
+        with Store(root, left_out=damaged) as store:
             verification = _Verification(root, store, current)
+            verification.damages += damaged.values()
             verification.run()
     except _FAILURES as error:
         return VerifyReport((*foreign, Damage(current.index, first_line(error))), tuple(notes))
@@ -121,6 +124,22 @@ def _index_damage(root: Path, current: layout.Current) -> Damage | None:
     except FileNotFoundError:
         return Damage(current.index, "missing")
     return Damage(current.index, "its size or checksum is not the published one")
+
+
+def _damaged_row_files(root: Path, current: layout.Current) -> dict[str, Damage]:
+    """The listed files of rows that are not as published, by their paths beside the index."""
+    index = safe_files.checked_path(root, current.index)
+    with locked_connection.connect(index, with_row_files=False) as connection:
+        listed = row_files.listed(connection, index)
+    damaged = {}
+    for file in (file for files in listed.values() for file in files):
+        path = f"{layout.INDEX}/{file.path}"
+        what = row_files.problem(root, layout.INDEX, file)
+        if not what and safe_files.sha256(root, path) != file.sha256:
+            what = "its checksum is not the published one"
+        if what:
+            damaged[file.path] = Damage(path, what)
+    return damaged
 
 
 @dataclass

@@ -146,7 +146,7 @@ def _referenced_frames(root: Path) -> set[str]:
         generation = layout.generation_of(Path(entry.path))
         if generation is not None and generation <= newest:
             path = safe_files.checked_path(root, entry.path)
-            with locked_connection.connect(path) as connection:
+            with locked_connection.connect(path, with_row_files=False) as connection:
                 folders |= frame_folders(connection)
     return folders
 

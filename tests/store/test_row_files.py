@@ -1,0 +1,544 @@
+"""Rows in Parquet files beside the index: same results, shared by generations, and checked."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import s2rstore
+from bench.edited_index import edited
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.index import row_files, schema, user_query
+from s2rstore.index.transaction import edit
+from s2rstore.language import evaluation
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import verify
+from tests.support.copies import copy_store
+
+_TABLES = ("instance", "frame", "prediction", "projection", "run", "part", "pair", "provenance")
+
+
+@pytest.fixture(scope="module")
+def twin(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The synthetic store with rows of table `frame`, without files of rows."""
+    root = copy_store(tiny_store, tmp_path_factory.mktemp("rows") / "twin.s2r")
+    with edit(root) as draft:
+        iids = np.tile(np.arange(40, dtype=np.int32), 2)
+        domains, names = ["sim"] * 40 + ["real"] * 40, [f"{iid:04d}.png" for iid in iids]
+        draft.insert("frame", {"iid": iids, "domain": domains, "rgb_path": names})
+    return root
+
+
+@pytest.fixture(scope="module")
+def source(twin: Path) -> Path:
+    """The same store with its rows in files."""
+    root = copy_store(twin, twin.with_name("source.s2r"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(row_files, "MAX_ROWS", 0)
+        with edit(root):
+            pass
+    assert _files(root)
+    return root
+
+
+@pytest.fixture
+def filed(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A private copy of the store with its rows in files, where they stay."""
+    monkeypatch.setattr(row_files, "MAX_ROWS", 0)
+    return copy_store(source, tmp_path / "own.s2r")
+
+
+def _files(root: Path) -> dict[str, int]:
+    """The files of rows of a store with their modification times, by paths beside the index."""
+    folder = root / "index"
+    found = (path for path in (folder / "rows").rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in found}
+
+
+def _file(root: Path, run: str = "vanilla", table: str = "prediction") -> Path:
+    (path,) = (root / "index" / "rows" / table / run).iterdir()
+    return path
+
+
+def _rows(root: Path, table: str) -> list[tuple[object, ...]]:
+    with s2rstore.open(root) as store:
+        return sorted(store.execute(f'SELECT * FROM "{table}"'), key=repr)
+
+
+def test_a_small_store_has_no_files_of_rows(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
+        draft.set_provenance("test", {"a": 1})
+    assert not (store_copy / "index" / "rows").exists()
+    with s2rstore.open(store_copy) as store:
+        assert store.row_files == {}
+
+
+@pytest.mark.parametrize("table", _TABLES)
+def test_every_table_has_the_same_rows(source: Path, twin: Path, table: str) -> None:
+    assert _rows(source, table) == _rows(twin, table)
+
+
+def test_columns_and_types_are_the_same(source: Path, twin: Path) -> None:
+    for table in ("frame", "prediction", "projection", "pair"):
+        described = []
+        for root in (source, twin):
+            with s2rstore.open(root) as store:
+                described.append(store.execute(f'DESCRIBE "{table}"'))
+        assert described[0] == described[1]
+
+
+@pytest.mark.parametrize(
+    "expression", ["worst15 & gap >= 0.1", 'run("dataaug").real.error > 0.3', "umap.real(0,0,9,9)"]
+)
+def test_expressions_select_the_same_instances(source: Path, twin: Path, expression: str) -> None:
+    masks = []
+    for root in (source, twin):
+        with s2rstore.open(root) as store:
+            masks.append(evaluation.select(store, expression, run="vanilla"))
+    np.testing.assert_array_equal(masks[0], masks[1])
+
+
+def test_dense_columns_are_the_same(source: Path, twin: Path) -> None:
+    with s2rstore.open(source) as one, s2rstore.open(twin) as other:
+        for run in other.runs:
+            for side in ("sim", "real"):
+                found, expected = (s.run_columns(run).side(side) for s in (one, other))
+                for name in ("x", "heading", "error", "rank", "split", "u", "outlier"):
+                    np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def test_verify_finds_nothing_and_the_store_can_be_moved(filed: Path, tmp_path: Path) -> None:
+    assert verify(filed) == []
+    moved = filed.rename(tmp_path / "it's [a] *new* side=left place.s2r")
+    assert verify(moved) == []
+    with s2rstore.open(moved) as store:
+        assert store.execute("SELECT count(*) FROM pair") == [(80,)]
+    with edit(moved) as draft:
+        draft.delete("prediction", run="dataaug")
+    assert {run for (run,) in _rows_of(moved, "SELECT DISTINCT run FROM prediction")} == {"vanilla"}
+
+
+def _rows_of(root: Path, query: str) -> list[tuple[object, ...]]:
+    with s2rstore.open(root) as store:
+        return store.execute(query)
+
+
+def test_plain_duckdb_reads_the_index_with_a_search_path(filed: Path) -> None:
+    index = filed / layout.read_current(filed).index
+    script = (
+        "import duckdb, sys\n"
+        "connection = duckdb.connect(sys.argv[1], read_only=True)\n"
+        "connection.execute(f\"SET file_search_path = '{sys.argv[2]}'\")\n"
+        "print(connection.execute('SELECT count(*), count(gap) FROM pair').fetchall())\n"
+        "undescribed = '''SELECT table_name, column_name FROM duckdb_columns() WHERE NOT internal\n"
+        "    AND coalesce(comment, '') = '' '''\n"
+        "print(connection.execute(undescribed).fetchall())\n"
+    )
+    command = [sys.executable, "-c", script, str(index), str(index.parent)]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True, cwd="/").stdout
+    assert printed.splitlines() == ["[(80, 80)]", "[]"]
+
+
+def test_a_change_of_one_run_writes_the_files_of_that_run_alone(filed: Path) -> None:
+    before = _files(filed)
+    with edit(filed) as draft:
+        draft.update("prediction", {"run": "vanilla", "side": "sim"}, {"split": "train"})
+        query = "SELECT run, sim_split, count(*) FROM pair GROUP BY ALL ORDER BY 1, 2"
+        rows = draft.rows(query)
+        assert rows[-1] == ("vanilla", "train", 40)
+    added = _files(filed).keys() - before.keys()
+    assert [path.rpartition("/")[0] for path in added] == ["rows/prediction/vanilla"]
+    assert {path: _files(filed)[path] for path in before} == before
+    assert _rows_of(filed, query) == rows
+
+
+def test_rows_that_are_published_again_add_no_file(filed: Path) -> None:
+    before = _files(filed)
+    with s2rstore.open(filed) as store:
+        names = schema.BY_NAME["prediction"].column_names
+        columns = ", ".join(f'"{name}"' for name in names)
+        query = f"SELECT {columns} FROM prediction WHERE run = 'vanilla'"
+        rows = store.connection().execute(query).fetchnumpy()
+    with edit(filed) as draft:
+        draft.delete("prediction", run="vanilla")
+        kept = {name: np.ma.filled(values, np.nan) if values.dtype.kind == "f" else values
+                for name, values in rows.items()}  # fmt: skip
+        draft.insert("prediction", kept)
+    assert _files(filed) == before
+
+
+def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
+    with edit(filed) as draft:
+        draft.insert("prediction", {"run": ["vanilla"], "iid": [77], "side": ["sim"]})
+        draft.insert("frame", {"iid": [77], "domain": ["sim"]})
+    with s2rstore.open(filed) as store:
+        assert len(store.row_files["prediction"]) == 2
+        assert len(store.row_files["frame"]) == 2
+        query = "SELECT count(*) FROM {} WHERE iid = 77"
+        assert store.execute(query.format("prediction")) == [(1,)]
+        assert store.execute(query.format("frame")) == [(1,)]
+
+
+def test_a_table_without_rows_is_no_view(filed: Path) -> None:
+    with edit(filed) as draft:
+        draft.delete("projection")
+        draft.delete("prediction", side="real")
+        draft.delete("prediction", side="sim")
+    with s2rstore.open(filed) as store:
+        assert set(store.row_files) == {"frame"}
+        assert store.execute("SELECT count(*) FROM prediction") == [(0,)]
+    with edit(filed) as draft:
+        draft.insert("prediction", {"run": ["vanilla"], "iid": [0], "side": ["sim"]})
+    with s2rstore.open(filed) as store:
+        assert set(store.row_files) == {"frame", "prediction"}
+
+
+_CHANGES = st.lists(
+    st.tuples(
+        st.sampled_from(["delete run", "delete side", "update", "insert", "publish"]),
+        st.sampled_from(["vanilla", "dataaug", "new+1.x"]),
+        st.sampled_from(["sim", "real"]),
+        st.integers(0, 39),
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+@given(changes=_CHANGES)
+@settings(
+    max_examples=6, deadline=None, derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+def test_any_changes_give_the_rows_of_a_store_without_files(
+    changes: list[tuple[str, str, str, int]],
+    tiny_store: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = tmp_path_factory.mktemp("changes")
+    results = []
+    for limit in (0, 10**9):
+        root = copy_store(tiny_store, folder / f"{limit}.s2r")
+        monkeypatch.setattr(row_files, "MAX_ROWS", limit)
+        waiting = list(changes)
+        while waiting:
+            with edit(root) as draft:
+                while waiting:
+                    what, run, side, iid = waiting.pop(0)
+                    if what == "delete run":
+                        draft.delete("prediction", run=run)
+                        draft.delete("projection", run=run)
+                    elif what == "delete side":
+                        draft.delete("prediction", run=run, side=side)
+                    elif what == "update":
+                        draft.update("prediction", {"side": side, "iid": str(iid)}, {"x": 1.5})
+                    elif what == "insert":
+                        row = {"run": run, "iid": iid, "side": side}
+                        draft.insert_row("prediction", row | {"x": 0.1 * iid})
+                        draft.insert_row("projection", row | {"u": None})
+                    else:
+                        break
+        results.append([_rows(root, table) for table in ("prediction", "projection", "pair")])
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize(
+    ("damage", "hint"),
+    [
+        (lambda path, _: path.unlink(), "missing"),
+        (lambda path, _: path.write_bytes(path.read_bytes()[:-9]), "bytes instead of"),
+        (lambda path, _: _link(path), "symbolic link"),
+        (lambda path, _: _fifo(path), "pipe"),
+        (lambda path, other: shutil.copy(other, path), "bytes instead of"),
+        (lambda path, _: path.write_bytes(b"x" * path.stat().st_size), "arquet"),
+    ],
+)  # fmt: skip
+def test_a_damaged_file_is_refused_and_named(
+    filed: Path, damage: Callable[[Path, Path], object], hint: str
+) -> None:
+    path = _file(filed)
+    damage(path, _file(filed, table="projection"))
+    with pytest.raises(RequestError, match=hint) as raised:
+        s2rstore.open(filed)
+    assert path.name in str(raised.value)
+    assert "\n" not in str(raised.value)
+    found = {damage.where: damage.what for damage in verify(filed)}
+    assert f"index/rows/prediction/vanilla/{path.name}" in found
+    assert not any("dataaug" in what for what in (*found, *found.values()))
+
+
+def _link(path: Path) -> None:
+    target = path.with_name("target")
+    path.rename(target)
+    path.symlink_to(target)
+
+
+def _fifo(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def test_verify_finds_changed_content_of_the_same_size(filed: Path) -> None:
+    path = _file(filed)
+    content = bytearray(path.read_bytes())
+    content[200] ^= 1
+    path.write_bytes(content)
+    (found,) = (damage for damage in verify(filed) if damage.where.endswith(path.name))
+    assert found.what == "its checksum is not the published one"
+
+
+def test_verify_finds_other_damage_beside_a_missing_file(filed: Path) -> None:
+    _file(filed).unlink()
+    shard = next(path for path in (filed / "runs.zarr").rglob("0") if path.is_file())
+    shard.unlink()
+    places = [damage.where for damage in verify(filed)]
+    assert shard.relative_to(filed).as_posix() in places
+    assert any(place.startswith("index/rows/prediction/vanilla/") for place in places)
+
+
+def test_publishing_again_repairs_a_damaged_file_of_an_earlier_generation(filed: Path) -> None:
+    path = _file(filed)
+    content = path.read_bytes()
+    with edit(filed) as draft:
+        draft.delete("prediction", run="vanilla")
+    path.write_bytes(b"damaged")
+    with s2rstore.open(filed) as store:
+        assert "vanilla" not in {file.run for file in store.row_files["prediction"]}
+    _insert_parquet(filed, content)
+    assert path.read_bytes() == content
+    assert verify(filed) == []
+
+
+def _insert_parquet(root: Path, content: bytes) -> None:
+    copy = root.with_name("rows.parquet")
+    copy.write_bytes(content)
+    rows = duckdb.sql(f"SELECT * FROM '{copy}'").fetchall()
+    names = [name for name in schema.BY_NAME["prediction"].column_names if name != "run"]
+    columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    with edit(root) as draft:
+        draft.insert("prediction", {"run": ["vanilla"] * len(rows), **columns})
+
+
+def test_an_unlisted_file_is_ignored_and_pruned(filed: Path) -> None:
+    extra = _file(filed).with_name("0123456789abcdef.parquet")
+    shutil.copy(_file(filed, "dataaug"), extra)
+    partial = extra.with_name(".0123.partial")
+    partial.write_bytes(b"")
+    before = _rows(filed, "prediction")
+    with s2rstore.open(filed) as store:
+        assert store.execute("SELECT count(*) FROM prediction") == [(160,)]
+    removed = prune(filed, keep=9).paths
+    assert sorted(removed) == sorted(
+        path.relative_to(filed).as_posix() for path in (extra, partial)
+    )
+    assert _rows(filed, "prediction") == before
+
+
+def test_prune_keeps_the_files_of_kept_generations(filed: Path) -> None:
+    with edit(filed) as draft:
+        draft.delete("prediction", run="vanilla")
+        draft.delete("projection", run="vanilla")
+    old = layout.read_current(filed).generation - 1
+    before = _files(filed)
+    assert not any("rows" in path for path in prune(filed, keep=2).paths)
+    assert _files(filed) == before
+    with s2rstore.reader.Store(filed, generation=old) as store:
+        assert store.execute("SELECT count(*) FROM pair") == [(80,)]
+    removed = prune(filed, keep=1).paths
+    assert sum("rows/prediction/vanilla" in path for path in removed) == 1
+    assert not (filed / "index" / "rows" / "prediction" / "vanilla").exists()
+    assert _rows_of(filed, "SELECT run, count(*) FROM prediction GROUP BY run") == [("dataaug", 80)]
+
+
+def test_prune_works_where_a_file_is_missing(filed: Path) -> None:
+    _file(filed).unlink()
+    assert _file(filed, "dataaug").name not in str(prune(filed, keep=1).paths)
+
+
+def test_a_failed_edit_leaves_neither_generation_nor_files(filed: Path) -> None:
+    current, before = layout.read_current(filed), _files(filed)
+    with contextlib.suppress(ZeroDivisionError), edit(filed) as draft:
+        draft.update("prediction", {"run": "vanilla"}, {"x": 3.0})
+        raise ZeroDivisionError
+    with pytest.raises(RequestError, match="run"), edit(filed) as draft:
+        draft.insert("prediction", {"run": ["a", "../x"], "iid": [1, 1], "side": ["sim", "sim"]})
+    assert layout.read_current(filed) == current
+    assert _files(filed) == before
+
+
+_KILLED = """
+import os, sys
+from pathlib import Path
+from s2rstore.files import atomic_writes, layout
+from s2rstore.index import row_files, transaction
+row_files.MAX_ROWS = 0
+where = sys.argv[2]
+def killed(*arguments, **options):
+    os._exit(9)
+if where == "files written":
+    transaction.FileTables.finish = killed
+elif where == "files in place":
+    transaction.locked_connection.detach_new = killed
+else:
+    layout.write_current = killed
+with transaction.edit(Path(sys.argv[1])) as draft:
+    draft.update("prediction", {"run": "vanilla"}, {"x": 3.0})
+"""
+
+
+@pytest.mark.parametrize("where", ["files written", "files in place", "index in place"])
+def test_a_kill_during_publishing_leaves_the_old_generation(filed: Path, where: str) -> None:
+    current, before = layout.read_current(filed), _rows(filed, "pair")
+    files = _files(filed)
+    command = [sys.executable, "-c", _KILLED, str(filed), where]
+    assert subprocess.run(command, check=False).returncode == 9
+    assert layout.read_current(filed) == current
+    assert _rows(filed, "pair") == before
+    assert verify(filed) == []
+    assert len(_files(filed)) == len(files) + 1
+    prune(filed, keep=1)
+    assert _files(filed) == files
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE OR REPLACE VIEW prediction AS SELECT * FROM read_csv('/etc/passwd')",
+        "CREATE OR REPLACE VIEW projection AS SELECT 'a' AS run, iid, side, 0.0 AS u, 0.0 AS v "
+        "FROM read_parquet(['rows/frame/*.parquet'], filename = true, hive_partitioning = false), "
+        "(SELECT 'sim' AS side)",
+        "UPDATE row_file SET path = '/etc/passwd' WHERE table_name = 'frame'",
+        "UPDATE row_file SET path = 'rows/frame/../../x' WHERE table_name = 'frame'",
+        "UPDATE row_file SET run = '../x' WHERE run = 'vanilla'",
+        "UPDATE row_file SET table_name = 'run' WHERE table_name = 'frame'",
+        "UPDATE row_file SET row_count = 1000000000 WHERE run = 'vanilla'",
+        "UPDATE row_file SET bytes = NULL",
+        "UPDATE row_file SET sha256 = NULL",
+        "DELETE FROM row_file WHERE run = 'vanilla'",
+        "DELETE FROM row_file",
+        "INSERT INTO row_file SELECT * FROM row_file",
+        "DROP TABLE row_file",
+        "DROP VIEW prediction",
+        "ALTER TABLE row_file ALTER COLUMN bytes TYPE VARCHAR",
+    ],
+)  # fmt: skip
+def test_a_list_of_files_that_no_store_has_is_refused(filed: Path, statement: str) -> None:
+    index = filed / layout.read_current(filed).index
+    with duckdb.connect(str(index)) as connection:
+        connection.execute(f"SET file_search_path = '{index.parent}'")
+        connection.execute(statement)
+    edited(filed, [])
+    with pytest.raises(RequestError) as raised:
+        s2rstore.open(filed)
+    assert "\n" not in str(raised.value)
+    with pytest.raises(RequestError), edit(filed):
+        pass
+
+
+def test_another_number_of_rows_than_listed_is_refused(filed: Path) -> None:
+    edited(filed, ["UPDATE row_file SET row_count = 81 WHERE run = 'vanilla'"])
+    with pytest.raises(RequestError, match="80 rows instead of 81"):
+        s2rstore.open(filed)
+
+
+def test_a_file_with_other_columns_is_refused(filed: Path) -> None:
+    path = _file(filed, "dataaug")
+    other = f"SELECT * REPLACE (x::FLOAT AS x) FROM '{path}'"
+    duckdb.sql(f"COPY ({other}) TO '{path}x' (FORMAT parquet)")
+    content = Path(f"{path}x")
+    digest = hashlib.sha256(content.read_bytes()).hexdigest()
+    name = path.with_name(f"{digest[:16]}.parquet")
+    content.rename(name)
+    with s2rstore.open(filed) as store:
+        files = [
+            replace(file, path=f"rows/prediction/dataaug/{name.name}") if file.run == "dataaug"
+            else file for file in store.row_files["prediction"]
+        ]  # fmt: skip
+    listed = [digest, name.stat().st_size, f"rows/prediction/dataaug/{name.name}"]
+    edited(
+        filed,
+        [
+            f"SET file_search_path = '{filed}/index'",
+            (
+                "UPDATE row_file SET sha256 = ?, bytes = ?, path = ? "
+                "WHERE run = 'dataaug' AND table_name = 'prediction'",
+                [*listed],
+            ),
+            row_files.view("prediction", files).replace("CREATE", "CREATE OR REPLACE", 1),
+        ],
+    )
+    with pytest.raises(RequestError, match="other columns"):
+        s2rstore.open(filed)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
+        "COPY (SELECT 1) TO '{index}' (FORMAT csv)",
+        "PREPARE p AS COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
+        "EXPLAIN ANALYZE COPY (SELECT 1) TO '{file}' (FORMAT parquet)",
+        "COPY (PIVOT room ON room USING count(*)) TO '{file}' (FORMAT parquet)",
+        "EXPORT DATABASE '{index}.wal'",
+        "ATTACH '{index}.wal' AS other",
+        "CREATE TABLE t (a INTEGER)",
+        "DELETE FROM run",
+        "SET threads = 1",
+        "SELECT * FROM read_csv('/etc/hostname')",
+        "SELECT * FROM glob('{folder}/*')",
+        "SELECT * FROM read_parquet('{folder}/*.parquet')",
+    ],
+)
+def test_queries_of_the_user_reach_nothing_but_the_rows(filed: Path, statement: str) -> None:
+    file, index = _file(filed), filed / layout.read_current(filed).index
+    before = {path: path.read_bytes() for path in (file, index)}
+    entries = {path.name for path in (filed / "index").iterdir()}
+    text = statement.format(file=file, index=index, folder=file.parent)
+    with s2rstore.open(filed) as store:
+        with pytest.raises(duckdb.Error):
+            store.execute(text)
+        with pytest.raises(RequestError):
+            user_query.run(store.connection(), text, 20.0, 10**9)
+    assert {path: path.read_bytes() for path in (file, index)} == before
+    assert {path.name for path in (filed / "index").iterdir()} == entries
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["FROM room", "SHOW TABLES", "DESCRIBE pair", "EXPLAIN SELECT * FROM pair", "SUMMARIZE frame",
+     "PIVOT room ON room USING count(*)", "SELECT 1; SELECT avg(gap) FROM pair"],
+)  # fmt: skip
+def test_queries_that_read_are_possible(filed: Path, statement: str) -> None:
+    with s2rstore.open(filed) as store:
+        names, rows = user_query.run(store.connection(), statement, 20.0, 10**9)
+    assert names
+    assert rows
+
+
+def test_a_query_for_one_run_reads_its_files_alone(filed: Path) -> None:
+    with s2rstore.open(filed) as store:
+        text = store.execute("EXPLAIN ANALYZE SELECT avg(gap) FROM pair WHERE run = 'vanilla'")
+        assert "Scanning Files: 1/2" in str(text)
+        assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
+
+
+def test_current_names_no_file_of_rows(filed: Path) -> None:
+    assert set(json.loads((filed / "CURRENT.json").read_text())) == {
+        "generation", "index", "sha256", "bytes", "schema", "dataset_hash",
+    }  # fmt: skip
