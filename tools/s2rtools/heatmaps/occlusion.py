@@ -123,11 +123,12 @@ def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
     if backend not in _METHODS or _METHODS[backend][0] != key:
         method = kind.attributes(backend.model, key)["method"]
         recompute: Recompute = _recompute_fully
-        if method.startswith("by locality"):
-            recompute = partial(_recompute_locally, graph=LocalGraph(backend.trunk))
+        if method.startswith("by locality") and backend.trunk is not None:
+            local = LocalGraph(backend.trunk)
+            recompute = partial(_recompute_locally, graph=local)
             if key != "float32":
-                graph = DifferenceGraph(LocalGraph(backend.trunk), getattr(torch, key))
-                recompute = partial(_recompute_differences, graph=graph)
+                differences = DifferenceGraph(local, getattr(torch, key))
+                recompute = partial(_recompute_differences, graph=differences)
         _METHODS[backend] = key, recompute
     return _METHODS[backend][1]
 

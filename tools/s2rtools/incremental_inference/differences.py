@@ -17,7 +17,7 @@ from torch import Tensor
 from s2rtools.incremental_inference.graph import BaseOutputs, LocalGraph, Operation
 from s2rtools.incremental_inference.regions import PixelRegion
 
-SHARE = 0.05
+SHARE = 0.25
 """Convolutions with at least this share of the multiply-adds are computed in reduced precision."""
 
 Regions = Sequence[dict[str, PixelRegion]]

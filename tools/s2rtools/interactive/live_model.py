@@ -101,8 +101,8 @@ def _output_bytes(output: SideOutput) -> int:
 class LiveModel:
     """Computes the values that precompute stores for a run of the same model with other chains.
 
-    Only one thread may use it at a time. Recent frames and sides are cached. It always runs plain
-    torch in float32, as the computation of a saved run does.
+    Only one thread may use it at a time. Recent frames and sides are cached. It always runs torch
+    in float32; the values of a saved run deviate from it as the provenance of that run states.
     """
 
     def __init__(self, store: Store, run: str, trust: bool = False, threads: int = 0) -> None:

@@ -65,7 +65,8 @@ def run_backends(
     sample = _Sample(store, run, model)
     chosen = kept or _choose(sample, requested, inputs)
     if Occlusion.name in kinds and chosen.differences is None:
-        chosen = _with_differences(chosen, sample, requested)
+        named = str(chosen.facts.get("requested", requested))
+        chosen = _with_differences(chosen, sample, named)
     if chosen != kept:
         report_line(f"{run.run}: {_summary(chosen)}")
         with edit(root, check) as draft:
@@ -122,9 +123,13 @@ def _choose(sample: _Sample, requested: str, inputs: str) -> RunBackends:
     """Measure the backends, and the heatmaps that the chosen one gives, on the sample."""
     if requested == Backend.name:
         backend = open_backend(sample.model, requested)
-        return _backends(MeasuredBackend(backend, 1.0, 0.0, 0.0), backend, {"inputs": inputs})
+        return _backends(
+            MeasuredBackend(backend, 1.0, 0.0, 0.0),
+            backend,
+            {"inputs": inputs, "requested": requested},
+        )
     measured = choose_backend(sample.model, sample.inputs(), requested)
-    heat, facts = measured.backend, {"inputs": inputs}
+    heat, facts = measured.backend, {"inputs": inputs, "requested": requested}
     if heat.precision not in (FLOAT32, "openvino f32"):
         exact = open_float32(sample.model)
         error = _heatmap_error(sample, heat, exact)

@@ -101,9 +101,10 @@ def compute_outputs(
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
         poses = truth[iid : iid + len(frames["sim"].x)]
-        outputs, pair = {}, None
+        outputs: dict[str | None, ForwardOutput] = {}
         if is_predicted:
             outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
+        heatmaps: dict[str, Any] = {}
         if kinds:
             given = outputs if heatmap_backend is backend else {}
             sim, real = (
@@ -111,15 +112,13 @@ def compute_outputs(
                 for side in SIDES
             )
             pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)
-        heatmaps: dict[str, Any] = {}
+            heatmaps = {kind: HEATMAP_KINDS[kind].compute(pair) for kind in kinds}
         for spec in unit.missing:
             if spec.kind == "prediction":
                 values: NDArray[Any] = outputs[spec.side].pose
             elif spec.kind == "embedding":
                 values = outputs[spec.side].embedding.cpu().numpy()
             else:
-                if spec.kind not in heatmaps:
-                    heatmaps[spec.kind] = HEATMAP_KINDS[spec.kind].compute(pair)
                 values = heatmaps[spec.kind][spec.side, spec.mode]
             batches[spec].append(as_stored(values, spec.dtype))
     return {spec: np.concatenate(parts) for spec, parts in batches.items()}
