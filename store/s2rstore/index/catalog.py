@@ -345,6 +345,12 @@ class IndexCatalog:
             grouped.setdefault(row["run"], []).append(ArrayRecord(**row))
         return grouped
 
+    @cached_property
+    def array_paths(self) -> frozenset[str]:
+        """The paths of all published arrays inside runs.zarr."""
+        records = self._array_records.values()
+        return frozenset(record.path for listed in records for record in listed)
+
     def array_parts(self, run: str) -> list[ArrayRecord]:
         """The published arrays of a run, one for each part of the data set that is computed."""
         return list(self._array_records.get(self.run(run).run, ()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from functools import cache
 from pathlib import Path
 
 from torch import Tensor, nn
@@ -41,6 +42,27 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
     network.eval().requires_grad_(False)
     convention = parse_convention(record.convention)
     return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+def model_outline(store: Store, name: str, trust: bool = False) -> LoadedModel:
+    """A store's model as far as shapes are concerned, in evaluation mode.
+
+    Models of one built-in architecture share an untrained network, without reading their weights.
+    Others are loaded. Raises RequestError if a model cannot be loaded.
+    """
+    record = store.models.get(name)
+    if record is None or record.architecture not in ARCHITECTURES:
+        return load_model(store, name, trust)
+    convention = parse_convention(record.convention)
+    network = _untrained_network(record.architecture)
+    return LoadedModel(name, record.architecture, network, convention, record.sha256)
+
+
+@cache
+def _untrained_network(architecture: str) -> PoseNetwork:
+    network = build_network(architecture).eval()
+    network.requires_grad_(False)
+    return network
 
 
 def _stored_weights(store: Store, sha256: str, max_bytes: int) -> tuple[Path, bytes]:

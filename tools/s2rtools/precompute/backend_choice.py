@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from importlib import metadata
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -22,6 +22,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.inference import Backend, MeasuredBackend, choose_backend, open_backend, open_float32
 from s2rtools.inference.calibration import AUTO, SPEED_MARGIN
+from s2rtools.models.load_model import load_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.frame_reader import PairFrames, read_pairs
@@ -39,10 +40,9 @@ _FEWEST_INSTANCES = 64
 
 
 def run_backends(
-    root: Path,
     store: Store,
     run: Run,
-    model: LoadedModel,
+    trust: bool,
     kinds: Sequence[str],
     requested: str,
     report_line: Callable[[str], None],
@@ -62,14 +62,14 @@ def run_backends(
         kept = RunBackends.from_record(record)
         if requested not in (AUTO, kept.predictions.name):
             kept = None
-    sample = _Sample(store, run, model)
+    sample = _Sample(store, run, trust)
     chosen = kept or _choose(sample, requested, inputs)
     if Occlusion.name in kinds and chosen.differences is None:
         named = str(chosen.facts.get("requested", requested))
         chosen = _with_differences(chosen, sample, named)
     if chosen != kept:
         report_line(f"{run.run}: {_summary(chosen)}")
-        with edit(root, check) as draft:
+        with edit(store.path, check) as draft:
             draft.set_provenance(f"run:{run.run}", {"backend": chosen.record()})
     return chosen
 
@@ -84,10 +84,14 @@ def _input_key(store: Store, run: Run) -> str:
 class _Sample:
     """The calibration batch: pairs at places that are evenly spread over the store."""
 
-    def __init__(self, store: Store, run: Run, model: LoadedModel) -> None:
-        self._store, self._run, self.model = store, run, model
+    def __init__(self, store: Store, run: Run, trust: bool) -> None:
+        self._store, self._run, self._trust = store, run, trust
         self.instances = len(store.instances)
         self._frames: list[tuple[int, PairFrames]] | None = None
+
+    @cached_property
+    def model(self) -> LoadedModel:
+        return load_model(self._store, self._run.model, self._trust)
 
     def frames(self) -> list[tuple[int, PairFrames]]:
         """First iid and frames of the pairs at each place."""

@@ -25,9 +25,13 @@ _FRAMES = """
 class InputHashes:
     """Hashes of the inputs of one generation of a store; each is computed once."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, earlier: InputHashes | None = None) -> None:
+        """`earlier` are those of an earlier generation, used if the data set is the same."""
         self.store = store
         self._known: dict[tuple[str, str, int], str] = {}
+        self._dataset = store.dataset, store.parts, store.domains
+        if earlier is not None and earlier._dataset == self._dataset:
+            self._known = earlier._known
 
     def frames(self, domain: str, part: Part) -> str:
         """The images of a domain in a part, as stored, and what gives depth its unit."""

@@ -9,18 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.models.load_model import load_model
+from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
+from s2rtools.precompute.current_store import CurrentStore
 from s2rtools.precompute.executors import run_units
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
@@ -74,17 +74,23 @@ def precompute(
         if kind not in HEATMAP_KINDS:
             raise RequestError(f"heatmap kind {kind!r}: one of {', '.join(HEATMAP_KINDS)}")
     kinds = tuple(HEATMAP_KINDS) if options.kinds is None else options.kinds
-    with locks.compute_lock(root, report_line=reporter.say) as lease:
-        with s2rstore.open(root) as store:
-            store.require_poses("precompute")
-            names = [store.run(name).run for name in runs] or list(store.runs)
+    with (
+        locks.compute_lock(root, report_line=reporter.say) as lease,
+        CurrentStore(root) as current,
+    ):
+        store = current.get()
+        store.require_poses("precompute")
+        names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
             raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
-        return [name for name in names if _compute_run(root, name, kinds, options, reporter, lease)]
+        return [
+            name for name in names
+            if _compute_run(current, name, kinds, options, reporter, lease)
+        ]  # fmt: skip
 
 
 def _compute_run(
-    root: Path,
+    current: CurrentStore,
     name: str,
     kinds: Sequence[str],
     options: PrecomputeOptions,
@@ -96,38 +102,35 @@ def _compute_run(
     Raises StoreBusyError when the compute lock, held as `lease`, was taken over.
     """
     lease.check()
-    if any(HEATMAP_KINDS[kind].aligned for kind in kinds):
-        with s2rstore.open(root) as store:
-            record = store.run(name)
-        if rig_calibration.ensure_calibrated(root, record):
-            reporter.say(f"{record.sim_domain} | {record.real_domain}: rigs calibrated")
-    with s2rstore.open(root) as store:
-        run = store.run(name)
-        model = load_model(store, run.model, options.trust)
-        allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
-        backends = run_backends(
-            root, store, run, model, allowed, options.backend, reporter.say, lease.check
-        )
-        groups = _stage_groups(store, run, model, backends, allowed, options.refit)
-        planned = store.parts
-        published = {record.path for record in store.array_parts(name)}
-    for group in groups:
-        lease.check()
-        _compute_stages(root, group, published, backends, options, reporter, lease)
-    with s2rstore.open(root) as store:
-        has_grown = store.parts != planned
-    if has_grown:
-        reporter.say(f"{name}: instances were added meanwhile; computing them, too")
-        return _compute_run(root, name, kinds, options, reporter, lease)
+    root, run = current.root, current.get().run(name)
+    if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
+        current.get(), run
+    ):
+        reporter.say(f"{run.sim_domain} | {run.real_domain}: rigs calibrated")
+    model = model_outline(current.get(), run.model, options.trust)
+    allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+    backends = run_backends(
+        current.get(), run, options.trust, allowed, options.backend, reporter.say, lease.check
+    )
+    store = current.get()
+    planned = store.parts
+    groups = _stage_groups(store, current.hashes, run, model, backends, allowed, options.refit)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
-    is_new = publish_run(root, name, stages, backends.record(), lease.check)
+    for group in groups:
+        lease.check()
+        _compute_stages(root, group, store.array_paths, backends, options, reporter, lease)
+    if current.get().parts != planned:
+        reporter.say(f"{name}: instances were added meanwhile; computing them, too")
+        return _compute_run(current, name, kinds, options, reporter, lease)
+    is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
 
 
 def _stage_groups(
     store: Store,
+    hashes: InputHashes,
     run: Run,
     model: LoadedModel,
     backends: RunBackends,
@@ -139,7 +142,6 @@ def _stage_groups(
     Each part of the data set has stages of its own, so that nothing of earlier parts is computed
     again where one is appended.
     """
-    hashes = InputHashes(store)
     frames: list[Stage] = []
     forwards: list[Stage] = []
     heatmaps: list[Stage] = []

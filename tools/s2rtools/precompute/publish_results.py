@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
 from s2rstore.index.transaction import edit
@@ -30,7 +29,7 @@ _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit
 
 
 def publish_run(
-    root: Path,
+    store: Store,
     run: str,
     stages: Sequence[Stage],
     backend: dict[str, Any],
@@ -43,20 +42,20 @@ def publish_run(
     """
     specs = [spec for stage in stages for spec in stage.specs]
     key = _run_key(specs)
-    with s2rstore.open(root) as store:
-        predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
-        count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
-        if count != len(store.instances):
-            raise RequestError(f"{root}: instances were added meanwhile; run the command again")
-        listed = store.array_parts(run)
-        same = bool(predicted & {record.path for record in listed})
-        listed = listed if same else []
-        complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
-        if complete and not store.missing_columns("prediction"):
-            return False
-        columns = list(_instance_columns(store, run, specs))
-        ranges = _heat_ranges(store, run, specs)
-        previous = store.provenance(f"run:{run}") if same else {}
+    predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
+    count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
+    if count != len(store.instances):
+        raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
+    listed = store.array_parts(run)
+    same = bool(predicted & {record.path for record in listed})
+    listed = listed if same else []
+    complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
+    if complete and not store.missing_columns("prediction"):
+        return False
+    root = store.path
+    columns = list(_instance_columns(store, run, specs))
+    ranges = _heat_ranges(store, run, specs)
+    previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
     with edit(root, check) as draft:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-import s2rstore
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
@@ -46,28 +44,27 @@ def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
     return ImageAlignment(sim, real, frame, correction)
 
 
-def ensure_calibrated(root: Path, run: Run) -> bool:
+def ensure_calibrated(store: Store, run: Run) -> bool:
     """Calibrate the run's pair of domains and publish the result; False if it exists.
 
     Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side.
     """
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
-    with s2rstore.open(root) as store:
-        if store.provenance(section).get("version") == str(VERSION):
-            return False
-        domains = [store.domain(run.domain(side)) for side in SIDES]
-        size = store.dataset.frame_height, store.dataset.frame_width
-        share = min(1.0, MAX_SIDE / max(size))
-        frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
-        n = len(store.instances)
-        iids = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
-        sim_images, real_images = (
-            [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
-        )
-        pairs = list(zip(sim_images, real_images, strict=True))
-        sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
-        offset = calibrate(sim, real, frame, pairs)
-    with edit(root) as draft:
+    if store.provenance(section).get("version") == str(VERSION):
+        return False
+    domains = [store.domain(run.domain(side)) for side in SIDES]
+    size = store.dataset.frame_height, store.dataset.frame_width
+    share = min(1.0, MAX_SIDE / max(size))
+    frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
+    n = len(store.instances)
+    iids = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
+    sim_images, real_images = (
+        [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
+    )
+    pairs = list(zip(sim_images, real_images, strict=True))
+    sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
+    offset = calibrate(sim, real, frame, pairs)
+    with edit(store.path) as draft:
         facts = {
             "height": offset.height, "zoom": offset.zoom, "frames": len(pairs), "version": VERSION,
         }  # fmt: skip

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
-from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
+from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch
+from s2rtools.heatmaps.heatmap_method import OutputSpec
 from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
@@ -21,6 +23,8 @@ from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
+_DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str], Any]] = WeakKeyDictionary()
+"""Outputs and attributes of heatmap kinds by network."""
 
 
 def network_stages(
@@ -71,16 +75,27 @@ def network_stages(
     return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames), stages
 
 
+def _described(
+    kind: HeatmapKind, model: LoadedModel, differences: str
+) -> tuple[list[OutputSpec], dict[str, str]]:
+    """Outputs and attributes of a kind; found once for a network, which has to run for them."""
+    known = _DESCRIBED.setdefault(model.network, {})
+    key = kind.name, differences
+    if key not in known:
+        known[key] = kind.outputs(model), kind.attributes(model, differences)
+    return known[key]
+
+
 def _kind_specs(
     part: Part, name: str, model: LoadedModel, backends: RunBackends, key: str, is_shared: bool
 ) -> list[ArraySpec]:
     kind = HEATMAP_KINDS[name]
-    attributes = kind.attributes(model, backends.differences or "float32")
+    outputs, attributes = _described(kind, model, backends.differences or "float32")
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(attributes.items())),
                   part.first_iid, is_shared)
-        for out in kind.outputs(model)
+        for out in outputs
     ]  # fmt: skip
 
 
