@@ -538,6 +538,24 @@ def test_a_query_for_one_run_reads_its_files_alone(filed: Path) -> None:
         assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
 
 
+def test_files_of_the_working_folder_are_not_read(
+    filed: Path, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "working"
+    shutil.copytree(filed / "index" / "rows", folder / "rows")
+    for path in (folder / "rows").rglob("*.parquet"):
+        path.write_bytes(b"PAR1")
+    monkeypatch.chdir(folder)
+    assert _rows(filed, "pair") == _rows(twin, "pair")
+    assert verify(filed) == []
+    generation = layout.read_current(filed).generation
+    with pytest.raises(RequestError, match="another folder"), edit(filed):
+        pass
+    assert layout.read_current(filed).generation == generation
+    monkeypatch.chdir("/")
+    assert _rows(filed, "pair") == _rows(twin, "pair")
+
+
 def test_current_names_no_file_of_rows(filed: Path) -> None:
     assert set(json.loads((filed / "CURRENT.json").read_text())) == {
         "generation", "index", "sha256", "bytes", "schema", "dataset_hash",

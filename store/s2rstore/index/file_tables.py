@@ -9,7 +9,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.index.row_files import PARTITIONS, RowFile, RowFiles
@@ -181,7 +181,13 @@ class FileTables:
                 made += [row_files.view(table, files), *schema.comments_on(known, "VIEW")]
             else:
                 made += schema.statements_of(known)
-        locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+        try:
+            locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+        except duckdb.Error as error:
+            raise RequestError(
+                f"{self._folder}: files of rows cannot be read ({first_line(error)}); run "
+                "`s2r verify`, or start the command in another folder"
+            ) from error
         filed = [table for table, files in self._kept.items() if files]
         row_files.check_types(self._connection, filed, self._folder)
         values = [
