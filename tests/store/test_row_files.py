@@ -194,6 +194,16 @@ def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
         assert store.execute(query.format("frame")) == [(1,)]
 
 
+def test_the_same_rows_twice_are_refused(filed: Path) -> None:
+    row = {"iid": [77], "domain": ["sim"]}
+    with edit(filed) as draft:
+        draft.insert("frame", row)
+    with pytest.raises(RequestError, match="already"), edit(filed) as draft:
+        draft.insert("frame", row)
+    with s2rstore.open(filed) as store:
+        assert len(store.row_files["frame"]) == 2
+
+
 def test_a_table_without_rows_is_no_view(filed: Path) -> None:
     with edit(filed) as draft:
         draft.delete("projection")

@@ -152,7 +152,10 @@ class FileTables:
             if not self._holds(name, file):
                 atomic_writes.rename(self._root, partial, name)
                 folders.update(parent.as_posix() for parent in Path(name).parents)
-            self._kept.setdefault(file.table, []).append(file)
+            kept = self._kept.setdefault(file.table, [])
+            if any(other.path == file.path for other in kept):
+                raise RequestError(f"{self._root}: table {file.table}: rows that it has already")
+            kept.append(file)
         for folder in folders - {"."}:
             with safe_files.folder(self._root, folder) as descriptor:
                 os.fsync(descriptor)
