@@ -194,6 +194,16 @@ def test_rows_are_added_to_those_of_a_file(filed: Path) -> None:
         assert store.execute(query.format("frame")) == [(1,)]
 
 
+def test_the_same_rows_twice_are_refused(filed: Path) -> None:
+    row = {"iid": [77], "domain": ["sim"]}
+    with edit(filed) as draft:
+        draft.insert("frame", row)
+    with pytest.raises(RequestError, match="already"), edit(filed) as draft:
+        draft.insert("frame", row)
+    with s2rstore.open(filed) as store:
+        assert len(store.row_files["frame"]) == 2
+
+
 def test_a_table_without_rows_is_no_view(filed: Path) -> None:
     with edit(filed) as draft:
         draft.delete("projection")
@@ -536,6 +546,24 @@ def test_a_query_for_one_run_reads_its_files_alone(filed: Path) -> None:
         text = store.execute("EXPLAIN ANALYZE SELECT avg(gap) FROM pair WHERE run = 'vanilla'")
         assert "Scanning Files: 1/2" in str(text)
         assert f"dataaug/{_file(filed, 'dataaug').name}" not in str(text)
+
+
+def test_files_of_the_working_folder_are_not_read(
+    filed: Path, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "working"
+    shutil.copytree(filed / "index" / "rows", folder / "rows")
+    for path in (folder / "rows").rglob("*.parquet"):
+        path.write_bytes(b"PAR1")
+    monkeypatch.chdir(folder)
+    assert _rows(filed, "pair") == _rows(twin, "pair")
+    assert verify(filed) == []
+    generation = layout.read_current(filed).generation
+    with pytest.raises(RequestError, match="another folder"), edit(filed):
+        pass
+    assert layout.read_current(filed).generation == generation
+    monkeypatch.chdir("/")
+    assert _rows(filed, "pair") == _rows(twin, "pair")
 
 
 def test_current_names_no_file_of_rows(filed: Path) -> None:

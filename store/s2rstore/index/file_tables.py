@@ -9,7 +9,7 @@ from pathlib import Path
 
 import duckdb
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.index.row_files import PARTITIONS, RowFile, RowFiles
@@ -152,7 +152,10 @@ class FileTables:
             if not self._holds(name, file):
                 atomic_writes.rename(self._root, partial, name)
                 folders.update(parent.as_posix() for parent in Path(name).parents)
-            self._kept.setdefault(file.table, []).append(file)
+            kept = self._kept.setdefault(file.table, [])
+            if any(other.path == file.path for other in kept):
+                raise RequestError(f"{self._root}: table {file.table}: rows that it has already")
+            kept.append(file)
         for folder in folders - {"."}:
             with safe_files.folder(self._root, folder) as descriptor:
                 os.fsync(descriptor)
@@ -181,7 +184,13 @@ class FileTables:
                 made += [row_files.view(table, files), *schema.comments_on(known, "VIEW")]
             else:
                 made += schema.statements_of(known)
-        locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+        try:
+            locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+        except duckdb.Error as error:
+            raise RequestError(
+                f"{self._folder}: files of rows cannot be read ({first_line(error)}); run "
+                "`s2r verify`, or start the command in another folder"
+            ) from error
         filed = [table for table, files in self._kept.items() if files]
         row_files.check_types(self._connection, filed, self._folder)
         values = [

@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import duckdb
@@ -134,7 +135,8 @@ def connect_empty(
     allowed = [literal_path(folder) for folder in folders]
     if search_folder is not None:
         # DuckDB checks a relative path as one in the working folder, before it searches for it.
-        allowed.append(os.path.abspath(row_files.FOLDER))
+        with suppress(FileNotFoundError):  # a working folder that was removed
+            allowed.append(os.path.abspath(row_files.FOLDER))
         connection.execute(f"SET file_search_path = '{escaped(literal_path(search_folder))}'")
     listed = ", ".join(f"'{escaped(folder)}'" for folder in allowed)
     connection.execute(f"SET allowed_directories = [{listed}]")
