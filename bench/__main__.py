@@ -23,6 +23,7 @@ from bench import (
     live_prediction,
     map_grids,
     occlusion_speed,
+    planning,
     precompute_memory,
     scale,
     startup,
@@ -37,6 +38,7 @@ _MEASUREMENTS = (
     "terminal_bytes",
     "scale",
     "growth",
+    "planning",
     "back_projection",
     "map_grids",
     "occlusion_speed",
@@ -87,6 +89,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from scale.figures(folder)
     if "growth" in selected:
         yield from growth.figures(folder)
+    if "planning" in selected:
+        yield from planning.figures(folder)
     if "back_projection" in selected:
         yield from back_projection.figures()
     if "map_grids" in selected:

@@ -34,11 +34,23 @@ _TIMES = 3
 Columns = dict[str, dict[str, Any]]
 
 
-def figures(folder: Path) -> Iterator[BudgetRow]:
-    """Measure stores that are built in `folder`."""
-    root = index_store.build(folder / "growth.s2r", INSTANCES, runs=index_store.RUNS[:2])
+def store_of_runs(path: Path, count: int) -> Path:
+    """A store of 10^6 instances with `count` runs, all but two with rows of the first one."""
+    root = index_store.build(path, INSTANCES, runs=index_store.RUNS[:2])
     with edit(root) as draft:
         draft.insert("frame", _frames())
+    _add_runs(root, count)
+    return root
+
+
+def linked_name(number: int) -> str:
+    """The name of a run of `store_of_runs`, from 2 on."""
+    return f"linked-{number:03d}"
+
+
+def figures(folder: Path) -> Iterator[BudgetRow]:
+    """Measure stores that are built in `folder`."""
+    root = store_of_runs(folder / "growth.s2r", RUNS[0])
     rows = _rows()
     times = {}
     for count in RUNS:
@@ -119,7 +131,7 @@ def _add_runs(root: Path, count: int) -> None:
     """List runs up to `count`, whose files are hard links to those of the first run."""
     with s2rstore.open(root) as store:
         present, listed = len(store.runs), store.row_files
-    names = [f"linked-{number:03d}" for number in range(present, count)]
+    names = [linked_name(number) for number in range(present, count)]
     statements: list[Statement] = [f"SET file_search_path = '{root / layout.INDEX}'"]
     for run in names:
         row = {**index_store.run_row(run, 0), "sim_adjustments": "[]", "real_adjustments": "[]"}

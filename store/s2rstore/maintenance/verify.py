@@ -26,23 +26,19 @@ from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, row_files, schema
-from s2rstore.metrics.pose_metrics import LOSS_GAMMA
+from s2rstore.maintenance.table_rules import (
+    Damage,
+    incomplete_runs,
+    table_damages,
+    uncomputed_parts,
+)
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Coverage
 
 _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
     OverflowError, RecursionError,
 )  # fmt: skip
 _MAX_NAMED = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Damage:
-    """A file or table that is not as published, with a description of the difference."""
-
-    where: str
-    what: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,11 +181,11 @@ class _Verification:
         self.damages.append(Damage(where, what))
 
     def _check_tables(self) -> None:
-        self.damages.extend(_table_damages(self.store, self.current))
+        self.damages.extend(table_damages(self.store, self.current))
 
     def _check_runs(self) -> None:
-        self.damages.extend(_incomplete_runs(self.store))
-        self.notes.extend(_uncomputed_parts(self.store))
+        self.damages.extend(incomplete_runs(self.store))
+        self.notes.extend(uncomputed_parts(self.store))
 
     def _check_weights(self) -> None:
         """Compare each model's file with the checksum of the index, or else of the ledger."""
@@ -246,8 +242,13 @@ class _Verification:
             self._check_array(relative, partial(self.store.frames_array, *names), is_covered)
 
     def _check_arrays(self) -> None:
+        """Check every array once; several runs may list one."""
+        checked: set[str] = set()
         for run in self.store.runs:
             for record in self.store.array_parts(run):
+                if record.path in checked:
+                    continue
+                checked.add(record.path)
                 is_covered = record.metadata_sha256 is not None
                 if not is_covered:
                     self.uncovered["the metadata of computed arrays"] = None
@@ -271,7 +272,9 @@ class _Verification:
             elif entries is None:
                 self._add(path, "no ledger entry proves it")
             elif not self._ledger.proves(entries):
-                self._add(path, "its checksum is not the ledger's")
+                is_computed = path.startswith(f"{layout.RUNS}/")
+                cure = "; remove it and run `s2r precompute`" if is_computed else ""
+                self._add(path, f"its checksum is not the ledger's{cure}")
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
             elif not is_covered:
@@ -329,185 +332,3 @@ class _Verification:
                 f"{layout.LEDGER}: {lines} cannot be read (cut by a killed write, or damaged); "
                 "they prove nothing"
             )
-
-
-_POSE_RULE = (
-    "instance",
-    "pose is NULL or not finite",
-    "x IS NULL OR y IS NULL OR heading IS NULL OR "
-    "NOT isfinite(x) OR NOT isfinite(y) OR NOT isfinite(heading)",
-)
-_IMAGE_RULES = (
-    (
-        "instance",
-        "a pose in a data set without poses",
-        "x IS NOT NULL OR y IS NOT NULL OR heading IS NOT NULL OR room IS NOT NULL",
-    ),
-    ("instance", "no image in any domain", "iid NOT IN (SELECT iid FROM frame)"),
-    ("frame", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
-    ("frame", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
-    ("run", "a run in a data set without poses", "true"),
-)
-"""Rules of a data set without poses, in place of `_POSE_RULE`."""
-_PARTLY_IMAGED = """
-    SELECT count(*) FROM (
-        SELECT domain, trajectory, count(DISTINCT iid) AS imaged, count(*) AS n
-        FROM frame JOIN instance USING (iid) GROUP BY domain, trajectory) f
-    JOIN trajectory t USING (trajectory) WHERE imaged <> t.instances OR n <> t.instances
-"""
-_RULES = (
-    (
-        "prediction",
-        "a NaN where NULL belongs",
-        "isnan(x) OR isnan(y) OR isnan(heading) OR "
-        "isnan(error) OR isnan(heading_error) OR isnan(loss) OR isnan(accuracy)",
-    ),
-    (
-        "instance",
-        "room without a row in room",
-        "room IS NOT NULL AND room NOT IN (SELECT room FROM room)",
-    ),
-    (
-        "run",
-        "domain without a row in domain",
-        "sim_domain NOT IN (SELECT domain FROM domain) "
-        "OR real_domain NOT IN (SELECT domain FROM domain)",
-    ),
-    ("prediction", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
-    (
-        "prediction",
-        "unknown side or split",
-        "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
-    ),
-    ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
-    ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
-    *(
-        (
-            name,
-            "duplicate name",
-            f"{name} IN (SELECT {name} FROM {name} GROUP BY 1 HAVING count(*) > 1)",
-        )
-        for name in ("run", "model")
-    ),
-)
-
-# Readers find an instance's row in the frames of its trajectory by this order.
-_ORDER = """
-    SELECT count(*) FROM (
-        SELECT trajectory, count(*) AS n, max(iid) - min(iid) + 1 AS span,
-               min(seq) AS first, max(seq) AS last, count(DISTINCT seq) AS seqs
-        FROM instance GROUP BY trajectory) i
-    LEFT JOIN trajectory t USING (trajectory)
-    WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
-"""
-
-_OUTLIER_RULE = ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0")
-
-_FORMULAS = (
-    ("error is not the distance to the truth", "error", "sqrt(dx * dx + dy * dy)"),
-    (
-        "loss is not that of its errors",
-        "loss",
-        f"{1 - LOSS_GAMMA} * error * error + {LOSS_GAMMA} * turn",
-    ),
-    ("accuracy is not that of its error", "accuracy", "greatest(0, 1 - error / scale)"),
-)
-_TOLERANCE = 1e-9
-"""Relative; absolute for figures below 1."""
-_FIGURES = """WITH figures AS (
-    SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
-           p.x - i.x AS dx, p.y - i.y AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
-           CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
-               PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
-    FROM prediction p JOIN instance i USING (iid) WHERE p.run = ?)
-    SELECT """
-
-
-def _table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
-    rules = [*((_POSE_RULE,) if store.has_poses else _IMAGE_RULES), *_RULES]
-    if "outlier" not in store.missing_columns("prediction"):
-        rules.append(_OUTLIER_RULE)
-    for name, what, condition in rules:
-        count = store.execute(f'SELECT count(*) FROM "{name}" WHERE {condition}')[0][0]
-        if count:
-            yield Damage(f"table {name}", f"{count} rows: {what}")
-    total, least, most, distinct = store.execute(
-        "SELECT count(*), min(iid), max(iid), count(DISTINCT iid) FROM instance"
-    )[0]
-    if total and (least, most, distinct) != (0, total - 1, total):
-        yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
-    (unordered,) = store.execute(_ORDER)[0]
-    if unordered:
-        yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
-    if not store.has_poses and (count := store.execute(_PARTLY_IMAGED)[0][0]):
-        yield Damage("table frame", f"{count} trajectories: a domain images a part of them")
-    stated = sum(trajectory.instances for trajectory in store.trajectories)
-    if stated != total:
-        yield Damage("table trajectory", f"states {stated} instances, there are {total}")
-    comparisons = [
-        *((what, _differs(name, formula)) for what, name, formula in _FORMULAS),
-        ("rank is not that of its error", "rank IS DISTINCT FROM place"),
-    ]
-    counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
-    for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
-        row = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
-        for count, (what, _) in zip(row, comparisons, strict=True):
-            if count:
-                yield Damage("table prediction", f"run {run}: {count} rows: {what}")
-    if store.dataset.hash != current.dataset_hash:
-        yield Damage(layout.CURRENT, "names another data set than the index")
-    for table in schema.TABLES:
-        if table.optional and not store.has_table(table.name):
-            continue
-        missing = store.missing_columns(table.name)
-        names = ", ".join(name for name in table.column_names if name not in missing)
-        store.execute(f'SELECT {names} FROM "{table.name}" LIMIT 0')
-
-
-def _differs(name: str, formula: str) -> str:
-    """The condition that a figure and its formula differ; NULL where one of them is NULL."""
-    near = f"abs({name} - ({formula})) <= {_TOLERANCE} * greatest(1, abs({formula}))"
-    return f"NOT ({name} = ({formula}) OR {near})"
-
-
-def _incomplete_runs(store: Store) -> Iterator[Damage]:
-    """Every computed run has one prediction per side and instance of each part it covers.
-
-    It covers the first part, and some or all of those that were appended later.
-    """
-    query = """
-        SELECT run, side, first, count(DISTINCT iid) FROM prediction
-        ASOF JOIN (SELECT unnest(?::INTEGER[]) AS first) ON iid >= first GROUP BY ALL
-    """
-    rows = store.execute(query, [[part.first_iid for part in store.parts]])
-    counts = {tuple(key): count for *key, count in rows}
-    for part in store.parts:
-        for name, run in store.runs.items():
-            sides = [(name, side, part.first_iid) for side in SIDES] if run.key else []
-            found = [counts.get(key, 0) for key in sides]
-            if part.part > 0 and not any(found):
-                continue
-            for (_, side, _), count in zip(sides, found, strict=True):
-                if count != part.instances:
-                    what = f"run {name}: {count} of {part.instances} {side} rows"
-                    yield Damage("table prediction", what)
-
-
-def _uncomputed_parts(store: Store) -> Iterator[str]:
-    """Notes on runs that are not computed for instances that were appended."""
-    if len(store.parts) == 1:
-        return
-    query = "SELECT run, count(DISTINCT iid) FROM prediction GROUP BY run"
-    counts = dict(store.execute(query))
-    total = len(store.instances)
-    for name, run in store.runs.items():
-        if note := Coverage(name, counts.get(name, 0), total).note if run.key else "":
-            yield note
-        rows: dict[str, int] = {}
-        for record in store.array_parts(name):
-            if record.axes[:1] == ("iid",) and record.kind != "prediction":
-                label = " ".join(filter(None, (record.kind, record.mode, record.side)))
-                rows[label] = rows.get(label, 0) + record.shape[0]
-        partial = [label for label, count in rows.items() if count < counts.get(name, 0)]
-        if partial:
-            yield f"run {name}: computed for some instances only: {', '.join(sorted(partial))}"

@@ -66,7 +66,7 @@ def publish_run(
         for record in other_arrays:
             draft.insert_row("zarr_array", asdict(record))
         for spec in specs:
-            draft.insert_row("zarr_array", _array_row(root, run, spec))
+            draft.insert_row("zarr_array", array_row(root, run, spec))
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, previous))
     return True
@@ -100,7 +100,8 @@ def _instance_columns(
         yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
 
 
-def _array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
+def array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
+    """The row of an array of a run in table `zarr_array`."""
     return {
         "run": run,
         "kind": spec.kind,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import s2rstore
-from s2rstore.arrays import array_writer
+from s2rstore.arrays import array_writer, stored_array
 from s2rstore.arrays.zarr_metadata import Layout
+from s2rstore.files import layout
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
@@ -37,16 +39,14 @@ class UnitComputer:
 
     def __call__(self, unit: WorkUnit) -> None:
         """Compute the missing arrays of a unit and write them as its result."""
-        chunks = {}
-        for spec, rows in self._compute(unit).items():
-            path = spec.path(unit.stage.run)
-            if unit.stage.is_aggregate:
-                chunks[path] = unit_results.encode_totals(rows)
-                continue
-            if path not in self._layouts:
-                self._layouts[path] = spec.open_array(self._root, unit.stage.run).layout
-            chunks[path] = array_writer.encode_chunks(self._layouts[path], rows)
+        chunks = encoded(unit, self._compute(unit), self._layout)
         unit_results.write(self._root, unit, chunks)
+
+    def _layout(self, path: str) -> Layout:
+        if path not in self._layouts:
+            array = stored_array.open_read(self._root / layout.RUNS / path, self._root)
+            self._layouts[path] = array.layout
+        return self._layouts[path]
 
     def _compute(self, unit: WorkUnit) -> dict[ArraySpec, Any]:
         run = self._store.run(unit.stage.run)
@@ -65,3 +65,17 @@ class UnitComputer:
             model = load_model(self._store, run.model, self._trust)
             self._backends = {run.model: self._run_backends.open(model, self._threads)}
         return network_outputs.compute_outputs(self._store, run, *self._backends[run.model], unit)
+
+
+def encoded(
+    unit: WorkUnit, values: Mapping[ArraySpec, Any], layout_of: Callable[[str], Layout]
+) -> dict[str, list[bytes]]:
+    """The compressed chunks of a unit's arrays, by their paths in runs.zarr."""
+    chunks = {}
+    for spec, rows in values.items():
+        path = spec.path(unit.stage.run)
+        if unit.stage.is_aggregate:
+            chunks[path] = unit_results.encode_totals(rows)
+        else:
+            chunks[path] = array_writer.encode_chunks(layout_of(path), rows)
+    return chunks

@@ -1,0 +1,154 @@
+"""Planning of runs in a store of 100 runs of 10^6 instances: `python -m bench --only planning`.
+
+The index is that of `growth`; the arrays of every run are created as the planner wants them, their
+shards are empty files, because planning reads none. The planner is the real one.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+import s2rstore
+from bench import growth
+from bench.budget import BudgetRow
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
+from s2rstore.reader import Store
+from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.models.load_model import model_outline
+from s2rtools.precompute import pipeline, publish_results, rig_calibration, unit_results
+from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
+from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.work_units import ArraySpec, Stage
+
+RUNS = 100
+NEW_RUN = "unfinished"
+_TORCH = BackendIdentity("torch", "float32")
+_BACKENDS = RunBackends(_TORCH, _TORCH, "float32")
+_UNIT_ROWS, _UNITS, _ARRAYS = 64, 256, 13
+
+
+def figures(folder: Path) -> Iterator[BudgetRow]:
+    """Measure a store that is built in `folder`."""
+    yield _commit()
+    root = growth.store_of_runs(folder / "planning.s2r", RUNS)
+    count = _create_arrays(root)
+    yield BudgetRow("files of one run of 1e+06 instances", count, "files", 2_000)
+    command = [sys.executable, "-m", "bench.planning", str(root)]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    measured = json.loads(done.stdout.splitlines()[-1])
+    store = f"{RUNS} runs of 1e+06 instances"
+    yield BudgetRow(f"{store}: plan all, which are complete", measured["complete"], "s", 15.0)
+    yield BudgetRow(f"{store}: plan one more run", measured["one"], "s", 1.0)
+    yield BudgetRow(f"{store}: memory of planning", measured["megabytes"], "MB", 2_000)
+
+
+def _groups(store: Store, hashes: InputHashes, name: str) -> list[list[Stage]]:
+    run = store.run(name)
+    model = model_outline(store, run.model)
+    kinds = [kind for kind in HEATMAP_KINDS if HEATMAP_KINDS[kind].suits(model)]
+    return pipeline._stage_groups(store, hashes, run, model, _BACKENDS, kinds, False)
+
+
+def _create_arrays(root: Path) -> int:
+    """Create and list the arrays of all runs but the last; gives the number of files of one."""
+    section = "alignment:sim|real"
+    with edit(root) as draft:
+        facts = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": rig_calibration.VERSION}
+        draft.set_provenance(section, facts)
+        draft.update("run", {"run": growth.linked_name(RUNS - 1)}, {"run": NEW_RUN})
+    files = 0
+    with s2rstore.open(root) as store, edit(root) as draft:
+        hashes = InputHashes(store)
+        for name in store.runs:
+            draft.set_provenance(f"run:{name}", {"backend": _BACKENDS.record()})
+            if name == NEW_RUN:
+                continue
+            created = 0
+            for stage in (stage for group in _groups(store, hashes, name) for stage in group):
+                for spec in stage.specs:
+                    array = stage.create(root, spec)
+                    for shard in range(array.layout.shards):
+                        (root / array.file(shard)).touch()
+                    created += array.layout.shards + 1
+                    row = publish_results.array_row(root, name, spec)
+                    draft.insert_row("zarr_array", row)
+            keys = {path.name for path in (root / layout.RUNS / name).iterdir()}
+            files = created + len(keys)  # one file of the ledger for each key
+    return files
+
+
+class _Silent:
+    """A reporter that collects lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def begin(self, what: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None:
+        self.lines.append(line)
+
+
+def measure(root: Path) -> dict[str, float]:
+    """Seconds of planning all complete runs and one more, and the peak of memory in megabytes."""
+    with s2rstore.open(root) as store:
+        complete = [name for name in store.runs if name != NEW_RUN]
+    began = time.perf_counter()
+    reporter = _Silent()
+    published = pipeline.precompute(root, reporter, complete)
+    middle = time.perf_counter()
+    if published or not all(line.endswith("up to date") for line in reporter.lines):
+        raise SystemExit(f"not up to date: {reporter.lines[:3]}")
+    with s2rstore.open(root) as store:
+        hashes = InputHashes(store)
+        _groups(store, hashes, complete[0])
+        planned = time.perf_counter()
+        for group in _groups(store, hashes, NEW_RUN):
+            UnitPlan(root, group, store.array_paths, dict)
+        end = time.perf_counter()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {"complete": middle - began, "one": end - planned, "megabytes": peak}
+
+
+def _commit() -> BudgetRow:
+    """Milliseconds to compress, write and record a unit of 13 arrays of heatmaps."""
+    rng = np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        specs = tuple(_spec(number) for number in range(_ARRAYS))
+        stage = Stage("commit", "run", specs, _UNIT_ROWS)
+        rows = rng.normal(size=(_UNIT_ROWS, 2, 6, 6)).astype(np.float32)
+        plan = UnitPlan(root, [stage], (), dict)
+        layouts = {spec.path("run"): stage.create(root, spec).layout for spec in specs}
+        units: Sequence = plan.units
+        began = time.perf_counter()
+        for unit in units:
+            chunks = encoded(unit, dict.fromkeys(specs, rows), layouts.__getitem__)
+            unit_results.write(root, unit, chunks)
+            plan.finish(unit)
+        plan.close()
+        taken = time.perf_counter() - began
+    return BudgetRow("commit of a unit of 13 arrays", 1000 * taken / len(units), "ms", 1.0)
+
+
+def _spec(number: int) -> ArraySpec:
+    key = f"{number:016x}"
+    axes = ("iid", "unit", "row", "column")
+    rows = _UNIT_ROWS * _UNITS
+    return ArraySpec("heat", "sim", f"m{number}", (2, 6, 6), "float32", axes, "m", key, rows)
+
+
+if __name__ == "__main__":
+    print(json.dumps(measure(Path(sys.argv[1]))))
