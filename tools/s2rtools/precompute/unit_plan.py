@@ -162,7 +162,12 @@ class UnitPlan:
         """Write a shard from the results of its units."""
         path = shard.spec.path(shard.stage.run)
         results = [self._results[unit_results.file_name(shard.stage, n)] for n in shard.units]
-        parts = (list(result.chunks(path)) for result in results)
+        with safe_files.folder(self._root, unit_results.folder(shard.stage)) as folder:
+            parts = (list(result.chunks(path, folder)) for result in results)
+            return self._write_parts(shard, parts)
+
+    def _write_parts(self, shard: _Shard, parts: Iterator[list[bytes]]) -> LedgerEntry:
+        """Write a shard from the chunks of its units."""
         if shard.stage.is_aggregate:
             totals = ({shard.spec: decode_totals(part, shard.spec.item)} for part in parts)
             rows = self._merge(totals)[shard.spec]

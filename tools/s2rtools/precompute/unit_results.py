@@ -9,6 +9,7 @@ again.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, chain
@@ -25,7 +26,7 @@ from s2rstore.files import atomic_writes, layout, safe_files
 from s2rtools.precompute.work_units import Stage, WorkUnit
 
 _HEADER_BYTES = 16 * 2**20
-_BLOCK = 2**20
+_BLOCK, _LINE_BLOCK = 2**20, 2**14
 
 _Size = Annotated[int, msgspec.Meta(ge=0, le=2**40)]
 
@@ -75,19 +76,22 @@ def write(root: Path, unit: WorkUnit, chunks: Mapping[str, list[bytes]]) -> None
 class UnitResult:
     """A complete result; `places` are the first byte and the sizes of each array's chunks."""
 
-    root: Path
-    name: str
+    file: Path
     places: Mapping[str, tuple[int, list[int]]]
 
-    def chunks(self, path: str) -> Iterator[bytes]:
-        """The compressed chunks of an array. Raises RequestError where the file has changed."""
+    def chunks(self, path: str, folder: int) -> Iterator[bytes]:
+        """The compressed chunks of an array. Raises RequestError where the file has changed.
+
+        `folder` is a descriptor of the folder of the stage's results.
+        """
         offset, sizes = self.places[path]
-        with safe_files.open_read(self.root, self.name) as file:
+        descriptor = safe_files.open_regular_at(self.file, os.O_RDONLY, folder)
+        with open(descriptor, "rb", buffering=0) as file:
             file.seek(offset)
             for size in sizes:
                 chunk = file.read(size)
                 if len(chunk) != size:
-                    raise RequestError(f"{self.root / self.name}: cut; run the command again")
+                    raise RequestError(f"{self.file}: cut; run the command again")
                 yield chunk
 
 
@@ -98,16 +102,16 @@ def read(root: Path, name: str, is_checked: bool = True) -> UnitResult | None:
     """
     try:
         with safe_files.open_read(root, name) as file:
-            content = file.read(_BLOCK)
+            content = file.read(_LINE_BLOCK)
             while b"\n" not in content and len(content) < _HEADER_BYTES:
-                more = file.read(_BLOCK)
+                more = file.read(_LINE_BLOCK)
                 if not more:
                     return None
                 content += more
             line, _, rest = content.partition(b"\n")
             header = msgspec.json.decode(line, type=_Header)
             total = sum(map(sum, header.chunks.values()))
-            if safe_files.size(root, name) != len(line) + 1 + total:
+            if os.fstat(file.fileno()).st_size != len(line) + 1 + total:
                 return None
             if is_checked:
                 digest = hashlib.sha256(rest)
@@ -119,4 +123,4 @@ def read(root: Path, name: str, is_checked: bool = True) -> UnitResult | None:
         return None
     starts = accumulate(map(sum, header.chunks.values()), initial=len(line) + 1)
     places = zip(header.chunks, zip(starts, header.chunks.values(), strict=False), strict=True)
-    return UnitResult(root, name, dict(places))
+    return UnitResult(root / name, dict(places))
