@@ -43,10 +43,20 @@ def plan_layout(
     multiple of that.
     """
     unit_rows = unit_rows or shard_rows
-    size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
-    requested = max(1, min(unit_rows, CHUNK_BYTES // max(size, 1)))
+    requested = _chunk_rows(unit_rows, item, dtype)
     per_chunk = next(n for n in range(requested, 0, -1) if unit_rows % n == 0)
     return Layout((rows, *item), dtype, shard_rows, per_chunk)
+
+
+def plan_whole(rows: int, item: tuple[int, ...], dtype: str) -> Layout:
+    """The layout of an array of `rows` items in one shard, with chunks of about 256 kB."""
+    per_chunk = _chunk_rows(rows, item, dtype)
+    return Layout((rows, *item), dtype, max(1, -(-rows // per_chunk)) * per_chunk, per_chunk)
+
+
+def _chunk_rows(most: int, item: tuple[int, ...], dtype: str) -> int:
+    size = int(np.dtype(dtype).itemsize * np.prod(item, dtype=np.int64))
+    return max(1, min(most, CHUNK_BYTES // max(size, 1)))
 
 
 def create(

@@ -29,7 +29,7 @@ from s2rstore.files.layout import CURRENT
 
 METADATA = "zarr.json"
 
-_BLOSC_HEADER = 16
+BLOSC_HEADER = 16
 _BLOSC_ZSTD = 4
 INDEX_CHECKSUM = 4
 ABSENT = 2**64 - 1
@@ -100,8 +100,8 @@ class StoredArray(RowArray):
             index = self._index(file.fileno(), where)[:chunks]
             _check_places(index, self.layout, where)
             for offset, size in index.tolist():
-                header = os.pread(file.fileno(), min(size, _BLOSC_HEADER), offset)
-                _check_header(header, size, self.layout.chunk_bytes, where)
+                header = os.pread(file.fileno(), min(size, BLOSC_HEADER), offset)
+                check_chunk(header, size, self.layout.chunk_bytes, where)
 
     def _read(self, shard: int, low: int, high: int, into: NDArray[Any]) -> None:
         """Rows [low, high) of a shard into `into`."""
@@ -134,7 +134,7 @@ class StoredArray(RowArray):
 
         layout = self.layout
         length = 16 * layout.shard_chunks + INDEX_CHECKSUM
-        most = layout.shard_chunks * (layout.chunk_bytes + _BLOSC_HEADER) + length
+        most = layout.shard_chunks * (layout.chunk_bytes + BLOSC_HEADER) + length
         size = os.fstat(descriptor).st_size
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
@@ -200,7 +200,7 @@ def _parts(
         raise _damaged(where, "it ends early")
     parts = [content[offset - begin : offset - begin + size] for offset, size in index.tolist()]
     for part in parts:
-        _check_header(part, len(part), layout.chunk_bytes, where)
+        check_chunk(part, len(part), layout.chunk_bytes, where)
     return parts
 
 
@@ -210,14 +210,17 @@ def _check_places(index: NDArray[np.uint64], layout: Layout, where: Path) -> tup
         raise _damaged(where, "a chunk is missing")
     offsets, sizes = index[:, 0].tolist(), index[:, 1].tolist()
     behind = [offset + size for offset, size in zip(offsets, sizes, strict=True)]
-    if max(sizes) > layout.chunk_bytes + _BLOSC_HEADER or offsets[1:] != behind[:-1]:
+    if max(sizes) > layout.chunk_bytes + BLOSC_HEADER or offsets[1:] != behind[:-1]:
         raise _damaged(where, "its chunks do not lie one behind the other")
     return offsets[0], behind[-1]
 
 
-def _check_header(header: memoryview | bytes, size: int, chunk_bytes: int, where: Path) -> None:
-    """Refuse data whose Blosc header states another size than a chunk's, before decompression."""
-    if len(header) < _BLOSC_HEADER:
+def check_chunk(header: memoryview | bytes, size: int, chunk_bytes: int, where: Path) -> None:
+    """Refuse data whose Blosc header states another size than a chunk's, before decompression.
+
+    `header` are the first bytes of a chunk of `size` bytes.
+    """
+    if len(header) < BLOSC_HEADER:
         raise _damaged(where, "a chunk is cut")
     total, packed = (int.from_bytes(header[at : at + 4], "little") for at in (4, 12))
     if header[2] >> 5 != _BLOSC_ZSTD or packed != size:

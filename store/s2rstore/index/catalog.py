@@ -12,7 +12,7 @@ from typing import Any
 
 import duckdb
 
-from s2rstore.errors import RequestError, first_line
+from s2rstore.errors import DamagedStoreError, RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
@@ -119,7 +119,15 @@ class IndexCatalog:
         connection = self.connection()
         if self.row_files:
             reading_statements.check(connection, sql)
-        return connection.execute(sql, parameters or []).fetchall()
+        try:
+            return connection.execute(sql, parameters or []).fetchall()
+        except (duckdb.PermissionException, duckdb.IOException) as error:
+            if not self.row_files:
+                raise
+            raise DamagedStoreError(
+                f"{self.path}: generation {self.generation} cannot be read ({first_line(error)}); "
+                "it may have been removed: open the store again, or run `s2r verify`"
+            ) from error
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table, with texts in printable characters."""

@@ -46,7 +46,10 @@ class ColumnLoader:
         try:
             rows = self.connect().execute(sql, list(parameters)).fetchnumpy()
         except duckdb.Error as error:
-            message = f"the index cannot be read ({first_line(error)}); run `s2r verify`"
+            message = (
+                f"the index cannot be read ({first_line(error)}); open the store again, or run "
+                "`s2r verify`"
+            )
             raise RequestError(message) from error
         iid, values = rows["iid"], rows["value"]
         kind = np.float64 if missing is None else np.int32

@@ -1,7 +1,8 @@
 """Keys of a run's arrays: hashes over everything that their values depend on, and nothing else.
 
-Arrays that releases up to 0.2.0 published keep the keys that these gave them, which also contained
-the whole data set's hash; so nothing of an earlier store is computed again.
+Arrays that releases up to 0.2.0 published or began keep the keys that these gave them, so that
+nothing of an earlier store is computed again. Those keys have the hash of the data set as it was
+ingested, in place of the hashes of single inputs.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
+from s2rstore.files import layout, safe_files
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import SIDES, Part, Run, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -40,10 +42,13 @@ class ArrayKeys:
     def _key(self, facts: Facts, earlier: Facts) -> tuple[str, bool]:
         """The key of some facts, and whether it is new.
 
-        The key of `earlier` facts is kept where arrays of it are published.
+        The key of `earlier` facts is kept where arrays of it are published or begun.
         """
         key = content_key(earlier)
-        if (self._run.run, key) in self._published:
+        folder = f"{layout.RUNS}/{self._run.run}/{key}"
+        if (self._run.run, key) in self._published or (
+            safe_files.kind(self._store.path, folder) is not None
+        ):
             return key, False
         return content_key(facts), True
 
@@ -52,6 +57,7 @@ class ArrayKeys:
         domain, dataset = self._run.domain(side), self._store.dataset
         facts = {"domain": domain, "move": asdict(move), "renderer": renderer, "kind": "frames"}
         inputs = {
+            "frames": self._hashes.frames(domain, self._part),
             "poses": self._hashes.poses(self._part),
             "cameras": self._hashes.cameras(domain),
             "size": [dataset.frame_height, dataset.frame_width],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,7 +16,8 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from s2rstore.index.transaction import edit
+from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files.input_files import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
@@ -33,6 +35,7 @@ DEFAULT_VARIABLE = "S2R_BACKEND"
 """Environment variable that names the backend where none is requested."""
 HEATMAP_ERROR = 0.01
 """Largest RMS error of a heatmap in reduced precision, in deviations of its values."""
+_CHOICE_BYTES = 65_536
 _PLACES, _PAIRS_PER_PLACE = 8, 2
 _OCCLUSION_PLACES, _OCCLUSION_ROUNDS = 1, 2
 _FEWEST_INSTANCES = 64
@@ -51,17 +54,12 @@ def run_backends(
     """The recorded backends of a run; chosen, reported and recorded where there are none yet.
 
     A recorded choice is kept unless `requested` names another backend than that of the
-    predictions. `check` is called before the record is published, see `edit`. Raises RequestError
+    predictions. `check` is called before it is recorded. Raises RequestError
     for an unknown or inaccurate backend.
     """
     requested = (os.environ.get(DEFAULT_VARIABLE) or AUTO) if requested == AUTO else requested
     inputs = _input_key(store, run)
-    record = store.provenance_object(f"run:{run.run}", "backend")
-    kept = None
-    if record and record.get("inputs", inputs) == inputs:
-        kept = RunBackends.from_record(record)
-        if requested not in (AUTO, kept.predictions.name):
-            kept = None
+    kept = _kept(store, run, requested, inputs)
     sample = _Sample(store, run, trust)
     chosen = kept or _choose(sample, requested, inputs)
     if Occlusion.name in kinds and chosen.differences is None:
@@ -69,9 +67,36 @@ def run_backends(
         chosen = _with_differences(chosen, sample, named)
     if chosen != kept:
         report_line(f"{run.run}: {_summary(chosen)}")
-        with edit(store.path, check) as draft:
-            draft.set_provenance(f"run:{run.run}", {"backend": chosen.record()})
+        content = json.dumps(chosen.record(), sort_keys=True).encode()
+        atomic_writes.write(store.path, _choice_file(run), content, check=check)
     return chosen
+
+
+def _choice_file(run: Run) -> str:
+    """The file of a choice that is not published yet; it goes with the results of units."""
+    return f"{layout.UNITS}/{run.run}/backend.json"
+
+
+def _kept(store: Store, run: Run, requested: str, inputs: str) -> RunBackends | None:
+    """The backends that a killed precompute had chosen, or those of the published arrays.
+
+    None where they are of another model or of other images, or where `requested` names another
+    backend. A choice by name that was not published holds for the same name, and for runs of which
+    nothing is published.
+    """
+    file = _choice_file(run)
+    records = [store.provenance_object(f"run:{run.run}", "backend")]
+    if safe_files.kind(store.path, file) is not None:
+        content = safe_files.read(store.path, file, _CHOICE_BYTES)
+        begun = parse_object(content.decode(errors="replace"), str(store.path / file))
+        if run.key is None or begun.get("requested") == requested:
+            records.insert(0, begun)
+    for record in records:
+        if record and record.get("inputs", inputs) == inputs:
+            kept = RunBackends.from_record(record, f"{store.path}: run {run.run}")
+            if requested in (AUTO, kept.predictions.name):
+                return kept
+    return None
 
 
 def _input_key(store: Store, run: Run) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from s2rstore.errors import RequestError
-from s2rstore.files import locks
+from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import Run
@@ -104,7 +104,7 @@ def _compute_run(
     lease.check()
     root, run = current.root, current.get().run(name)
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
-        current.get(), run
+        current.get(), run, lease.check
     ):
         reporter.say(f"{run.sim_domain} | {run.real_domain}: rigs calibrated")
     model = model_outline(current.get(), run.model, options.trust)
@@ -124,6 +124,7 @@ def _compute_run(
         reporter.say(f"{name}: instances were added meanwhile; computing them, too")
         return _compute_run(current, name, kinds, options, reporter, lease)
     is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
+    atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
 
@@ -198,4 +199,5 @@ def _compute_stages(
             lease.raise_if_lost()
             plan.finish(unit)
             reporter.advance(len(unit.instances))
+        lease.check()
     plan.close()

@@ -16,7 +16,7 @@ from s2rstore.files.input_files import parse_object
 from s2rstore.index.transaction import edit
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
@@ -49,8 +49,7 @@ def publish_run(
     listed = store.array_parts(run)
     same = bool(predicted & {record.path for record in listed})
     listed = listed if same else []
-    complete = {spec.path(run) for spec in specs} <= {record.path for record in listed}
-    if complete and not store.missing_columns("prediction"):
+    if _are_listed(store, run, specs, listed) and not store.missing_columns("prediction"):
         return False
     root = store.path
     columns = list(_instance_columns(store, run, specs))
@@ -70,6 +69,19 @@ def publish_run(
         draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, previous))
     return True
+
+
+def _are_listed(
+    store: Store, run: str, specs: Sequence[ArraySpec], listed: Sequence[ArrayRecord]
+) -> bool:
+    """Whether the index lists all arrays as they are in the store."""
+    checksums = {record.path: record.metadata_sha256 for record in listed}
+    if not checksums.keys() >= {spec.path(run) for spec in specs}:
+        return False
+    return all(
+        checksums[spec.path(run)] in (None, spec.open_array(store.path, run).metadata_sha256)
+        for spec in specs
+    )
 
 
 def _run_key(specs: Sequence[ArraySpec]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -44,10 +45,11 @@ def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
     return ImageAlignment(sim, real, frame, correction)
 
 
-def ensure_calibrated(store: Store, run: Run) -> bool:
+def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda: None) -> bool:
     """Calibrate the run's pair of domains and publish the result; False if it exists.
 
     Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side.
+    `check` is called before it is published, see `edit`.
     """
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
     if store.provenance(section).get("version") == str(VERSION):
@@ -64,7 +66,7 @@ def ensure_calibrated(store: Store, run: Run) -> bool:
     pairs = list(zip(sim_images, real_images, strict=True))
     sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
     offset = calibrate(sim, real, frame, pairs)
-    with edit(store.path) as draft:
+    with edit(store.path, check) as draft:
         facts = {
             "height": offset.height, "zoom": offset.zoom, "frames": len(pairs), "version": VERSION,
         }  # fmt: skip

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
+
+import msgspec
 
 from s2rstore.errors import RequestError
 from s2rtools.heatmaps.occlusion import Occlusion
@@ -45,6 +47,15 @@ class BackendIdentity:
         return backend
 
 
+class _Record(msgspec.Struct, frozen=True):
+    """The entries of a record that choose backends; others describe them."""
+
+    name: str
+    precision: str
+    heatmaps: BackendIdentity | None = None
+    differences: Literal["float32", "bfloat16"] | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class RunBackends:
     """What computes a run: predictions and embeddings, heatmaps, and differences in occlusion.
@@ -59,16 +70,20 @@ class RunBackends:
     facts: dict[str, Any] = field(default_factory=dict, compare=False)
 
     @classmethod
-    def from_record(cls, record: dict[str, Any]) -> RunBackends:
-        """From the provenance of a run; earlier versions recorded one backend for everything."""
-        predictions = BackendIdentity(record["name"], record["precision"])
-        heatmaps = record.get("heatmaps")
-        return cls(
-            predictions,
-            BackendIdentity(heatmaps["name"], heatmaps["precision"]) if heatmaps else predictions,
-            record.get("differences") if heatmaps else FLOAT32,
-            {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")},
-        )
+    def from_record(cls, record: dict[str, Any], where: str) -> RunBackends:
+        """From the provenance of a run; earlier versions recorded one backend for everything.
+
+        Raises RequestError, which begins with `where`, for a malformed record.
+        """
+        try:
+            known = msgspec.convert(record, _Record)
+        except msgspec.ValidationError as error:
+            raise RequestError(f"{where}: the backend is not valid ({error})") from error
+        predictions = BackendIdentity(known.name, known.precision)
+        heatmaps = known.heatmaps or predictions
+        differences = known.differences if known.heatmaps else FLOAT32
+        facts = {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")}
+        return cls(predictions, heatmaps, differences, facts)
 
     def record(self) -> dict[str, Any]:
         return {

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -17,8 +19,9 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
-from s2rtools.precompute.unit_results import UnitResult, decode_totals
+from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 Totals = Mapping[ArraySpec, NDArray[np.float64]]
@@ -79,8 +82,9 @@ class UnitPlan:
             specs = tuple(dict.fromkeys(shard.spec for shard in shards))
             unit, name = WorkUnit(stage, number, specs), unit_results.file_name(stage, number)
             self._shards[name], self._uses[name] = shards, len(shards)
-            result = unit_results.read(self._root, name) if name in earlier else None
-            if result and result.places.keys() >= {spec.path(stage.run) for spec in specs}:
+            expected = self._chunk_sizes(unit)
+            result = unit_results.read(self._root, unit, expected) if name in earlier else None
+            if result:
                 self._results[name] = result
                 complete.append(unit)
             else:
@@ -104,7 +108,7 @@ class UnitPlan:
             if stage.is_aggregate:
                 units = range(-(-len(stage.instances) // per_unit))
             else:
-                if per_unit % array.layout.rows_per_chunk:
+                if len(stage.instances) > per_unit and per_unit % array.layout.rows_per_chunk:
                     raise RequestError(
                         f"{array.path}: begun by another release; remove it and run the command "
                         "again"
@@ -113,18 +117,34 @@ class UnitPlan:
                 units = range(number * per_shard // per_unit, -(-stop // per_unit))
             yield _Shard(stage, spec, array, number, units, set(units))
 
+    @cached_property
+    def _shared_entries(self) -> dict[str, list[LedgerEntry]]:
+        return self._ledger.shared_entries()
+
     def _entries(
         self, spec: ArraySpec, run: str, array: StoredArray
     ) -> dict[str, list[LedgerEntry]]:
         """The ledger's entries of an array; releases up to 0.2.0 wrote them among all others."""
         if not array.layout.is_flat:
-            return self._ledger.shared_entries()
+            return self._shared_entries
         return self._ledger.array_entries(spec.folder(run))
+
+    def _chunk_sizes(self, unit: WorkUnit) -> dict[str, ChunkSizes]:
+        """What the result of a unit holds of its missing arrays, by their paths."""
+        sizes = {}
+        for shard in self._shards[unit_results.file_name(unit.stage, unit.number)]:
+            layout = shard.array.layout
+            count, size = -(-len(unit.instances) // layout.rows_per_chunk), layout.chunk_bytes
+            if unit.stage.is_aggregate:
+                count, size = 1, 8 * len(TOTALS) * math.prod(shard.spec.item)
+            sizes[shard.spec.path(unit.stage.run)] = ChunkSizes(count, size)
+        return sizes
 
     def finish(self, unit: WorkUnit) -> None:
         """Use the result of a unit that has been computed."""
         name = unit_results.file_name(unit.stage, unit.number)
-        result = unit_results.read(self._root, name, is_checked=False)
+        expected = self._chunk_sizes(unit)
+        result = unit_results.read(self._root, unit, expected, is_checked=False)
         if result is None:
             raise RequestError(f"{self._root / name}: removed while it was used; run it again")
         self._results[name] = result

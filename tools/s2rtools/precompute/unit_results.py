@@ -1,9 +1,9 @@
 """Results of work units: one file per unit, until the shards that need it are complete.
 
 A file holds the compressed chunks of the unit's arrays, so that a shard is made by joining them. It
-is a line of JSON with their sizes and the SHA-256 of the rest, then the chunks. Files are not
-flushed to the disk: one that a power failure damaged does not have its checksum and is computed
-again.
+is a line of JSON with the instances of the unit, the sizes of the chunks and the SHA-256 of the
+rest, then the chunks. Files are not flushed to the disk: one that a power failure damaged does not
+have its checksum and is computed again.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import FileIO
 from itertools import accumulate, chain
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays.stored_array import codec
+from s2rstore.arrays.stored_array import BLOSC_HEADER, check_chunk, codec
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rtools.precompute.work_units import Stage, WorkUnit
@@ -28,14 +29,25 @@ from s2rtools.precompute.work_units import Stage, WorkUnit
 _HEADER_BYTES = 16 * 2**20
 _BLOCK, _LINE_BLOCK = 2**20, 2**14
 
-_Size = Annotated[int, msgspec.Meta(ge=0, le=2**40)]
+_Size = Annotated[int, msgspec.Meta(ge=0, le=2**32)]
 
 
 class _Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Sizes of the chunks of each array, given by its path, and the checksum of all chunks."""
+    """First and number of instances, the compressed sizes of each array's chunks by its path."""
 
+    version: Literal[1]
+    first_iid: int
+    instances: int
     chunks: dict[str, list[_Size]]
     sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkSizes:
+    """How many chunks a unit has of an array, and the bytes of one that is not compressed."""
+
+    count: int
+    bytes: int
 
 
 def folder(stage: Stage) -> str:
@@ -67,8 +79,10 @@ def write(root: Path, unit: WorkUnit, chunks: Mapping[str, list[bytes]]) -> None
     for chunk in chain.from_iterable(chunks.values()):
         digest.update(chunk)
     sizes = {path: list(map(len, parts)) for path, parts in chunks.items()}
-    header = msgspec.json.encode(_Header(sizes, digest.hexdigest())) + b"\n"
-    content = iter([header, *chain.from_iterable(chunks.values())])
+    rows = unit.instances
+    header = _Header(1, rows.start, len(rows), sizes, digest.hexdigest())
+    line = msgspec.json.encode(header) + b"\n"
+    content = iter([line, *chain.from_iterable(chunks.values())])
     atomic_writes.write(root, file_name(unit.stage, unit.number), content, durable=False)
 
 
@@ -85,7 +99,10 @@ class UnitResult:
         `folder` is a descriptor of the folder of the stage's results.
         """
         offset, sizes = self.places[path]
-        descriptor = safe_files.open_regular_at(self.file, os.O_RDONLY, folder)
+        try:
+            descriptor = safe_files.open_regular_at(self.file, os.O_RDONLY, folder)
+        except FileNotFoundError as error:
+            raise RequestError(f"{self.file}: removed meanwhile; run the command again") from error
         with open(descriptor, "rb", buffering=0) as file:
             file.seek(offset)
             for size in sizes:
@@ -95,32 +112,68 @@ class UnitResult:
                 yield chunk
 
 
-def read(root: Path, name: str, is_checked: bool = True) -> UnitResult | None:
-    """Open a result; None where there is none, or where it is damaged.
+def read(
+    root: Path, unit: WorkUnit, expected: Mapping[str, ChunkSizes], is_checked: bool = True
+) -> UnitResult | None:
+    """Open the result of a unit; None where there is none that holds the `expected` arrays.
 
-    The checksum is compared if `is_checked`; without that the process must have written it.
+    None also where it is damaged, or of other instances. If `is_checked`, the checksum and the
+    header of each expected chunk are compared; without that this program must have written it.
     """
+    name, rows = file_name(unit.stage, unit.number), unit.instances
     try:
         with safe_files.open_read(root, name) as file:
-            content = file.read(_LINE_BLOCK)
-            while b"\n" not in content and len(content) < _HEADER_BYTES:
-                more = file.read(_LINE_BLOCK)
-                if not more:
-                    return None
-                content += more
-            line, _, rest = content.partition(b"\n")
+            line = _first_line(file)
             header = msgspec.json.decode(line, type=_Header)
-            total = sum(map(sum, header.chunks.values()))
-            if os.fstat(file.fileno()).st_size != len(line) + 1 + total:
+            size = len(line) + sum(map(sum, header.chunks.values()))
+            fits = (header.first_iid, header.instances) == (rows.start, len(rows))
+            fits = fits and all(_has(header, *item) for item in expected.items())
+            if not fits or os.fstat(file.fileno()).st_size != size:
                 return None
-            if is_checked:
-                digest = hashlib.sha256(rest)
-                while block := file.read(_BLOCK):
-                    digest.update(block)
-                if digest.hexdigest() != header.sha256:
-                    return None
+            if is_checked and not _is_intact(file, len(line), header, expected):
+                return None
     except (FileNotFoundError, msgspec.DecodeError):
         return None
-    starts = accumulate(map(sum, header.chunks.values()), initial=len(line) + 1)
+    starts = accumulate(map(sum, header.chunks.values()), initial=len(line))
     places = zip(header.chunks, zip(starts, header.chunks.values(), strict=False), strict=True)
     return UnitResult(root / name, dict(places))
+
+
+def _first_line(file: FileIO) -> bytes:
+    """The first line with its end; of a file without one, the first bytes."""
+    content = b""
+    while b"\n" not in content and len(content) < _HEADER_BYTES:
+        more = file.read(_LINE_BLOCK)
+        if not more:
+            break
+        content += more
+    return content[: content.find(b"\n") + 1]
+
+
+def _has(header: _Header, path: str, expected: ChunkSizes) -> bool:
+    sizes = header.chunks.get(path)
+    if sizes is None or len(sizes) != expected.count:
+        return False
+    return all(size <= expected.bytes + BLOSC_HEADER for size in sizes)
+
+
+def _is_intact(
+    file: FileIO, start: int, header: _Header, expected: Mapping[str, ChunkSizes]
+) -> bool:
+    """Whether the bytes from `start` on have their checksum, and expected chunks their header."""
+    digest = hashlib.sha256()
+    file.seek(start)
+    while block := file.read(_BLOCK):
+        digest.update(block)
+    if digest.hexdigest() != header.sha256:
+        return False
+    for path, sizes in header.chunks.items():
+        for size in sizes:
+            if path in expected:
+                head = os.pread(file.fileno(), min(size, BLOSC_HEADER), start)
+                try:
+                    check_chunk(head, size, expected[path].bytes, Path(str(file.name)))
+                except RequestError:
+                    return False
+            start += size
+    return True

@@ -119,7 +119,9 @@ class Stage:
         return array_writer.create(path, self._layout(spec), dict(spec.attributes), root)
 
     def _layout(self, spec: ArraySpec) -> Layout:
-        """Shards of many units, none larger than the array."""
+        """Shards of many units, none much larger than the array."""
+        if not self.is_aggregate and self.unit_rows >= spec.rows:
+            return array_writer.plan_whole(spec.rows, spec.item, spec.dtype)
         unit = spec.rows if self.is_aggregate else self.unit_rows
         units = max(1, min(array_writer.SHARD_ROWS // unit, -(-spec.rows // unit)))
         return array_writer.plan_layout(spec.rows, spec.item, spec.dtype, units * unit, unit)
