@@ -565,7 +565,7 @@ def test_a_failed_change_of_generation_changes_nothing(
     session = Session(store_copy)
     add_run(store_copy, "later", "vanilla", None, None, {"sim": [], "real": []})
     store, state, newer = session.store, session.state, s2rstore.open(store_copy)
-    monkeypatch.setattr(type(newer), "arrays", lambda *_: 1 / 0)
+    monkeypatch.setattr(type(newer), "array_kinds", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         session.complete_pending(newer)
     assert (session.store, session.state) == (store, state)

@@ -145,3 +145,34 @@ def test_arrays_of_earlier_releases_keep_their_keys(trained_store: Path, tmp_pat
     reporter = SilentReporter()
     assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == []
     assert reporter.steps == 0
+
+
+def test_arrays_that_an_earlier_release_began_are_continued(
+    trained_store: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(trained_store, path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ArrayKeys, "_key", lambda self, facts, earlier: (content_key(earlier), False))
+        precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS))
+    with edit(path) as draft:
+        for table in ("zarr_array", "prediction", "projection"):
+            draft.delete(table, run="vanilla")
+        draft.update("run", {"run": "vanilla"}, {"key": None})
+    reporter = SilentReporter()
+    assert precompute(path, reporter, [], PrecomputeOptions(KINDS)) == ["vanilla"]
+    assert reporter.steps == 0
+    assert verify(path) == []
+
+
+def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(two_runs, path)
+    with s2rstore.open(path) as store:
+        lost = [r for r in store.array_kinds("vanilla") if r.kind == "neighbour_distance"]
+    for record in lost:
+        shutil.rmtree(path / "runs.zarr" / record.path)
+    with edit(path) as draft:  # as an array whose metadata another release wrote
+        draft.update("zarr_array", {"path": lost[0].path}, {"metadata_sha256": "c" * 64})
+    assert precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS)) == ["vanilla"]
+    assert verify(path) == []

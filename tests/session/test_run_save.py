@@ -152,6 +152,7 @@ def test_json_progress_survives_a_closed_reader(moved_camera_store: Path, tmp_pa
                "--kinds", "feature_distance", "--progress", "json"]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
+        assert json.loads(process.stdout.readline()).keys() == {"said"}
         assert json.loads(process.stdout.readline()) == {
             "stage": "later: forward", "done": 0, "total": 8,
         }  # fmt: skip

@@ -1,0 +1,206 @@
+"""Results of units: only intact results of the same instances become shards."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2rstore.arrays import array_writer, stored_array
+from s2rstore.arrays.stored_array import codec
+from s2rstore.errors import RequestError
+from s2rstore.files.ledger import Ledger
+from s2rtools.precompute import unit_results
+from s2rtools.precompute.tasks.map_grids import merge_grids
+from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+
+ROWS = 50
+ITEM = (3, 5)
+
+
+def spec_of(name: str, rows: int = ROWS, kind: str = "heat") -> ArraySpec:
+    axes = ("iid", "row", "column")
+    return ArraySpec(kind, "sim", name, ITEM, "float32", axes, "m", "a" * 16, rows)
+
+
+def stage_of(unit_rows: int, *names: str) -> Stage:
+    return Stage("heat", "run", tuple(map(spec_of, names or ("x", "y"))), unit_rows)
+
+
+def values_of(stage: Stage) -> dict[ArraySpec, np.ndarray]:
+    rng = np.random.default_rng(3)
+    return {spec: rng.normal(size=(ROWS, *ITEM)).astype(np.float32) for spec in stage.specs}
+
+
+def plan_of(root: Path, stage: Stage, published: tuple[str, ...] = ()) -> UnitPlan:
+    return UnitPlan(root, [stage], published, merge_grids)
+
+
+def compute(root: Path, unit: WorkUnit) -> None:
+    """Write the result of a unit."""
+    rows = slice(unit.instances.start, unit.instances.stop)
+    values = {spec: values_of(unit.stage)[spec][rows] for spec in unit.missing}
+    layouts = {spec.path("run"): spec.open_array(root, "run").layout for spec in unit.missing}
+    unit_results.write(root, unit, encoded(unit, values, layouts.__getitem__))
+
+
+def finish(root: Path, plan: UnitPlan) -> None:
+    for unit in plan.units:
+        compute(root, unit)
+        plan.finish(unit)
+    plan.close()
+
+
+def assert_complete(root: Path, stage: Stage) -> None:
+    for spec, expected in values_of(stage).items():
+        np.testing.assert_array_equal(spec.open_array(root, "run")[:], expected)
+    assert not list((root / "units").iterdir())
+    assert plan_of(root, stage).units == []
+
+
+@pytest.mark.parametrize("unit_rows", [1, 7, 16, 50, 64])
+@pytest.mark.parametrize("shard_rows", [16, 64, 16_384])
+def test_units_of_any_size_make_the_same_arrays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit_rows: int, shard_rows: int
+) -> None:
+    monkeypatch.setattr(array_writer, "SHARD_ROWS", shard_rows)
+    stage = stage_of(unit_rows)
+    finish(tmp_path, plan_of(tmp_path, stage))
+    assert_complete(tmp_path, stage)
+    ledger = Ledger(tmp_path)
+    assert all(ledger.proves(entries) for entries in ledger.by_path().values())
+
+
+def test_results_of_an_earlier_process_are_used(tmp_path: Path) -> None:
+    stage = stage_of(8)
+    first = plan_of(tmp_path, stage).units
+    for unit in first[:3]:
+        compute(tmp_path, unit)
+    plan = plan_of(tmp_path, stage)
+    assert plan.units == first[3:]
+    finish(tmp_path, plan)
+    assert_complete(tmp_path, stage)
+
+
+def test_results_of_other_instances_are_computed_again(tmp_path: Path) -> None:
+    for unit in plan_of(tmp_path, stage_of(8)).units:
+        compute(tmp_path, unit)
+    stage = stage_of(4)
+    plan = plan_of(tmp_path, stage)
+    assert len(plan.units) == 13
+    finish(tmp_path, plan)
+    assert_complete(tmp_path, stage)
+
+
+def test_results_without_a_missing_array_are_computed_again(tmp_path: Path) -> None:
+    stage = stage_of(8, "x")
+    for unit in plan_of(tmp_path, stage).units:
+        compute(tmp_path, unit)
+    assert len(plan_of(tmp_path, stage_of(8, "x", "y")).units) == 7
+
+
+def result_file(
+    root: Path, stage: Stage, chunks: dict[str, list[bytes]], **changes: object
+) -> Path:
+    """Write a result with a valid checksum and the given entries of its header."""
+    content = b"".join(chunk for parts in chunks.values() for chunk in parts)
+    header = {
+        "version": 1,
+        "first_iid": 0,
+        "instances": 8,
+        "chunks": {path: list(map(len, parts)) for path, parts in chunks.items()},
+        "sha256": hashlib.sha256(content).hexdigest(),
+        **changes,
+    }
+    path = root / unit_results.file_name(stage, 0)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(json.dumps(header).encode() + b"\n" + content)
+    return path
+
+
+def bomb() -> bytes:
+    """A chunk of a few bytes that decompresses to 64 MB."""
+    return bytes(codec("float32").encode(np.zeros(16 * 2**20, np.float32)))
+
+
+@pytest.mark.parametrize("defect", ["none", "cut", "bit", "bomb", "no blosc", "version", "line"])
+def test_damaged_results_are_computed_again(tmp_path: Path, defect: str) -> None:
+    stage = stage_of(8, "x")
+    (spec,) = stage.specs
+    plan = plan_of(tmp_path, stage)
+    unit, path = plan.units[0], spec.path("run")
+    layout = spec.open_array(tmp_path, "run").layout
+    good = encoded(unit, {spec: values_of(stage)[spec][:8]}, lambda _: layout)
+    chunks = {"bomb": {path: [bomb()]}, "no blosc": {path: [b"x" * 40]}}.get(defect, good)
+    changes = {"version": 2} if defect == "version" else {}
+    file = result_file(tmp_path, stage, chunks, **changes)
+    content = file.read_bytes()
+    if defect == "cut":
+        file.write_bytes(content[:-1])
+    if defect == "bit":
+        file.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    if defect == "line":
+        file.write_bytes(content.replace(b"\n", b" ", 1))
+    again = plan_of(tmp_path, stage)
+    assert (again.units == plan.units) == (defect != "none")
+    finish(tmp_path, again)
+    assert_complete(tmp_path, stage)
+
+
+def test_totals_of_another_size_are_not_decompressed(tmp_path: Path) -> None:
+    heat = spec_of("x", kind="prediction")
+    grid = replace(spec_of("x", 4, "map:heat"), axes=("aggregate", "row", "column"))
+    stage = Stage("maps", "run", (grid,), 64, (heat,), is_aggregate=True)
+    path = grid.path("run")
+    assert len(plan_of(tmp_path, stage).units) == 1
+    result_file(tmp_path, stage, {path: [bomb()]}, instances=ROWS)
+    plan = plan_of(tmp_path, stage)
+    assert len(plan.units) == 1
+    totals = np.zeros((3, *ITEM))
+    result_file(tmp_path, stage, {path: unit_results.encode_totals(totals)}, instances=ROWS)
+    assert plan_of(tmp_path, stage).units == []
+    assert np.isnan(grid.open_array(tmp_path, "run")[:3]).all()
+
+
+def test_a_lost_shard_of_a_published_array_is_computed_again(tmp_path: Path) -> None:
+    stage = stage_of(8)
+    finish(tmp_path, plan_of(tmp_path, stage))
+    published = tuple(spec.path("run") for spec in stage.specs)
+    lost = stage.specs[0].open_array(tmp_path, "run")
+    (tmp_path / lost.file(0)).unlink()
+    plan = plan_of(tmp_path, stage, published)
+    assert {unit.missing for unit in plan.units} == {stage.specs[:1]}
+    finish(tmp_path, plan)
+    assert_complete(tmp_path, stage)
+
+
+def test_a_shard_of_another_size_than_recorded_is_computed_again(tmp_path: Path) -> None:
+    stage = stage_of(8)
+    finish(tmp_path, plan_of(tmp_path, stage))
+    shard = tmp_path / stage.specs[1].open_array(tmp_path, "run").file(0)
+    shard.write_bytes(shard.read_bytes()[:-1])
+    assert len(plan_of(tmp_path, stage).units) == 7
+
+
+@pytest.mark.parametrize("rows", [1, 97, 10_007, 100_003])
+def test_arrays_in_one_shard_have_chunks_of_many_rows(rows: int) -> None:
+    layout = array_writer.plan_whole(rows, (50,), "float32")
+    assert layout.shards == 1
+    assert layout.shard_rows % layout.rows_per_chunk == 0
+    assert layout.rows_per_chunk == min(rows, 1310)
+
+
+def test_arrays_with_other_chunks_are_refused(tmp_path: Path) -> None:
+    stage = stage_of(8, "x")
+    (spec,) = stage.specs
+    other = array_writer.plan_layout(ROWS, ITEM, "float32", 15, 5)
+    array_writer.create(tmp_path / "runs.zarr" / spec.path("run"), other, {}, tmp_path)
+    with pytest.raises(RequestError, match="begun by another release"):
+        plan_of(tmp_path, stage)
+    assert stored_array.open_read(tmp_path / "runs.zarr" / spec.path("run")).layout == other
