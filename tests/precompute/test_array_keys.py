@@ -176,3 +176,13 @@ def test_a_lost_array_is_computed_and_listed_again(two_runs: Path, tmp_path: Pat
         draft.update("zarr_array", {"path": lost[0].path}, {"metadata_sha256": "c" * 64})
     assert precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS)) == ["vanilla"]
     assert verify(path) == []
+
+
+def test_provenance_states_where_each_array_was_computed(two_runs: Path) -> None:
+    with s2rstore.open(two_runs) as store:
+        computed = store.provenance_object("run:vanilla", "arrays")
+        keys = {record.path.split("/")[1] for record in store.array_parts("vanilla")}
+    assert computed.keys() == keys
+    for facts in computed.values():
+        assert facts["device"]
+        assert {"torch", "numpy"} <= facts["libraries"].keys()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
@@ -18,6 +20,7 @@ from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.inference.backend import processor_name
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
@@ -25,6 +28,7 @@ from s2rtools.precompute.tasks.umap_projection import SETTINGS
 from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
 _RANGE_ROWS = 512
+_NUMERIC = ("torch", "openvino", "numpy")
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
 
@@ -152,6 +156,23 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
     }  # fmt: skip
 
 
+def _environments(
+    specs: Sequence[ArraySpec], backend: dict[str, Any], previous: dict[str, str]
+) -> dict[str, Any]:
+    """For each array key, the device and the library versions of the process that published it."""
+    known = parse_object(previous.get("arrays", "{}"), "arrays")
+    uses_gpu = str(backend["name"]).startswith("cuda") and torch.cuda.is_available()
+    here = {
+        "device": torch.cuda.get_device_name() if uses_gpu else processor_name(),
+        "libraries": {name: metadata.version(name) for name in _NUMERIC if _is_installed(name)},
+    }
+    return known | {spec.key: known.get(spec.key, here) for spec in specs}
+
+
+def _is_installed(package: str) -> bool:
+    return importlib.util.find_spec(package.replace("-", "_")) is not None
+
+
 def _provenance(
     specs: Sequence[ArraySpec],
     backend: dict[str, Any],
@@ -167,6 +188,7 @@ def _provenance(
         "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
+        "arrays": _environments(specs, backend, previous),
     }
     kinds = sorted({spec.kind for spec in specs} & set(HEATMAP_KINDS))
     surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in kinds if HEATMAP_KINDS[kind].aligned}
