@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 import s2rstore
 from bench.edited_index import edited
-from s2rstore.errors import RequestError
+from s2rstore.errors import DamagedStoreError, RequestError
 from s2rstore.files import layout
 from s2rstore.index import row_files, schema, user_query
 from s2rstore.index.transaction import edit
@@ -315,7 +315,7 @@ def test_verify_finds_changed_content_of_the_same_size(filed: Path) -> None:
 
 def test_verify_finds_other_damage_beside_a_missing_file(filed: Path) -> None:
     _file(filed).unlink()
-    shard = next(path for path in (filed / "runs.zarr").rglob("0") if path.is_file())
+    shard = next((filed / "runs.zarr").rglob("c.0.*"))
     shard.unlink()
     places = [damage.where for damage in verify(filed)]
     assert shard.relative_to(filed).as_posix() in places
@@ -570,3 +570,14 @@ def test_current_names_no_file_of_rows(filed: Path) -> None:
     assert set(json.loads((filed / "CURRENT.json").read_text())) == {
         "generation", "index", "sha256", "bytes", "schema", "dataset_hash",
     }  # fmt: skip
+
+
+def test_a_reader_of_a_removed_generation_is_told_to_open_the_store_again(filed: Path) -> None:
+    with s2rstore.open(filed) as store:
+        with edit(filed) as draft:
+            draft.delete("prediction", run="vanilla")
+        prune(filed, keep=1)
+        with pytest.raises(DamagedStoreError, match="open the store again"):
+            store.execute("SELECT sum(error) FROM prediction WHERE run = 'vanilla'")
+        with pytest.raises(RequestError, match="open the store again"):
+            store.run_columns("vanilla").real.error.sum()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
 from threading import RLock
@@ -119,15 +119,22 @@ class IndexCatalog:
         connection = self.connection()
         if self.row_files:
             reading_statements.check(connection, sql)
-        try:
+        with self._explained():
             return connection.execute(sql, parameters or []).fetchall()
-        except (duckdb.PermissionException, duckdb.IOException) as error:
-            if not self.row_files:
-                raise
-            raise DamagedStoreError(
-                f"{self.path}: generation {self.generation} cannot be read ({first_line(error)}); "
-                "it may have been removed: open the store again, or run `s2r verify`"
-            ) from error
+
+    @contextlib.contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Raise DamagedStoreError where a query fails because a file of rows is not there."""
+        try:
+            yield
+        except (duckdb.PermissionException, duckdb.IOException):
+            try:
+                row_files.check_present(self._index, self.row_files)
+            except RequestError as error:
+                raise DamagedStoreError(
+                    f"{error}; if generation {self.generation} was removed, open the store again"
+                ) from error
+            raise
 
     def _rows(self, table: str) -> list[dict[str, Any]]:
         """The rows of a table, with texts in printable characters."""
@@ -313,7 +320,8 @@ class IndexCatalog:
         optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
         if not optional:
             return frozenset()
-        cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
+        with self._explained():
+            cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
         return frozenset(optional - {column[0] for column in cursor.description})
 
     def provenance(self, what: str) -> dict[str, str]:
