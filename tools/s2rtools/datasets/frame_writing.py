@@ -7,7 +7,6 @@ combination of types are written apart, and one combination is kept.
 
 from __future__ import annotations
 
-import os
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from s2rstore.arrays import array_writer
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.scan import DecodedFrame, InputIssue, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
@@ -53,7 +53,7 @@ def write_trajectory(
     records = scan.trajectories[name]
     writer = _TrajectoryWriter(scan, root, name)
     largest = max(source.pixels for record in records for source in record.sources.values())
-    threads = max(1, min(os.cpu_count() or 1, _DECODING_BYTES // (8 * largest)))
+    threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
     with ThreadPoolExecutor(threads) as pool:
         decoded = map_ahead(pool, partial(_decode, scan), records, _READ_AHEAD * threads)
         for row, (frames, defects) in enumerate(decoded):

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
+from s2rtools.common.processors import available_processors
 from s2rtools.precompute.work_units import WorkUnit
 
 ComputeUnit = Callable[[WorkUnit], None]
@@ -33,7 +34,7 @@ def run_units(
     `opener(root, threads)` is called once in each process and returns the function that computes
     a unit. Raises RequestError if a worker process is killed.
     """
-    threads = max(1, (os.cpu_count() or 1) // workers)
+    threads = max(1, available_processors() // workers)
     if workers == 1:
         compute = opener(root, threads)
         for unit in units:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,6 +13,7 @@ from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
@@ -191,7 +191,7 @@ def _compute_stages(
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
         total = sum(len(unit.instances) for unit in units)
         reporter.begin(f"{units[0].stage.run}: {label}", total)
-        workers = min(options.workers, len(units), os.cpu_count() or 1)
+        workers = min(options.workers, len(units), available_processors())
         if any(unit.stage.is_network for unit in units):
             workers = backends.limit_workers(workers)
         opener = partial(UnitComputer, backends, options.trust)
