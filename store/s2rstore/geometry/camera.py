@@ -25,7 +25,7 @@ class Rays:
     forward: Floats
 
     def at(self, samples: NDArray[np.intp]) -> Rays:
-        """The rays of samples (m,), flat indices; each array has shape (m,)."""
+        """Select rays by flat indices (m,); every array of the result has shape (m,)."""
         return Rays(*(part.ravel()[samples] for part in (self.right, self.up, self.forward)))
 
 

@@ -1,4 +1,4 @@
-"""Heat on the floor: back-projection of heatmaps on the cells of a map grid."""
+"""Back-project heatmaps onto the floor and add them to the cells of a map grid."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ TABLE = "row_file"
 FOLDER = "rows"
 """The folder of the files, beside the index."""
 PARTITIONS: dict[str, str | None] = {"prediction": "run", "projection": "run", "frame": None}
-"""The tables whose rows may be in files, each with the column that has one value per file."""
+"""Tables whose rows may lie in files, and the column that is constant within a file, if any."""
 MAX_ROWS_PER_BYTE = 1.0
 """Rows of a table per byte of its file: real poses take more than a byte, repetitions do not."""
 

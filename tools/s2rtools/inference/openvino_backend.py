@@ -19,7 +19,7 @@ _TELEMETRY = "openvino_telemetry"
 
 
 class OpenVinoBackend(Backend):
-    """OpenVINO in its preferred precision on this processor, bfloat16 where it has that."""
+    """OpenVINO in the precision that it prefers here: bfloat16 if the processor supports it."""
 
     name = "openvino"
     library = "openvino"

@@ -107,7 +107,7 @@ def _input_key(store: Store, run: Run) -> str:
 
 
 class _Sample:
-    """The calibration batch: pairs at places that are evenly spread over the store."""
+    """The calibration batch: image pairs from places spread evenly over the data set."""
 
     def __init__(self, store: Store, run: Run, trust: bool) -> None:
         self._store, self._run, self._trust = store, run, trust

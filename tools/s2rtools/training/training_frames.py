@@ -29,7 +29,7 @@ class DomainFrames(Protocol):
     def kind(self) -> Side: ...
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ class CopiedFrames:
         return cls(kind, *copies, depth_scale)
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
         size = (int(self.rgb.shape[1]), int(self.rgb.shape[2]))
         return preprocess(self.rgb[rows], self.depth[rows], self.depth_scale, size)
 
@@ -91,7 +91,7 @@ class StreamedFrames:
     depth_scale: float
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Network input of some rows, (B, 4, h, w) in [-1, 1]."""
+        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
         x = np.empty((len(rows), 4, *self.size), dtype=np.float32)
         starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1)
         for start, stop in pairwise([*starts.tolist(), len(rows)]):

@@ -172,7 +172,7 @@ def _floor_surfaces(store: Store, run: Run, specs: Sequence[ArraySpec]) -> list[
 
 
 def _kind(spec: ArraySpec) -> HeatmapKind:
-    """The heatmap kind of a map grid."""
+    """The heatmap kind whose maps are aggregated in a map grid."""
     return HEATMAP_KINDS[spec.kind.removeprefix("map:")]
 
 
