@@ -139,7 +139,7 @@ class Coverage:
 
     @property
     def note(self) -> str:
-        """One line that names the run and the command to use; empty if all instances are computed."""
+        """A line that names the run and the command to use; empty if all instances are computed."""
         advice = "`s2r precompute` computes the others"
         return f"run {self.run}: {self.summary}; {advice}" if self.is_partial else ""
 
