@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,9 @@ from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
 """The default mode of each heatmap kind that has modes."""
+
+SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
+"""Arrays of images at the size of their source, where that is not the frame size."""
 
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
@@ -191,6 +194,62 @@ class Store(IndexCatalog):
             for image, rows in parts.items()
         }
 
+    def source_frames(
+        self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
+    ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+        """The images of iids [start, stop) at the size of their source, and the first iid of each
+        block.
+
+        All images of one kind in a block have one size; RGB and depth may have different ones.
+        Where a store holds none of that size, the images are those of `frames`.
+        """
+        self.domain(domain)
+        for trajectory, first in self._first_iids.items():
+            low, high = max(start, first), min(stop, first + self._counts[trajectory])
+            if low >= high:
+                continue
+            if not self.has_source_frames(domain, trajectory):
+                yield low, self.frames(domain, low, high, images)
+                continue
+            arrays = {image: self.source_array(domain, trajectory, image) for image in images}
+            yield low, {k: each.rows(low - first, high - first) for k, each in arrays.items()}
+
+    def has_source_frames(self, domain: str, trajectory: str) -> bool:
+        """Whether the store holds images of the size of their source besides the frames."""
+        name = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES['rgb']}"
+        return f"{name}/{stored_array.METADATA}" in self.checksums
+
+    def has_source_images(self, domain: str, start: int, stop: int) -> bool:
+        """Whether `source_frames` and `frames` differ for any of iids [start, stop)."""
+        return any(
+            self.has_source_frames(domain, trajectory)
+            for trajectory, first in self._first_iids.items()
+            if max(start, first) < min(stop, first + self._counts[trajectory])
+        )
+
+    def source_size(self, domain: str, iid: int) -> dict[str, list[int]] | None:
+        """Rows and columns of the source of each image, if they are stored; else None."""
+        for trajectory, first in self._first_iids.items():
+            if first <= iid < first + self._counts[trajectory]:
+                if not self.has_source_frames(domain, trajectory):
+                    return None
+                arrays = {i: self.source_array(domain, trajectory, i) for i in SOURCE_IMAGES}
+                return {image: list(array.shape[1:3]) for image, array in arrays.items()}
+        return None
+
+    def source_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
+        """As `frames_array`, at the size of the source images."""
+        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES[image]}"
+        with self._lock:
+            if relative not in self._arrays:
+                array = stored_array.open_read(self.path / relative, self.path)
+                shape = self._counts[trajectory], *array.shape[1:3]
+                types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
+                expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
+                _check_metadata(array, (*shape, 3) if image == "rgb" else shape, types, expected)
+                self._arrays[relative] = array
+            return self._arrays[relative]
+
     @cached_property
     def imaged_trajectories(self) -> dict[str, frozenset[str]]:
         """The trajectories that each domain images: all of them, unless there are no poses."""
@@ -315,18 +374,30 @@ class Store(IndexCatalog):
     ) -> NDArray[np.float32]:
         """One instance's heatmap (rows, columns); see the kind's record for the unit.
 
-        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`;
-        rgb or depth for `pixel_difference`. Occlusion gives its metres.
+        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`, as
+        far as the model has these channels; rgb or depth for `pixel_difference`. Occlusion gives
+        its metres.
         """
         self.check_instance(iid)
         return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
+
+    def default_mode(self, run: str, kind: str) -> str | None:
+        """The mode of a heatmap kind that is shown unless another one is named.
+
+        A model without depth or colours has only one mode of `occlusion`.
+        """
+        usual = DEFAULT_MODES.get(kind)
+        if kind in _PLANES or usual is None:
+            return usual
+        modes = [record.mode for record in self.array_kinds(run) if record.kind == kind]
+        return usual if usual in modes or not modes else modes[0]
 
     def heatmaps(
         self, run: str, kind: str, side: Side, start: int, stop: int, mode: str | None = None
     ) -> NDArray[np.float32]:
         """Heatmaps of iids [start, stop) as in `heatmap`, shape (n, rows, columns)."""
         planes = _PLANES.get(kind)
-        mode = mode or DEFAULT_MODES.get(kind)
+        mode = mode or self.default_mode(run, kind)
         stored_mode = None if planes else mode
         record, array = self.array(run, kind, side, stored_mode)
         block = np.asarray(stored_array.read_rows(array, start, stop), np.float32)
@@ -345,7 +416,7 @@ class Store(IndexCatalog):
         Shape (rows, columns); row 0 lies at the bounds' y0. NaN where no pixel fell. `aggregate`
         is mean, max, sum or count.
         """
-        records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
+        records = self._records_of(run, f"map:{kind}", side, mode or self.default_mode(run, kind))
         computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
         if computed - {record.first_iid for record in records}:
             raise NotComputedError(_incomplete(run, kind))

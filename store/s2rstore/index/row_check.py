@@ -24,11 +24,15 @@ MAX_COORDINATE = 1e6
 """Metres from the origin that bounds and rooms may reach."""
 MAX_IMAGE_SIZE = 16_384
 """Rows or columns of a stored frame, or of the input of a model."""
+MAX_INPUT_NUMBER = 1e9
+"""Numbers of an input contract: units, ranges, means."""
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
             "translator": 10_000, "part": 100_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
+CHANNELS = ("rgb", "depth", "rgbd")
+"""What the input of a network may hold."""
 TRANSLATE = "translate"
 """Adjustment by a translator T; its name in a chain is `translate:T`."""
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
@@ -197,7 +201,9 @@ def check_parts(index: Path, rows: Sequence[Row], instances: int) -> None:
         )
 
 
-def check_models(index: Path, rows: Sequence[Row]) -> None:
+def check_models(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows with `input` as an object, or None where an earlier release wrote them."""
+    checked = []
     for row, check in _checkers(index, "model", rows, "model", "model"):
         check.name("model")
         check.text("architecture")
@@ -205,6 +211,40 @@ def check_models(index: Path, rows: Sequence[Row]) -> None:
         check.numbers(1, MAX_IMAGE_SIZE, "input_height", "input_width")
         check.parsed("convention", dict)
         check.text("trained_by", optional=True, longest=MAX_JSON)
+        contract = None
+        if row["input"] is not None:
+            contract = check.parsed("input", dict)
+            _check_input(check, contract)
+        checked.append({**row, "input": contract})
+    return checked
+
+
+def _check_input(check: RowChecker, contract: Row) -> None:
+    """The values of an input contract have the types that readers rely on."""
+    if contract.get("channels") not in CHANNELS:
+        check.refuse("input", f"channels is not one of {', '.join(CHANNELS)}")
+    for key in ("rgb_interpolation", "depth_interpolation", "colour_order"):
+        if not isinstance(contract.get(key), str):
+            check.refuse("input", f"{key} is not a text")
+    for key, length in (("size", 2), ("mean", 3), ("std", 3), ("depth_range", 2)):
+        values = contract.get(key)
+        if (
+            not isinstance(values, list)
+            or len(values) != length
+            or not all(map(_is_input_number, values))
+        ):
+            check.refuse("input", f"{key} is not a list of {length} numbers")
+    for key in ("rgb_scale", "depth_unit", "depth_mean", "depth_std"):
+        if not _is_input_number(contract.get(key)):
+            check.refuse("input", f"{key} is not a number")
+    missing = contract.get("missing_depth")
+    if missing is not None and not _is_input_number(missing):
+        check.refuse("input", "missing_depth is not a number")
+
+
+def _is_input_number(value: Any) -> bool:
+    """Whether a value of JSON is a number that an input contract may have."""
+    return type(value) in (int, float) and abs(value) <= MAX_INPUT_NUMBER
 
 
 def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:

@@ -14,6 +14,11 @@ VERSION = 1
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
+IMAGE_SIZES = "image sizes"
+"""Value of `provenance.what`: `key` is a trajectory, `value` the rows and columns of its images as
+networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
+alone."""
+
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
 
@@ -182,6 +187,13 @@ TABLES: tuple[Table, ...] = (
         ("input_width", "INTEGER", "columns of the network's input"),
         ("convention", "VARCHAR", "JSON: unit of the heading and frame of the output"),
         ("trained_by", "VARCHAR", "recipe and command; NULL = not by this program"),
+        (
+            "input",
+            "VARCHAR",
+            "JSON: how images become the network's input; NULL = resized by area, RGB and depth "
+            "in [-1, 1]",
+            True,
+        ),
     ),
     table_of(
         "run",
@@ -294,7 +306,11 @@ TABLES: tuple[Table, ...] = (
         "provenance",
         "provenance: versions, seeds, training curves, command lines",
         "what key",
-        ("what", "VARCHAR", "dataset, model:NAME, run:NAME, translator:NAME, statistics, ..."),
+        (
+            "what",
+            "VARCHAR",
+            "dataset, model:NAME, run:NAME, translator:NAME, statistics, image sizes, ...",
+        ),
         ("key", "VARCHAR", "name of the figure"),
         ("value", "VARCHAR", "its value as text or JSON"),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ Apply = Callable[[Rgb, Depth, Mask, float], Images]
 class Adjustment:
     """A change of one side's images, with one parameter in `lowest` .. `highest`.
 
-    `neutral` leaves every bit unchanged; `step` is the increment of a slider. Adjustments that
+    `neutral` leaves every bit unchanged; `step` is the increment of a slider; `image` is what it
+    changes. Adjustments that
     need a renderer are applied before image adjustments, regardless of their order in a chain.
     """
 
@@ -34,7 +35,12 @@ class Adjustment:
     unit: str
     description: str
     sides: tuple[Side, ...] = field(default=SIDES, kw_only=True)
+    image: Literal["rgb", "depth", "rgbd"] = field(default="rgbd", kw_only=True)
     needs_renderer: ClassVar[bool] = False
+
+    def changes(self, channels: str) -> bool:
+        """Whether it changes the input of a network with `rgb`, `depth` or `rgbd` channels."""
+        return "rgbd" in (self.image, channels) or self.image == channels
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +48,12 @@ class ImageAdjustment(Adjustment):
     """A change of existing images.
 
     `apply(rgb, depth, valid, value)` takes a batch, rgb (B, H, W, 3) uint8, raw depth (B, H, W)
-    and its validity, and returns new images of the same types; `value` is never `neutral`.
+    and its validity, and returns new images of the same types; `value` is never `neutral`. Depth
+    may have another size than RGB. A value `in_pixels` is one in pixels of the stored frame.
     """
 
     apply: Apply
+    in_pixels: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ import numpy as np
 from s2rstore.geometry.curvature import curvature
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index.row_check import CAMERA_COLUMNS
+from s2rstore.index.schema import IMAGE_SIZES
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
 from s2rtools.datasets.scan import InstanceRecord, Scan
@@ -77,6 +78,10 @@ def insert_instances(
                 },
             )
         iid += len(trajectory)
+    if scan.has_poses:
+        sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in stored]
+        rows = {"what": [IMAGE_SIZES] * len(stored), "key": list(stored), "value": sizes}
+        draft.insert("provenance", rows)
     for domain in scan.domains:
         iid = first_iid
         for _, trajectory in sorted(stored.items()):

@@ -26,7 +26,13 @@ from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
+from s2rtools.precompute.frame_reader import (
+    FrameImages,
+    Renderers,
+    RunFrames,
+    SourceBlock,
+    side_frames,
+)
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
 from s2rtools.rendering import no_renderer_reason
 
@@ -76,9 +82,15 @@ class LiveResult:
     def side(self, side: Side) -> LiveSide:
         return self.sim if side == "sim" else self.real
 
+    def default_mode(self, kind: str) -> str | None:
+        """As `Store.default_mode`, of the heatmaps computed so far."""
+        usual = DEFAULT_MODES.get(kind)
+        modes = [mode for name, _, mode in self.heat if name == kind]
+        return usual if usual in modes or not modes else modes[0]
+
     def heatmap(self, kind: str, side: Side, mode: str | None = None) -> NDArray[np.float32]:
         """A heatmap (rows, columns), as from `Store.heatmap`. RequestError if not computed."""
-        key = kind, side, mode or DEFAULT_MODES.get(kind)
+        key = kind, side, mode or self.default_mode(kind)
         if key not in self.heat:
             raise RequestError(f"heatmap {kind} {key[2] or ''}: not computed for these adjustments")
         return self.heat[key]
@@ -88,8 +100,13 @@ SideOutput = tuple[LiveSide, SideBatch]
 """A side after the forward pass."""
 
 
-def _image_bytes(images: FrameImages) -> int:
-    return sum(image.nbytes for image in images.values())
+_SideImages = tuple[FrameImages, list[SourceBlock] | None]
+"""A side's images of the frame size, and of the size of their source if that is another."""
+
+
+def _image_bytes(images: _SideImages) -> int:
+    blocks = [images[0], *(images[1] or [])]
+    return sum(image.nbytes for block in blocks for image in block.values())
 
 
 def _output_bytes(output: SideOutput) -> int:
@@ -115,8 +132,8 @@ class LiveModel:
         try:
             self.run = self._store.run(run)
             self._backend = open_float32(load_model(self._store, self.run.model, trust), threads)
-            height, width = self._backend.model.network.input_size
-            self._backend.forward_all(np.zeros((1, 4, height, width), dtype=np.float32))
+            shape = self._backend.model.contract.shape
+            self._backend.forward_all(np.zeros((1, *shape), dtype=np.float32))
         except BaseException:
             self._store.close()
             raise
@@ -206,7 +223,7 @@ class LiveModel:
         heat = result.heatmap(kind, side, mode)
         dataset, truth = self._store.dataset, self._store.instances
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
-        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
+        ray = HEATMAP_KINDS[kind].ray(mode or result.default_mode(kind))
         floor_heat = FloorHeat(
             this.domain, other.domain, dataset, side,
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
@@ -222,11 +239,15 @@ class LiveModel:
     def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:
         domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)
         source = RunFrames(self._store, run, renderers=self._renderers)
-        images = self._frames.get(
-            (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
-        )
-        size = self._backend.model.network.input_size
-        frames = side_frames(images, domain, run.adjustments(side), size, self._store.path)
+
+        def read() -> _SideImages:
+            return source.read(side, iid, iid + 1), source.read_source(side, iid, iid + 1)
+
+        images, blocks = self._frames.get((iid, domain.domain, move), read)
+        frames = side_frames(
+            images, domain, run.adjustments(side), self._backend.model.contract, self._store.path,
+            blocks,
+        )  # fmt: skip
         truth = self._store.instances
         pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
         batch = side_batch(self._backend, frames, pose)
