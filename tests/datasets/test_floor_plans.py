@@ -18,7 +18,6 @@ from s2rtools.datasets.floor_plans import (
     OUTSIDE,
     PlacedPlan,
     PointsTable,
-    drawn_plan,
     fit_similarity,
     occupancy_grid,
     placed_plan,
@@ -148,12 +147,3 @@ def test_large_plans_are_averaged(tmp_path: Path) -> None:
     assert image.shape == (1056, 1056, 3)
     assert image[500, 100, 0] == 254
     assert abs(int(image[500, 800, 0]) - 127) < 20
-
-
-def test_drawn_plan_is_dark_where_points_are() -> None:
-    rng = np.random.default_rng(0)
-    wall = rng.uniform(0, 4, 500), np.full(500, 1.02)
-    plan = drawn_plan([wall], Bounds(0.0, 0.0, 4.0, 2.0), False, 0.1)
-    assert plan.shape == (20, 40, 3)
-    assert plan[9].mean() < 120
-    assert (np.delete(plan, 9, axis=0) == 254).all()

@@ -19,6 +19,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.datasets.convention_report import check_ingested
 from s2rtools.datasets.convention_report import report_line as convention_line
 from s2rtools.datasets.floor_plan import read_floor_plan
+from s2rtools.datasets.floor_plans import plan_from_depth
 from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.scan import InputIssue, Scan
@@ -55,6 +56,8 @@ def build(
     try:
         folder.mkdir(parents=True)
         stored = write_frames(scan, folder, progress)
+        if scan.floor_plan is None and scan.has_poses:
+            scan.floor_plan = plan_from_depth(scan, stored, folder)
         plan = floor_plan_image(scan)
         name = None if plan is None else _write_floor_plan(plan, folder)
         if checks := check_ingested(scan, stored, folder, plan):

@@ -20,9 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry import angles, camera
-from s2rstore.geometry.floor_grid import HEIGHTS
-from s2rstore.records import Domain
+from s2rstore.geometry import angles
+from s2rtools.datasets.depth_frames import DepthFrames, DepthPoints
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +31,6 @@ MAX_FRAMES = 100
 MIN_FRAMES = 20
 """Frames below which points overlap too little for a judgement."""
 MIN_POINTS = 2000
-_SAMPLES = 48
-"""Depth pixels along each axis of a frame."""
 _MARGIN_FRAMES = 10.0
 """Margin of I times the number of frames, nats."""
 _TURNS = ("heading", "heading + 90 degrees", "heading + 180 degrees", "heading + 270 degrees")
@@ -60,6 +57,11 @@ class Convention:
     quarters: int = 0
     flipped: bool = False
     scale: float = 1.0
+
+    def on_floor(self, points: DepthPoints) -> tuple[Floats, Floats]:
+        """x and y of depth points under this convention, (m,) each, metres."""
+        headings = self.sign * points.source.poses[:, 2] + self.quarters * angles.TURN / 4
+        return points.on_floor(headings, self.flipped, self.scale)
 
     def __str__(self) -> str:
         if self.scale != 1.0:
@@ -151,55 +153,27 @@ class ConventionCheck:
         }
 
 
-class DepthPoints:
-    """Depth samples of some frames of a domain that lie between `HEIGHTS` as declared."""
-
-    def __init__(self, domain: Domain, depth: NDArray[Any], poses: Floats, y_down: bool) -> None:
-        """`depth` (n, h, w) raw values, `poses` (n, 3) x, y in metres and heading in radians."""
-        rows, cols = (camera.sample_pixels(min(_SAMPLES, n), n) for n in depth.shape[1:])
-        raw = depth[:, rows[:, None], cols[None, :]]
-        self._domain, self._poses, self._y_down = domain, poses, y_down
-        self._rays = camera.rays(domain.depth, rows + np.float64(0.5), cols + np.float64(0.5))
-        self._metres = raw * np.float64(domain.depth_scale)
-        height = domain.camera_height + self._metres * self._rays.up
-        self._used = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        self._used &= (height >= HEIGHTS[0]) & (height <= HEIGHTS[1])
-        self.frames = np.nonzero(self._used)[0]
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def on_floor(self, convention: Convention = DECLARED) -> tuple[Floats, Floats]:
-        """x and y of the points, (m,) each, metres."""
-        poses = self._poses.copy()
-        poses[:, 2] = convention.sign * poses[:, 2] + convention.quarters * angles.TURN / 4
-        y_down = self._y_down != convention.flipped
-        metres = self._metres if convention.scale == 1.0 else self._metres * convention.scale
-        x, y, _ = camera.to_floor(self._rays, metres, self._domain, poses, y_down)
-        return x[self._used], y[self._used]
-
-    def sharpness(self, convention: Convention) -> Sharpness:
-        """The entropy and the mutual information of cell and frame under a convention."""
-        x, y = (np.floor(part / CELL).astype(np.int64) for part in self.on_floor(convention))
-        x, y = x - x.min(), y - y.min()
-        cells = np.unique(x * (y.max() + 1) + y, return_inverse=True)[1]
-        joint = np.unique(self.frames * np.int64(cells.max() + 1) + cells, return_counts=True)[1]
-        entropy = _entropy(np.bincount(cells))
-        given = _entropy(joint) - _entropy(np.bincount(self.frames))
-        return Sharpness(entropy, entropy - given)
+def sharpness(points: DepthPoints, convention: Convention) -> Sharpness:
+    """H(cell) and I of the points of frames under a convention."""
+    x, y = (np.floor(part / CELL).astype(np.int64) for part in convention.on_floor(points))
+    x, y = x - x.min(), y - y.min()
+    cells = x * (y.max() + 1) + y
+    entropy = _entropy(cells)
+    in_frames = _entropy(points.frames * (cells.max() + 1) + cells)
+    given = in_frames - _entropy(points.frames)
+    return Sharpness(entropy, entropy - given)
 
 
-def check_domain(
-    domain: Domain, depth: NDArray[Any], poses: Floats, y_down: bool
-) -> ConventionCheck:
-    """Compare the conventions on frames of a domain: raw depth (n, h, w) and poses (n, 3)."""
-    points = DepthPoints(domain, depth, poses, y_down)
-    enough = len(depth) >= MIN_FRAMES and len(points) >= MIN_POINTS
-    found = {each: points.sharpness(each) for each in CONVENTIONS} if enough else {}
-    return ConventionCheck(domain.domain, len(depth), len(points), found)
+def check_conventions(frames: DepthFrames) -> ConventionCheck:
+    """Compare the conventions on some frames of a domain."""
+    points = DepthPoints(frames)
+    enough = len(frames.poses) >= MIN_FRAMES and len(points) >= MIN_POINTS
+    found = {each: sharpness(points, each) for each in CONVENTIONS} if enough else {}
+    return ConventionCheck(frames.domain.domain, len(frames.poses), len(points), found)
 
 
-def _entropy(counts: NDArray[np.int64]) -> float:
-    """Entropy of a histogram, nats."""
-    shares = counts[counts > 0] / counts.sum()
+def _entropy(values: NDArray[np.int64]) -> float:
+    """Entropy of the frequencies of values, nats."""
+    counts = np.unique(values, return_counts=True)[1]
+    shares = counts / counts.sum()
     return float(-(shares * np.log(shares)).sum())

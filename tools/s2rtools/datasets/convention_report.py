@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.arrays import stored_array
-from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files import atomic_writes, layout
 from s2rstore.geometry import angles
 from s2rstore.reader import Store
-from s2rstore.records import Bounds, Domain
+from s2rstore.records import Bounds
 from s2rtools.datasets.convention_check import (
     DECLARED,
     MAX_FRAMES,
     Convention,
     ConventionCheck,
-    DepthPoints,
-    check_domain,
+    check_conventions,
 )
-from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.depth_frames import (
+    DepthFrames,
+    DepthPoints,
+    first_rows,
+    pixels_on_map,
+    read_depth,
+)
+from s2rtools.datasets.scan import InputIssue, Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 
 Floats = NDArray[np.float64]
@@ -43,15 +46,6 @@ _POINTS = np.array([160, 60, 20])
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ComparedFrames:
-    """Depth (n, h, w) raw values of a domain at poses (n, 3), x, y in metres and heading."""
-
-    domain: Domain
-    depth: NDArray[Any]
-    poses: Floats
-
-
 def check_ingested(
     scan: Scan, stored: StoredRecords, root: Path, plan: Image | None
 ) -> list[ConventionCheck]:
@@ -60,14 +54,19 @@ def check_ingested(
     `plan` (h, w, 3) BGR fills the bounds. Writes `PICTURE` and the section `PROVENANCE` of the
     scan, and adds an issue for each domain whose declared conventions are doubtful.
     """
-    compared = list(_frames_of_scan(scan, stored, root)) if scan.has_poses else []
-    checks = [check_domain(e.domain, e.depth, e.poses, scan.y_down) for e in compared]
+    if not scan.has_poses:
+        return []
+    searched = first_rows(stored, _MAX_SEARCHED)
+    rows = [searched[row] for row in _moving_rows(np.array([each.pose for each in searched]))]
+    read = (read_depth(scan, domain, rows, root) for domain in scan.domains.values())
+    compared = [frames for frames in read if frames is not None]
+    checks = [check_conventions(frames) for frames in compared]
     if not checks:
         return []
-    picture = draw(compared, checks, scan.bounds, scan.y_down, plan)
+    picture = draw(compared, checks, scan.bounds, plan)
     atomic_writes.write(root, PICTURE, cv2.imencode(".png", picture)[1].tobytes())
-    scan.provenance[PROVENANCE] = {check.domain: check.facts() for check in checks} | {
-        "picture": PICTURE
+    scan.provenance[PROVENANCE] = {
+        check.domain: {**check.facts(), "picture": PICTURE} for check in checks
     }
     scan.issues += doubts(checks)
     return checks
@@ -79,10 +78,14 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)[first_iid:]
     rows = first_iid + np.array(_moving_rows(poses), dtype=np.int64)
     checks = []
-    for domain in store.domains.values() if store.has_poses else ():
+    for domain in store.domains.values():
+        if domain.depth_raw_min > domain.depth_raw_max:
+            continue
         depth = [store.frames(domain.domain, row, row + 1, ("depth",))["depth"] for row in rows]
-        chosen = poses[rows - first_iid]
-        checks.append(check_domain(domain, np.concatenate(depth), chosen, store.dataset.y_down))
+        frames = DepthFrames(
+            domain, np.concatenate(depth), poses[rows - first_iid], store.dataset.y_down
+        )
+        checks.append(check_conventions(frames))
     return checks
 
 
@@ -106,36 +109,6 @@ def report_line(checks: Sequence[ConventionCheck]) -> str:
     return f"headings, handedness and depth scale: {', '.join(check.text for check in checks)}"
 
 
-def _frames_of_scan(scan: Scan, stored: StoredRecords, root: Path) -> Iterator[ComparedFrames]:
-    """The frames to compare of each domain that has depth, the same instances in each."""
-    rows = _rows_of_scan(stored)
-    for name, domain in scan.domains.items():
-        depth, poses = [], []
-        for trajectory, row, record in rows:
-            folder = f"{layout.FRAMES}/{name}/{trajectory}/depth"
-            if name not in record.sources or safe_files.kind(root, folder) is None:
-                continue
-            depth.append(stored_array.open_read(root / folder, root).rows(row, row + 1)[0])
-            poses.append(_pose(record))
-        if depth:
-            yield ComparedFrames(domain, np.stack(depth), np.array(poses))
-
-
-def _pose(record: InstanceRecord) -> tuple[float, float, float]:
-    return record.x, record.y, record.heading
-
-
-def _rows_of_scan(stored: StoredRecords) -> list[tuple[str, int, InstanceRecord]]:
-    """Trajectory, row and record of the first instances that are apart from one another."""
-    searched = [
-        (name, row, record)
-        for name in sorted(stored)
-        for row, record in enumerate(stored[name].records(0, _MAX_SEARCHED))
-    ][:_MAX_SEARCHED]
-    poses = np.array([_pose(record) for _, _, record in searched])
-    return [searched[row] for row in _moving_rows(poses)]
-
-
 def _moving_rows(poses: Floats) -> list[int]:
     """The first rows of poses (n, 3) that differ from the one chosen before."""
     rows: list[int] = []
@@ -152,18 +125,17 @@ def _moving_rows(poses: Floats) -> list[int]:
 
 
 def draw(
-    compared: Sequence[ComparedFrames],
+    compared: Sequence[DepthFrames],
     checks: Sequence[ConventionCheck],
     bounds: Bounds,
-    y_down: bool,
     plan: Image | None,
 ) -> Image:
     """The points on the plan, BGR: a row per domain, as declared and under the best other one."""
     rows = []
     for frames, check in zip(compared, checks, strict=True):
-        points = DepthPoints(frames.domain, frames.depth, frames.poses, y_down)
+        points = DepthPoints(frames)
         shown = [DECLARED, check.best_other] if check.sharpness else [DECLARED]
-        panels = [_panel(points, each, check, bounds, y_down, plan) for each in shown]
+        panels = [_panel(points, each, check, bounds, plan) for each in shown]
         rows.append(np.concatenate(panels + [np.full_like(panels[0], 255)] * (2 - len(panels)), 1))
     return np.concatenate(rows)
 
@@ -173,30 +145,23 @@ def _panel(
     convention: Convention,
     check: ConventionCheck,
     bounds: Bounds,
-    y_down: bool,
     plan: Image | None,
 ) -> Image:
     scale = _PANEL / max(bounds.width, bounds.height)
-    size = max(1, round(bounds.width * scale)), max(1, round(bounds.height * scale))
-    if plan is None:
-        panel = np.full((size[1], size[0], 3), 255, np.uint8)
-    else:
-        small = cv2.resize(plan, size, interpolation=cv2.INTER_AREA)
+    size = max(1, round(bounds.height * scale)), max(1, round(bounds.width * scale))
+    panel = np.full((*size, 3), 255, np.uint8)
+    if plan is not None:
+        small = cv2.resize(plan, size[::-1], interpolation=cv2.INTER_AREA)
         pale = np.uint8(170) + cv2.cvtColor(small, cv2.COLOR_BGR2GRAY) // np.uint8(3)
-        panel = cv2.cvtColor(pale, cv2.COLOR_GRAY2BGR)
-    x, y = points.on_floor(convention)
-    column = np.floor((x - bounds.x0) * scale).astype(np.int64)
-    away = y - bounds.y0 if y_down else bounds.y1 - y
-    row = np.floor(away * scale).astype(np.int64)
-    inside = (column >= 0) & (column < size[0]) & (row >= 0) & (row < size[1])
-    pixels = row[inside] * size[0] + column[inside]
-    seen = np.bincount(pixels, minlength=size[0] * size[1]).reshape(size[1], size[0], 1)
-    full = np.percentile(seen[seen > 0], 95) if inside.any() else 1.0
+        panel = np.asarray(cv2.cvtColor(pale, cv2.COLOR_GRAY2BGR), np.uint8)
+    x, y = convention.on_floor(points)
+    seen = pixels_on_map(x, y, bounds, points.source.y_down, size)[..., None]
+    full = np.percentile(seen[seen > 0], 95) if seen.any() else 1.0
     shade = np.where(seen > 0, np.minimum(1.0, 0.3 + seen / full), 0.0)
     panel = (panel * (1 - shade) + _POINTS * shade).astype(np.uint8)
     found = check.sharpness.get(convention)
     figure = "" if found is None else f" ({found.information:.2f} nats)"
-    caption = np.full((_CAPTION, size[0], 3), 255, np.uint8)
+    caption = np.full((_CAPTION, size[1], 3), 255, np.uint8)
     text = f"{check.domain}: {convention}{figure}"
     cv2.putText(caption, text, (4, 15), _FONT, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
     return np.concatenate([caption, panel])

@@ -1,4 +1,4 @@
-"""Floor plans that are placed on the map: an image with known points, or a ROS occupancy grid.
+"""Floor plans: an image with known points, a ROS occupancy grid, or drawn from depth images.
 
 A plan is a table of the data set configuration:
 
@@ -9,14 +9,15 @@ A plan is a table of the data set configuration:
     points = [[u, v, x, y], ...]      two or more: pixels from the top left corner, metres
 
 Placed plans are resampled to the bounds of the data set, which they define if the configuration has
-none. Pixels are squares; with more than two points the best fit counts.
+none. Pixels are squares; with more than two points the best fit counts. Without a plan, one is
+drawn from depth images when they are stored.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +31,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_bytes
 from s2rstore.records import Bounds
 from s2rtools.common.documents import convert
+from s2rtools.datasets.depth_frames import DepthPoints, pixels_on_map, read_depth, spread_rows
 from s2rtools.datasets.floor_plan import read_floor_plan
+from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.stored_instances import StoredRecords
 
 Floats = NDArray[np.float64]
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -41,6 +45,9 @@ _OCCUPIED, _FREE = 40, 254
 """Grey values of occupied and free cells."""
 _LONGER_SIDE = 1056
 """Pixels of a resampled plan."""
+_DRAWN_FRAMES = 400
+_DRAWN_CELL = 0.05
+"""Metres of a pixel of a plan that is drawn from depth, or more if it would be too large."""
 _MAX_YAML_BYTES = 65_536
 _MAX_RESIDUAL = 0.02
 """Distance of known points from their fit, as a share of their extent, that is refused."""
@@ -249,22 +256,33 @@ def _read_rgb(path: Path) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
-def drawn_plan(
-    points: Sequence[tuple[Floats, Floats]], bounds: Bounds, y_down: bool, cell: float
-) -> NDArray[np.uint8]:
-    """A plan (h, w, 3) RGB of x, y of obstacles, (m,) each: the denser the cell, the darker.
+def plan_from_depth(scan: Scan, stored: StoredRecords, root: Path) -> NDArray[np.uint8] | None:
+    """A plan (h, w, 3) RGB that fills the bounds, drawn from depth images below `root`.
 
-    `cell` is its edge in metres. Raises nothing where there is no point: the plan is empty then.
+    A cell is the darker, the more points between 0.1 and 2 m above the floor fall on it. The domain
+    is the first simulated one with depth, whose poses are exact, else the first one. None without
+    depth, or where nothing lies on the map. Adds section `floor_plan` to the scan's provenance.
     """
-    size = max(1, round(bounds.width / cell)), max(1, round(bounds.height / cell))
-    counts = np.zeros(size[0] * size[1])
-    for x, y in points:
-        column = np.floor((x - bounds.x0) * (size[0] / bounds.width)).astype(np.int64)
-        away = y - bounds.y0 if y_down else bounds.y1 - y
-        row = np.floor(away * (size[1] / bounds.height)).astype(np.int64)
-        inside = (column >= 0) & (column < size[0]) & (row >= 0) & (row < size[1])
-        counts += np.bincount(row[inside] * size[0] + column[inside], minlength=counts.size)
-    seen = counts[counts > 0]
-    dark = np.minimum(1.0, counts / np.percentile(seen, 90)) if seen.size else counts
+    rows = spread_rows(stored, _DRAWN_FRAMES)
+    for domain in sorted(scan.domains.values(), key=lambda each: each.kind != "sim"):
+        frames = read_depth(scan, domain, rows, root)
+        if frames is None:
+            continue
+        x, y = DepthPoints(frames).on_floor()
+        bounds = scan.bounds
+        size = round(bounds.height / _DRAWN_CELL), round(bounds.width / _DRAWN_CELL)
+        scale = min(1.0, _LONGER_SIDE / max(*size, 1))
+        size = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+        counts = pixels_on_map(x, y, bounds, scan.y_down, size)
+        if counts.any():
+            facts = {"drawn_from": f"depth of {domain.domain}", "frames": len(frames.poses)}
+            scan.provenance["floor_plan"] = facts
+            return _shaded(counts)
+    return None
+
+
+def _shaded(counts: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """An image (h, w, 3) of counts (h, w) that are not all 0."""
+    dark = np.minimum(1.0, counts / np.percentile(counts[counts > 0], 90))
     grey = np.round(_FREE + (_OCCUPIED - _FREE) * np.sqrt(dark)).astype(np.uint8)
-    return np.asarray(cv2.cvtColor(grey.reshape(size[::-1]), cv2.COLOR_GRAY2RGB), dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8)
