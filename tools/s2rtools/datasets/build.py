@@ -16,7 +16,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.index.transaction import edit
+from s2rtools.datasets import convention_report
 from s2rtools.datasets.floor_plan import read_floor_plan
+from s2rtools.datasets.floor_plans import plan_from_depth
 from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.scan import InputIssue, Scan
@@ -53,12 +55,22 @@ def build(
     try:
         folder.mkdir(parents=True)
         stored = write_frames(scan, folder, progress)
-        plan = _write_floor_plan(scan, folder)
+        plan = floor_plan_image(scan)
+        drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
+        plan = plan if drawn is None else drawn.image
+        name = None if plan is None else _write_floor_plan(plan, folder)
+        checks = convention_report.check_ingested(scan, stored, folder, plan)
+        if checks:
+            report_line(convention_report.line(checks))
         refuse_unusable(scan, strict)
         if scan.drives:
             scan.drives(folder / layout.DRIVES)
         with edit(folder) as draft:
-            write_index(draft, scan, stored, plan, command)
+            write_index(draft, scan, stored, name, command)
+            draft.set_provenance(convention_report.PROVENANCE, convention_report.facts(checks))
+            if drawn is not None:
+                facts = {"drawn_from": f"depth of {drawn.domain}", "frames": drawn.frames}
+                draft.set_provenance("floor_plan", facts)
             draft.record_checksums(unlisted_checksums(folder))
         folder.rename(target)
         atomic_writes.sync_path(target.parent)
@@ -124,10 +136,7 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
         )
 
 
-def _write_floor_plan(scan: Scan, root: Path) -> str | None:
-    image = floor_plan_image(scan)
-    if image is None:
-        return None
+def _write_floor_plan(image: NDArray[np.uint8], root: Path) -> str:
     name = f"{layout.ASSETS}/floor_plan.png"
     atomic_writes.write(root, name, cv2.imencode(".png", image)[1].tobytes())
     return name
