@@ -154,7 +154,6 @@ def _project(
     grid: MapGrid,
 ) -> None:
     """Add the heat of the chosen instances of a block to the grid, as precompute does."""
-    truth = store.instances
     domain, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     recorded = store.provenance_object(f"run:{run.run}", "surfaces")
     rig_offset, ray = store.rig_offset(run.sim_domain, run.real_domain), ray_of(heat)
@@ -167,7 +166,7 @@ def _project(
         return np.asarray(read["depth"][chosen])
 
     near, far = _ORDER[heat.side]
-    poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
+    poses = store.poses(run.domain(near))[block][chosen]
     other_depth = depth(far) if floor_heat.needs_other else None
     samples = floor_heat.samples(depth(near), other_depth, poses, grid)
     grid.add(*samples.values(values, ray))

@@ -93,7 +93,58 @@ class Store(IndexCatalog):
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is loaded at its first use."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
+        missing = self.missing_columns("instance")
+        return column_loader.load_instances(self._column_loader, names, self.stored_rooms, missing)
+
+    def poses(self, domain: str) -> NDArray[np.float64]:
+        """The true poses of a domain's frames: x, y in metres and heading in radians, (N, 3).
+
+        They are those of the instances, apart from frames of loose pairs, which have their own.
+        """
+        self.domain(domain)
+        return self._columns.get(("poses", domain), lambda: self._read_poses(domain))
+
+    def _read_poses(self, domain: str) -> NDArray[np.float64]:
+        truth = self.instances
+        poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        if self.has_own_poses(domain):
+            query = "SELECT iid, {} AS value FROM frame_pose WHERE domain = ?"
+            for place, name in enumerate(("x", "y", "heading")):
+                own = self._column_loader.column(query.format(name), [domain])
+                poses[:, place] = np.where(np.isnan(own), poses[:, place], own)
+        poses.flags.writeable = False
+        return poses
+
+    def has_own_poses(self, domain: str, start: int = 0, stop: int | None = None) -> bool:
+        """Whether frames of iids [start, stop) have other poses than their instances."""
+        if not self.has_table("frame_pose"):
+            return False
+        query = """
+            SELECT 1 FROM frame_pose f JOIN instance i USING (iid)
+            WHERE domain = ? AND iid >= ? AND iid < ?
+            AND (f.x <> i.x OR f.y <> i.y OR f.heading <> i.heading) LIMIT 1
+        """
+        end = len(self.instances) if stop is None else stop
+        return bool(self.execute(query, [domain, start, end]))
+
+    def pair_offset(self, iid: int) -> str:
+        """`0.23 m, 4.1 degrees` between both images of a pair; empty for one pose."""
+        metres, degrees = (
+            float(column[iid])
+            for column in (self.instances.pair_offset_m, self.instances.pair_offset_deg)
+        )
+        return f"{metres:.2f} m, {degrees:.1f} degrees" if metres or degrees else ""
+
+    @cached_property
+    def has_loose_pairs(self) -> bool:
+        """Whether the images of some pair have different poses."""
+        truth = self.instances
+        return bool(truth.pair_offset_m.any() or truth.pair_offset_deg.any())
+
+    def require_depth(self, domain: str, purpose: str) -> None:
+        """Raise RequestError for a domain without depth; `purpose` begins the reason."""
+        if not self.domain(domain).has_depth:
+            raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
@@ -169,10 +220,10 @@ class Store(IndexCatalog):
     ) -> dict[str, NDArray[Any]]:
         """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values.
 
-        In a data set without poses depth is 0, which is not valid. Raises RequestError where the
-        domain does not image a trajectory of these instances.
+        Without depth it is 0, which is not valid. Raises RequestError where the domain does not
+        image a trajectory of these instances.
         """
-        self.domain(domain)
+        has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for trajectory, first in self._first_iids.items():
             count = self._counts[trajectory]
@@ -180,7 +231,7 @@ class Store(IndexCatalog):
             if low < high:
                 self._check_images(domain, trajectory)
                 for image in images:
-                    if image == "depth" and not self.has_poses:
+                    if image == "depth" and not has_depth:
                         size = self.dataset.frame_height, self.dataset.frame_width
                         parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
                         continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 Side = Literal["sim", "real"]
@@ -98,7 +98,8 @@ class Domain:
     """One source of images of every instance, with its cameras.
 
     In a data set without poses it images some trajectories only; figures of cameras and depth are
-    NaN, and the range of valid depth is empty (1 .. 0).
+    NaN, and the range of valid depth is empty (1 .. 0). Without depth (`has_depth` false) this
+    holds for the figures of depth.
 
     `camera_height` (metres above the floor) and `forward_offset` (metres ahead of the pose,
     negative behind it) hold for both cameras. Metres = raw depth value * `depth_scale`; a raw
@@ -116,6 +117,14 @@ class Domain:
     depth_raw_min: int
     depth_raw_max: int
     sources: dict[str, str] = field(default_factory=dict)
+    has_depth: bool = True
+
+    def facts(self) -> dict[str, Any]:
+        """The fields as plain values for a hash; `has_depth` only where it is false."""
+        facts = asdict(self)
+        if self.has_depth:
+            del facts["has_depth"]
+        return facts
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,8 @@ CAMERA_COLUMNS = (
     "camera_height", "forward_offset", "depth_scale", "depth_raw_min", "depth_raw_max",
 )  # fmt: skip
 """Columns of table `domain` that are NULL in a data set without poses."""
+DEPTH_COLUMNS = tuple(name for name in CAMERA_COLUMNS if name.startswith("depth_"))
+"""Columns of table `domain` that are NULL in a domain without depth."""
 
 
 class RowChecker:
@@ -81,11 +83,11 @@ class RowChecker:
         except RequestError as error:
             raise RequestError(f"{self._index}: {error}") from error
 
-    def nulls(self, *columns: str) -> None:
-        """Columns that a data set without poses leaves empty."""
+    def nulls(self, *columns: str, where: str = "a data set without poses") -> None:
+        """Columns that must be empty in `where`."""
         for column in columns:
             if self._row[column] is not None:
-                self.refuse(column, f"{self._row[column]} in a data set without poses")
+                self.refuse(column, f"{self._row[column]} in {where}")
 
     def choice(self, column: str, allowed: Sequence[str | bool | None]) -> None:
         if self._row[column] not in allowed:
@@ -161,8 +163,9 @@ def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> l
     for row, check in _checkers(index, "domain", rows, "domain", "domain"):
         check.name("domain")
         check.choice("kind", SIDES)
+        check.choice("has_depth", (True, False, None))
         if has_poses:
-            _check_cameras(check)
+            _check_cameras(check, row["has_depth"] is not False)
         else:
             check.nulls(*CAMERA_COLUMNS)
         sources = check.parsed("source", dict) if row["source"] else {}
@@ -172,12 +175,15 @@ def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> l
     return checked
 
 
-def _check_cameras(check: RowChecker) -> None:
-    for image in ("rgb", "depth"):
+def _check_cameras(check: RowChecker, has_depth: bool) -> None:
+    for image in ("rgb", "depth") if has_depth else ("rgb",):
         check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
         check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
         check.number(f"{image}_pitch", -math.pi, math.pi)
     check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
+    if not has_depth:
+        check.nulls(*DEPTH_COLUMNS, where="a domain without depth")
+        return
     check.number("depth_scale", 1e-12, 1e6)
     check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
 

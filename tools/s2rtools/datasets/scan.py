@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -84,11 +85,26 @@ class FrameSource(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class FramePose:
+    """The pose of one frame: x, y in metres and heading in radians on the map.
+
+    `camera` is that of the camera in the recording's world: its position x, y, z in metres and the
+    unit quaternion x, y, z, w from the camera's axes (x right, y down, z forward) to the world.
+    """
+
+    x: float
+    y: float
+    heading: float
+    camera: tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class InstanceRecord:
     """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain.
 
     In a data set without poses x, y and heading are NaN, and only some domains have a frame: the
-    same ones in all instances of a trajectory.
+    same ones in all instances of a trajectory. `frame_poses` are given by domain where the images
+    of an instance come from recordings; without them every frame has the pose of the instance.
     """
 
     x: float
@@ -97,6 +113,15 @@ class InstanceRecord:
     sources: Mapping[str, FrameSource]
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
+    frame_poses: Mapping[str, FramePose] = field(default_factory=dict)
+
+    @property
+    def pair_offset(self) -> tuple[float, float]:
+        """Largest distance, metres, and angle, degrees, of a frame's pose from the instance's."""
+        metres = [math.hypot(p.x - self.x, p.y - self.y) for p in self.frame_poses.values()]
+        turns = [abs(math.degrees(p.heading - self.heading)) for p in self.frame_poses.values()]
+        degrees = [abs((turn + 180) % 360 - 180) for turn in turns]
+        return max(metres, default=0.0), max(degrees, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,7 +204,7 @@ class LiveModel:
         Returns the mean per cell of the map grid, NaN in empty cells.
         """
         heat = result.heatmap(kind, side, mode)
-        dataset, truth = self._store.dataset, self._store.instances
+        dataset = self._store.dataset
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
         ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
         floor_heat = FloorHeat(
@@ -214,7 +214,7 @@ class LiveModel:
         )  # fmt: skip
         grid = MapGrid(dataset.bounds)
         other_depth = other.surface[None] if floor_heat.needs_other else None
-        pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
+        pose = self._store.poses(this.domain.domain)[result.iid][None]
         samples = floor_heat.samples(this.surface[None], other_depth, pose, grid)
         grid.add(*samples.values(heat[None], ray))
         return np.asarray(grid.aggregates()[0])
@@ -227,8 +227,7 @@ class LiveModel:
         )
         size = self._backend.model.network.input_size
         frames = side_frames(images, domain, run.adjustments(side), size, self._store.path)
-        truth = self._store.instances
-        pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
+        pose = self._store.poses(domain.domain)[iid][None]
         batch = side_batch(self._backend, frames, pose)
         metres = np.where(frames.valid[0], frames.depth[0] * np.float32(domain.depth_scale), np.nan)
         is_translated = any("sha256" in step for step in run.adjustments(side))

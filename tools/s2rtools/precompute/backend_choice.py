@@ -140,11 +140,10 @@ class _Sample:
 
     def pairs(self, backend: Backend) -> Iterator[PairBatch]:
         """The calibration batch after the forward pass of a backend."""
-        truth = self._store.instances
-        poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        truth = {side: self._store.poses(self._run.domain(side)) for side in SIDES}
         for iid, frames in self.frames():
-            rows = poses[iid : iid + len(frames["sim"].x)]
-            sim, real = (side_batch(backend, frames[side], rows) for side in SIDES)
+            rows = slice(iid, iid + len(frames["sim"].x))
+            sim, real = (side_batch(backend, frames[side], truth[side][rows]) for side in SIDES)
             yield PairBatch(backend.model, backend, sim, real)
 
 

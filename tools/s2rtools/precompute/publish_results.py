@@ -110,7 +110,8 @@ def _instance_columns(
         )
         split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
         scores = outliers.outlier_scores(distances)
-        columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
+        truth = store.poses(store.run(run).domain(side))
+        columns = prediction_columns(run, side, poses, truth, scale, split, scores)
         yield "prediction", columns
         u, v = plane.astype(np.float64).T
         yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}

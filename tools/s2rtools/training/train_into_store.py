@@ -147,7 +147,8 @@ def _frames(
         elif name in domains:
             frames[name] = StreamedFrames(domain.kind, read, size, domain.depth_scale)
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
-    return TrainingFrames(frames, poses, truth.trajectory)
+    own = {name: store.poses(name) for name in frames if store.has_own_poses(name)}
+    return TrainingFrames(frames, poses, truth.trajectory, own)
 
 
 def _adjusted_frames(

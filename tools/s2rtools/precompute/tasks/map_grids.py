@@ -113,8 +113,7 @@ def compute_grids(
     sides = {side for each in surfaces for side in each.sides}
     frames = RunFrames(store, run, stage.rendered_arrays(store.path))
     valid = stage.valid_instances(store.path, instances)
-    columns = store.instances
-    poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
+    poses = {side: store.poses(run.domain(side)) for side in sides}
     source = {spec: _heat_source(stage, spec) for spec in specs}
     arrays = {each: stage.source_array(store.path, *each) for each in set(source.values())}
     for start in range(instances.start, instances.stop, _READ_ROWS):
@@ -130,7 +129,8 @@ def compute_grids(
         for each in surfaces:
             own, other = depth[each.side], depth.get(_OTHER[each.side])
             grid = grids[each.specs[0]]
-            samples = each.floor_heat.samples(own, other, poses[start:stop][rows], grid)
+            of_side = poses[each.side][start:stop][rows]
+            samples = each.floor_heat.samples(own, other, of_side, grid)
             for spec in each.specs:
                 planes, ray = _plane(heat[source[spec]], spec), _kind(spec).ray(spec.mode)
                 grids[spec].add(*samples.values(planes, ray))

@@ -107,7 +107,7 @@ def compute_outputs(
     `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
     """
     alignment = rig_calibration.load_alignment(store, run)
-    truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
+    truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, size = unit.instances, backend.model.network.input_size
     kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
@@ -115,7 +115,7 @@ def compute_outputs(
     uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
-        poses = truth[iid : iid + len(frames["sim"].x)]
+        stop = iid + len(frames["sim"].x)
         outputs: dict[str | None, ForwardOutput] = {}
         if is_predicted:
             outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
@@ -123,7 +123,13 @@ def compute_outputs(
         if kinds:
             given = outputs if heatmap_backend is backend else {}
             sim, real = (
-                side_batch(heatmap_backend, frames[side], poses, given.get(side), uses_features)
+                side_batch(
+                    heatmap_backend,
+                    frames[side],
+                    truth[side][iid:stop],
+                    given.get(side),
+                    uses_features,
+                )
                 for side in SIDES
             )
             pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)
