@@ -13,7 +13,7 @@ from s2rstore.errors import NotComputedError
 from s2rstore.geometry.floor_grid import FloorHeat, Ray
 from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, Run, Side
+from s2rstore.records import NO_RUN, SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
@@ -104,6 +104,10 @@ def selection_grid(
     An empty kind projects every pixel without a heatmap. `report_share` gets the share that is done
     and returns False to stop.
     """
+    record = store.run(run)
+    surfaces = store.provenance_object(f"run:{run}", "surfaces")
+    sides = SIDES if heat.kind in surfaces else (heat.side,)
+    store.require_depth(map(record.domain, sides), "heat on the map")
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
         if not heat.kind:
@@ -111,7 +115,7 @@ def selection_grid(
         else:
             span = block.start, block.stop
             values = store.heatmaps(run, heat.kind, heat.side, *span, heat.mode)[chosen]
-        _project(store, store.run(run), heat, values, chosen, block, grid)
+        _project(store, record, heat, values, chosen, block, grid)
         if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])

@@ -112,7 +112,6 @@ class Store(IndexCatalog):
             for place, name in enumerate(("x", "y", "heading")):
                 own = self._column_loader.column(query.format(name), [domain])
                 poses[:, place] = np.where(np.isnan(own), poses[:, place], own)
-        poses.flags.writeable = False
         return poses
 
     def has_own_poses(self, domain: str, start: int = 0, stop: int | None = None) -> bool:
@@ -141,10 +140,11 @@ class Store(IndexCatalog):
         truth = self.instances
         return bool(truth.pair_offset_m.any() or truth.pair_offset_deg.any())
 
-    def require_depth(self, domain: str, purpose: str) -> None:
-        """Raise RequestError for a domain without depth; `purpose` begins the reason."""
-        if not self.domain(domain).has_depth:
-            raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
+    def require_depth(self, domains: Iterable[str], purpose: str) -> None:
+        """Raise RequestError where one of the domains has no depth, which `purpose` needs."""
+        for domain in domains:
+            if not self.domain(domain).has_depth:
+                raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.

@@ -97,7 +97,8 @@ class HeatmapKind(ABC):
     `planes` names the maps along the first axis of an array with several maps per instance.
     `model_free` kinds need no network; `uses_features` tells whether `compute` reads the features
     and predictions of the pair, `uses_truth` whether it reads the true poses; `aligned` kinds
-    compare both views by calibrated rigs.
+    compare both views by calibrated rigs; `compares_images` tells whether the images of a pair are
+    compared position by position, as if both had one pose.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
@@ -110,6 +111,7 @@ class HeatmapKind(ABC):
     uses_truth: ClassVar[bool] = True
     uses_features: ClassVar[bool] = False
     aligned: ClassVar[bool] = False
+    compares_images: ClassVar[bool] = True
     surface: ClassVar[Literal["own", "nearer"]] = "own"
 
     def suits(self, model: LoadedModel) -> bool:

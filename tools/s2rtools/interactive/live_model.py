@@ -212,6 +212,8 @@ class LiveModel:
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
             HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None, ray,
         )  # fmt: skip
+        sides = (this, other) if floor_heat.needs_other else (this,)
+        self._store.require_depth((each.domain.domain for each in sides), "heat on the map")
         grid = MapGrid(dataset.bounds)
         other_depth = other.surface[None] if floor_heat.needs_other else None
         pose = self._store.poses(this.domain.domain)[result.iid][None]

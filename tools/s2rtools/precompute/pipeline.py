@@ -32,6 +32,7 @@ from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtools.precompute.unit_computer import UnitComputer
 from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.usable_kinds import domains_without_depth, usable_kinds
 from s2rtools.precompute.work_units import Stage
 
 
@@ -103,6 +104,7 @@ def _compute_run(
     """
     lease.check()
     root, run = current.root, current.get().run(name)
+    kinds = usable_kinds(current.get(), run, kinds, reporter.say)
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
         current.get(), run, lease.check
     ):
@@ -151,7 +153,9 @@ def _stage_groups(
         keys = ArrayKeys(hashes, run, part)
         rendered = frames_stages(store, keys, run, part)
         specs = tuple(spec for stage in rendered for spec in stage.specs)
-        forward, others = network_stages(keys, run, part, model, backends, kinds, specs)
+        forward, others = network_stages(
+            keys, run, part, model, backends, kinds, specs, not domains_without_depth(store, run)
+        )
         frames += rendered
         forwards.append(forward)
         heatmaps += others

@@ -81,6 +81,7 @@ def train_into_store(
             start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         size = (start.network if start else build_network(request.architecture)).input_size
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
+        store.require_depth(domains, "training")
         chain = _translation(store, recipe, request, domains[0])
         checkpoint = _checkpoint(store, request, start, chain)
         frames = _frames(store, recipe, domains, size, chain, checkpoint.parent)

@@ -41,6 +41,7 @@ def map_stages(
 ) -> list[Stage]:
     """The stage of the map grids of every heatmap of the stages of a part; none without heatmaps.
 
+    Heat of a domain without depth is not projected.
     One stage for both sides and all kinds, because they read the same images.
     """
     grid = MapGrid(store.dataset.bounds)
@@ -52,7 +53,7 @@ def map_stages(
             heat += of_kind
             specs += [
                 _map_spec(spec, keys, forward.specs[0].key, side, mode, grid)
-                for side in SIDES
+                for side in _projected_sides(store, keys.run, kind)
                 for spec in of_kind
                 if spec.side in (side, None)
                 for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
@@ -61,6 +62,12 @@ def map_stages(
         return []
     sources = (*forward.specs_of_kind("prediction"), *heat, *forward.sources)
     return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, is_aggregate=True)]
+
+
+def _projected_sides(store: Store, run: Run, kind: str) -> list[Side]:
+    """The sides whose heat of a kind can be projected: those with depth, which it needs."""
+    with_depth = [side for side in SIDES if store.domain(run.domain(side)).has_depth]
+    return with_depth if len(with_depth) == len(SIDES) or not HEATMAP_KINDS[kind].aligned else []
 
 
 def _map_spec(

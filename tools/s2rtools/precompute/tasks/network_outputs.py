@@ -21,6 +21,8 @@ from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
+DEPTH_MODES = ("depth", "rgbd")
+"""Modes of heatmaps that need depth on both sides."""
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
 _DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str], Any]] = WeakKeyDictionary()
@@ -35,11 +37,13 @@ def network_stages(
     backends: RunBackends,
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
+    has_depth: bool = True,
 ) -> tuple[Stage, list[Stage]]:
     """The forward stage of a part, and one stage per heatmap kind that needs many passes.
 
     The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
-    only. `frames` are the arrays of rendered frames that the stages read.
+    only. `frames` are the arrays of rendered frames that the stages read. `has_depth` tells whether
+    both domains have depth.
     """
     rendered = [spec.key for spec in frames]
     key = keys.prediction(backends.predictions.facts(), rendered)
@@ -66,7 +70,12 @@ def network_stages(
     stages = []
     for kind in kinds:
         heatmaps = _kind_specs(
-            part, kind, model, backends, *keys.heatmap(kind, backends.kind_facts(kind), rendered)
+            part,
+            kind,
+            model,
+            backends,
+            has_depth,
+            *keys.heatmap(kind, backends.kind_facts(kind), rendered),
         )
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
@@ -87,15 +96,17 @@ def _described(
 
 
 def _kind_specs(
-    part: Part, name: str, model: LoadedModel, backends: RunBackends, key: str, is_shared: bool
-) -> list[ArraySpec]:
+    part: Part, name: str, model: LoadedModel, backends: RunBackends, has_depth: bool, key: str,
+    is_shared: bool,
+) -> list[ArraySpec]:  # fmt: skip
+    """The arrays of a kind; without depth those of modes that compare depth are left out."""
     kind = HEATMAP_KINDS[name]
     outputs, attributes = _described(kind, model, backends.differences or "float32")
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(attributes.items())),
                   part.first_iid, is_shared)
-        for out in outputs
+        for out in outputs if has_depth or out.mode not in DEPTH_MODES
     ]  # fmt: skip
 
 
