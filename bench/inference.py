@@ -36,7 +36,7 @@ def figures(threads: int) -> Iterator[BudgetRow]:
 def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[BudgetRow]:
     model = load_model(store, "m")
     run = store.run("r")
-    batches = [f for _, f in read_pairs(store, run, (256, 256), 0, _PAIRS, 8)]
+    batches = [f for _, f in read_pairs(store, run, model.contract, 0, _PAIRS, 8)]
     inputs = [batch[side].x for batch in batches for side in SIDES]
     images = sum(len(x) for x in inputs)
     sample = np.concatenate(inputs[:2])
@@ -58,7 +58,7 @@ def _measured(store: s2rstore.reader.Store, threads: int) -> Iterator[BudgetRow]
                 backend.forward_all(x)
 
         def reading(backend=backend) -> None:
-            for _, pair in read_pairs(store, run, (256, 256), 0, _PAIRS, backend.batch):
+            for _, pair in read_pairs(store, run, model.contract, 0, _PAIRS, backend.batch):
                 for side in SIDES:
                     backend.forward_all(pair[side].x)
 

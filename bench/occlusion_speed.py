@@ -22,10 +22,9 @@ def figures(threads: int) -> Iterator[BudgetRow]:
         network = lively(architecture)
         model = LoadedModel(architecture, architecture, network, network.convention, "")
         backend = Backend(model, threads)
-        height, width = network.input_size
-        x = torch.rand(2, 4, height, width) * 2 - 1
+        x = torch.rand(2, *model.contract.shape) * 2 - 1
         other = x.flip(0).contiguous()
-        patches = cut_patches(height, width)
+        patches = cut_patches(*model.contract.size)
         graph = LocalGraph(backend.trunk)
         with torch.inference_mode():
             local = seconds(

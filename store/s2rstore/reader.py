@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,9 @@ from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
 """The default mode of each heatmap kind that has modes."""
+
+SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
+"""Arrays of images at the size of their source, where that is not the frame size."""
 
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
@@ -241,6 +244,74 @@ class Store(IndexCatalog):
             image: rows[0] if len(rows) == 1 else np.concatenate(rows)
             for image, rows in parts.items()
         }
+
+    def source_frames(
+        self, domain: str, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
+    ) -> Iterator[tuple[int, dict[str, NDArray[Any]]]]:
+        """The images of iids [start, stop) at the size of their source, and the first iid of each
+        block.
+
+        All images of one kind in a block have one size; RGB and depth may have different ones.
+        Where a store holds none of that size, the images are those of `frames`. Without depth it
+        is 0, in images of the size of RGB.
+        """
+        self.domain(domain)
+        for trajectory, first in self._first_iids.items():
+            low, high = max(start, first), min(stop, first + self._counts[trajectory])
+            if low >= high:
+                continue
+            if not self.has_source_frames(domain, trajectory):
+                yield low, self.frames(domain, low, high, images)
+                continue
+            stored = self._stored_images(domain, images)
+            arrays = {image: self.source_array(domain, trajectory, image) for image in stored}
+            block = {k: each.rows(low - first, high - first) for k, each in arrays.items()}
+            if len(stored) < len(images):
+                height, width = self.source_array(domain, trajectory, "rgb").shape[1:3]
+                block["depth"] = np.zeros((high - low, height, width), dtype=np.uint8)
+            yield low, block
+
+    def _stored_images(self, domain: str, images: Iterable[str]) -> list[str]:
+        """The images of a domain that are stored: without `depth` where it has none."""
+        has_depth = self.domain(domain).has_depth
+        return [image for image in images if has_depth or image != "depth"]
+
+    def has_source_frames(self, domain: str, trajectory: str) -> bool:
+        """Whether the store holds images of the size of their source besides the frames."""
+        name = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES['rgb']}"
+        return f"{name}/{stored_array.METADATA}" in self.checksums
+
+    def has_source_images(self, domain: str, start: int, stop: int) -> bool:
+        """Whether `source_frames` and `frames` differ for any of iids [start, stop)."""
+        return any(
+            self.has_source_frames(domain, trajectory)
+            for trajectory, first in self._first_iids.items()
+            if max(start, first) < min(stop, first + self._counts[trajectory])
+        )
+
+    def source_size(self, domain: str, iid: int) -> dict[str, list[int]] | None:
+        """Rows and columns of the source of each image, if they are stored; else None."""
+        for trajectory, first in self._first_iids.items():
+            if first <= iid < first + self._counts[trajectory]:
+                if not self.has_source_frames(domain, trajectory):
+                    return None
+                stored = self._stored_images(domain, SOURCE_IMAGES)
+                arrays = {i: self.source_array(domain, trajectory, i) for i in stored}
+                return {image: list(array.shape[1:3]) for image, array in arrays.items()}
+        return None
+
+    def source_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
+        """As `frames_array`, at the size of the source images."""
+        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES[image]}"
+        with self._lock:
+            if relative not in self._arrays:
+                array = stored_array.open_read(self.path / relative, self.path)
+                shape = self._counts[trajectory], *array.shape[1:3]
+                types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
+                expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
+                _check_metadata(array, (*shape, 3) if image == "rgb" else shape, types, expected)
+                self._arrays[relative] = array
+            return self._arrays[relative]
 
     @cached_property
     def imaged_trajectories(self) -> dict[str, frozenset[str]]:

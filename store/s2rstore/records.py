@@ -173,6 +173,11 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Model:
+    """A network in the store; `input` is its input contract.
+
+    Releases up to 0.2.0 recorded none: there `input` is None.
+    """
+
     model: str
     architecture: str
     sha256: str
@@ -180,6 +185,12 @@ class Model:
     input_width: int
     convention: str
     trained_by: str | None
+    input: dict[str, Any] | None = None
+
+    @property
+    def channels(self) -> str:
+        """What the network sees: `rgb`, `depth` or `rgbd`."""
+        return "rgbd" if self.input is None else str(self.input["channels"])
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,7 +124,7 @@ def test_images_of_a_batch_are_adjusted_independently(frames):
 def test_black_images_give_a_constant_prediction(frames, architecture):
     network = build_network(architecture).eval()
     rgb, depth = apply_chain(*frames, chain(black=1.0))
-    x = preprocess(rgb, depth, 10 / 255, network.input_size)
+    x = preprocess(rgb, depth, 10 / 255, network.contract)
     assert np.unique(x).tolist() == [-1.0]
     with torch.inference_mode():
         output = network(torch.from_numpy(x))

@@ -26,7 +26,7 @@ def make_pair(model: LoadedModel) -> PairBatch:
     for name in ("sim", "real"):
         rgb = rng.integers(0, 256, (2, 48, 48, 3)).astype(np.uint8)
         depth = rng.integers(0, 256, (2, 48, 48)).astype(np.uint8)
-        result = backend.forward_all(preprocess(rgb, depth, 10 / 255, model.network.input_size))
+        result = backend.forward_all(preprocess(rgb, depth, 10 / 255, model.contract))
         sides[name] = SideBatch(
             result.x, rgb, depth, (depth > 5) & (depth < 250), 10 / 255, result.features,
             result.embedding, result.pose, TRUTH,

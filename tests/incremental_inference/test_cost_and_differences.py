@@ -56,8 +56,8 @@ def test_the_method_depends_on_the_estimated_cost() -> None:
 def test_narrow_receptive_fields_cost_less() -> None:
     patches = cut_patches(48, 48)
     narrow, wide = (
-        local_cost(LocalGraph(nn.Sequential(nn.Conv2d(4, 8, k, padding=k // 2)).eval()), (48, 48),
-                   patches)
+        local_cost(LocalGraph(nn.Sequential(nn.Conv2d(4, 8, k, padding=k // 2)).eval()),
+                   (4, 48, 48), patches)
         for k in (3, 63)
     )  # fmt: skip
     assert narrow < 0.5 < wide

@@ -155,7 +155,7 @@ def test_factories_need_trust_and_load_their_state_dict(store_copy, tmp_path):
     with pytest.raises(RequestError, match="--trust"):
         read_weights(file, factory)
     weights = read_weights(file, factory, trust=True)
-    assert weights.input_size == (8, 8)
+    assert weights.contract.size == (8, 8)
     loaded = register_and_load(store_copy, weights, OutputConvention("radians"), trust=True)
     x = torch.rand(2, 4, 8, 8)
     with torch.inference_mode():

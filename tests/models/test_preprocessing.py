@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
+import torch
+from torch.nn import functional
 
-from s2rtools.models.preprocessing import preprocess, resize_frames
+from s2rtools.models.input_contract import InputContract
+from s2rtools.models.preprocessing import preprocess, resize
 
 
 @pytest.fixture
@@ -15,33 +21,95 @@ def frames():
     return rgb, rng.integers(0, 256, (3, 16, 16), dtype=np.uint8)
 
 
+def contract(size, **changes) -> InputContract:
+    return InputContract(size=size, **changes)
+
+
 def test_frames_of_the_input_size_are_only_scaled(frames):
     rgb, depth = frames
-    x = preprocess(rgb, depth, 10 / 255, (16, 16))
+    x = preprocess(rgb, depth, 10 / 255, contract((16, 16)))
     assert x.shape == (3, 4, 16, 16)
     assert x.dtype == np.float32
     np.testing.assert_allclose(x[:, :3], np.moveaxis(rgb / 127.5 - 1, -1, 1), atol=3e-7)
     np.testing.assert_allclose(x[:, 3], depth / 127.5 - 1, atol=3e-7)
-    assert resize_frames(rgb, depth, (16, 16))[0] is rgb
+    assert resize(rgb, (16, 16), "area") is rgb
 
 
 def test_halving_averages_areas(frames):
     rgb, depth = frames
-    small, small_depth = resize_frames(rgb, depth, (8, 8))
+    small, small_depth = (resize(images, (8, 8), "area") for images in frames)
     means = rgb.astype(float).reshape(3, 8, 2, 8, 2, 3).mean(axis=(2, 4))
     assert small.dtype == np.uint8
     assert np.abs(small - means).max() <= 0.5
     assert np.abs(small_depth - depth.reshape(3, 8, 2, 8, 2).mean(axis=(2, 4))).max() <= 0.5
     np.testing.assert_array_equal(
-        preprocess(rgb, depth, 0.01, (8, 8)), preprocess(small, small_depth, 0.01, (8, 8))
+        preprocess(rgb, depth, 0.01, contract((8, 8))),
+        preprocess(small, small_depth, 0.01, contract((8, 8))),
     )
 
 
 def test_depth_in_millimetres_is_clipped_at_10_m():
     depth = np.array([[[0, 5000], [10000, 60000]]], dtype=np.uint16)
-    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, (2, 2))
+    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, contract((2, 2)))
     np.testing.assert_allclose(x[0, 3], [[-1, 0], [1, 1]], atol=1e-6)
 
 
 def test_small_frames_are_enlarged(frames):
-    assert preprocess(*frames, 0.04, (20, 24)).shape == (3, 4, 20, 24)
+    assert preprocess(*frames, 0.04, contract((20, 24))).shape == (3, 4, 20, 24)
+
+
+def test_colours_are_normalised_as_torchvision_does(frames):
+    rgb, depth = frames
+    mean, std = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+    given = contract((16, 16), channels="rgb", mean=mean, std=std)
+    x = preprocess(rgb, depth, 0.01, given)
+    expected = (rgb / 255 - np.array(mean)) / np.array(std)
+    assert x.shape == (3, 3, 16, 16)
+    np.testing.assert_allclose(x, np.moveaxis(expected, -1, 1), atol=2e-6)
+    turned = preprocess(rgb, depth, 0.01, replace(given, colour_order="bgr"))
+    np.testing.assert_array_equal(turned, x[:, ::-1])
+
+
+def test_grey_levels_reach_a_network_that_takes_them(frames):
+    given = contract((16, 16), channels="rgb", rgb_scale=255.0, mean=(1, 2, 3), std=(1, 1, 1))
+    x = preprocess(*frames, 0.01, given)
+    np.testing.assert_allclose(x, np.moveaxis(frames[0] - [1.0, 2, 3], -1, 1), atol=1e-4)
+
+
+def test_depth_is_given_in_its_unit_and_range():
+    depth = np.array([[[0, 700], [3000, 9000]]], dtype=np.uint16)
+    given = contract((2, 2), channels="depth", depth_unit=0.001, depth_range=(0.5, 5.0),
+                     depth_mean=0.0, depth_std=1.0)  # fmt: skip
+    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.001, given)
+    np.testing.assert_allclose(x, [[[[500, 700], [3000, 5000]]]], rtol=1e-6)
+
+
+def test_missing_depth_becomes_the_declared_distance():
+    depth = np.full((1, 4, 4), 100, dtype=np.uint8)
+    depth[0, 0, 0] = 0
+    rgb = np.zeros((1, 4, 4, 3), np.uint8)
+    for missing, corner in ((None, 0.75), (7.0, 7.0)):
+        given = contract((2, 2), channels="depth", depth_unit=1.0, depth_mean=0.0, depth_std=1.0,
+                         missing_depth=missing)  # fmt: skip
+        x = preprocess(rgb, depth, 0.01, given, depth > 0)
+        np.testing.assert_allclose(x, [[[[corner, 1], [1, 1]]]], rtol=1e-6)
+
+
+OPENCV = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
+
+
+@pytest.mark.parametrize("name", list(OPENCV))
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_interpolations_are_those_of_opencv(name, dtype):
+    images = np.random.default_rng(1).integers(0, 256, (2, 30, 40), dtype=dtype)
+    expected = [cv2.resize(image, (18, 14), interpolation=OPENCV[name]) for image in images]
+    np.testing.assert_array_equal(resize(images, (14, 18), name), expected)
+
+
+def test_antialiased_interpolation_is_that_of_torchvision():
+    rgb = np.random.default_rng(2).integers(0, 256, (2, 30, 40, 3), dtype=np.uint8)
+    x = torch.from_numpy(rgb).permute(0, 3, 1, 2).float()
+    expected = functional.interpolate(x, (14, 18), mode="bilinear", antialias=True).round()
+    small = resize(rgb, (14, 18), "bilinear-antialias")
+    assert small.dtype == np.uint8
+    np.testing.assert_array_equal(np.moveaxis(small, -1, 1), expected.numpy())

@@ -22,6 +22,7 @@ from s2rstore.records import Domain
 from s2rstore.run_inputs import run_domain, run_frame, run_frames
 from s2rtools.adjustments import apply_chain, parse_adjustment
 from s2rtools.inference import open_backend
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute import array_keys
@@ -120,7 +121,7 @@ def test_predictions_use_the_rendered_and_adjusted_images(store: Store) -> None:
         images["depth"] > 0,
         parse_adjustment("sim:brightness=1.2")["sim"],
     )
-    x = preprocess(rgb, depth, 0.001, (128, 128))
+    x = preprocess(rgb, depth, 0.001, InputContract(size=(128, 128)))
     with torch.inference_mode():
         poses = model.convention.decode(model.network(torch.from_numpy(x))).numpy()
     predictions = array(store, "up", "prediction", "sim")[2:5]

@@ -11,6 +11,7 @@ from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.model_registration import Weights, register_model
 from tests.support import pairs
 
@@ -25,7 +26,9 @@ def build_ingested_store(folder: Path, n: int = 4) -> Path:
     scan.drives = _write_drives
     build(scan, folder / "s.s2r", "s2r ingest", False, lambda steps: None)
     content = bytes(range(256)) * 4
-    weights = Weights("resposenet", "a" * 64, content, ".safetensors", (16, 16), 4)
+    weights = Weights(
+        "resposenet", "a" * 64, content, ".safetensors", InputContract(size=(16, 16)), 4
+    )
     with edit(folder / "s.s2r") as draft:
         register_model(folder / "s.s2r", draft, "m", weights, OutputConvention("cos_sin"))
     return folder / "s.s2r"

@@ -10,6 +10,7 @@ import torch
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SPLITS
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.training import (
     RECIPES,
@@ -37,7 +38,8 @@ def make_frames(n: int = 120, trajectories: int = 1) -> TrainingFrames:
     def domain(kind, shade):
         rgb = 30 + 150 * appearance * shade + rng.normal(0, 3, (n, 128, 128, 3))
         depth = 20 + 200 * t[:, None, None] + rng.normal(0, 3, (n, 128, 128))
-        return CopiedFrames(kind, rgb.clip(0, 255).astype(np.uint8), depth.astype(np.uint8), 0.04)
+        return CopiedFrames(kind, rgb.clip(0, 255).astype(np.uint8), depth.astype(np.uint8), 0.04,
+                            InputContract(size=rgb.shape[1:3]))  # fmt: skip
 
     domains = {"sim": domain("sim", 1.0), "sim_edit": domain("sim", 0.98)}
     codes = np.sort(np.arange(n) % trajectories).astype(np.int32)
@@ -222,11 +224,11 @@ def test_frames_are_collected_in_blocks():
     rgb = rng.integers(0, 256, (5, 16, 16, 3), dtype=np.uint8)
     depth = rng.integers(0, 9000, (5, 16, 16), dtype=np.uint16)
     blocks = [(rgb[:3], depth[:3]), (rgb[3:], depth[3:])]
-    in_memory = CopiedFrames.from_blocks("sim", blocks, 5, (8, 8), 0.001)
+    in_memory = CopiedFrames.from_blocks("sim", blocks, 5, InputContract(size=(8, 8)), 0.001)
     assert in_memory.depth.dtype == np.uint16
     assert in_memory.inputs(np.array([4, 0])).shape == (2, 4, 8, 8)
     with pytest.raises(ValueError, match="expected 6"):
-        CopiedFrames.from_blocks("sim", blocks, 6, (8, 8), 0.001)
+        CopiedFrames.from_blocks("sim", blocks, 6, InputContract(size=(8, 8)), 0.001)
 
 
 def batch() -> torch.Tensor:

@@ -10,12 +10,13 @@ import pytest
 
 from s2rstore.errors import RequestError
 from s2rstore.reader import Store
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.training import Budget, CopiedFrames, StreamedFrames, TrainingFrames, train
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtools.training.training_frames import DiskArray
 
-N, SIZE = 70, (24, 24)
+N, CONTRACT, ACCEPTED = 70, InputContract(size=(24, 24)), InputContract(size=(128, 128))
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +34,9 @@ def blocks(images: tuple[np.ndarray, np.ndarray], rows: int = 16):
 @pytest.mark.parametrize("rows", [[5], [69, 0, 33, 33], list(range(20, 50)), []])
 def test_copied_and_streamed_frames_are_those_in_memory(images, rows, tmp_path: Path) -> None:
     rgb, depth = images
-    copied = CopiedFrames.from_blocks("sim", blocks(images), N, SIZE, 0.001, tmp_path)
-    streamed = StreamedFrames("sim", lambda a, b: (rgb[a:b], depth[a:b]), SIZE, 0.001)
-    expected = preprocess(rgb[rows], depth[rows], 0.001, SIZE)
+    copied = CopiedFrames.from_blocks("sim", blocks(images), N, CONTRACT, 0.001, tmp_path)
+    streamed = StreamedFrames("sim", lambda a, b: [(rgb[a:b], depth[a:b])], CONTRACT, 0.001)
+    expected = preprocess(rgb[rows], depth[rows], 0.001, CONTRACT)
     chosen = np.array(rows, dtype=np.intp)
     assert np.array_equal(copied.inputs(chosen), expected)
     assert np.array_equal(streamed.inputs(chosen), expected)
@@ -46,17 +47,17 @@ def test_neighbouring_rows_are_read_together(images) -> None:
     rgb, depth = images
     reads = []
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+    def read(start: int, stop: int) -> list[tuple[np.ndarray, np.ndarray]]:
         reads.append((start, stop))
-        return rgb[start:stop], depth[start:stop]
+        return [(rgb[start:stop], depth[start:stop])]
 
-    StreamedFrames("sim", read, SIZE, 0.001).inputs(np.array([3, 4, 5, 9, 2, 3]))
+    StreamedFrames("sim", read, CONTRACT, 0.001).inputs(np.array([3, 4, 5, 9, 2, 3]))
     assert reads == [(3, 6), (9, 10), (2, 4)]
 
 
 def test_copies_give_the_same_weights_as_images_in_memory(images, tmp_path: Path) -> None:
-    in_memory = CopiedFrames("sim", *images, 0.001)
-    copied = CopiedFrames.from_blocks("sim", blocks(images), N, (128, 128), 0.001, tmp_path)
+    in_memory = CopiedFrames("sim", *images, 0.001, ACCEPTED)
+    copied = CopiedFrames.from_blocks("sim", blocks(images), N, ACCEPTED, 0.001, tmp_path)
     poses = np.random.default_rng(1).uniform(0, 3, (N, 3))
     weights = []
     for frames in (in_memory, copied):

@@ -35,7 +35,8 @@ from s2rstore.security.printable_text import printable, printable_lines
 
 NO_POSES = "the data set has no poses"
 """Why views and commands refuse a data set of images without poses."""
-_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons")
+_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons",
+         "input")  # fmt: skip
 """Columns of JSON, whose strings become printable once they are parsed."""
 
 
@@ -262,8 +263,7 @@ class IndexCatalog:
 
     @cached_property
     def models(self) -> dict[str, Model]:
-        rows = self._rows("model")
-        row_check.check_models(self._index, rows)
+        rows = row_check.check_models(self._index, self._rows("model"))
         return {row["model"]: Model(**row) for row in rows}
 
     @cached_property

@@ -29,6 +29,8 @@ MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
             "translator": 10_000, "part": 100_000}  # fmt: skip
 """Rows that a table which is read whole may have."""
+CHANNELS = ("rgb", "depth", "rgbd")
+"""What the input of a network may hold."""
 TRANSLATE = "translate"
 """Adjustment by a translator T; its name in a chain is `translate:T`."""
 _DTYPES = frozenset({"uint8", "uint16", "int8", "int16", "int32", "float16", "float32", "float64"})
@@ -203,7 +205,9 @@ def check_parts(index: Path, rows: Sequence[Row], instances: int) -> None:
         )
 
 
-def check_models(index: Path, rows: Sequence[Row]) -> None:
+def check_models(index: Path, rows: Sequence[Row]) -> list[Row]:
+    """Rows with `input` as an object, or None where an earlier release wrote them."""
+    checked = []
     for row, check in _checkers(index, "model", rows, "model", "model"):
         check.name("model")
         check.text("architecture")
@@ -211,6 +215,13 @@ def check_models(index: Path, rows: Sequence[Row]) -> None:
         check.numbers(1, MAX_IMAGE_SIZE, "input_height", "input_width")
         check.parsed("convention", dict)
         check.text("trained_by", optional=True, longest=MAX_JSON)
+        contract = None
+        if row["input"] is not None:
+            contract = check.parsed("input", dict)
+            if contract.get("channels") not in CHANNELS:
+                check.refuse("input", f"channels is not one of {', '.join(CHANNELS)}")
+        checked.append({**row, "input": contract})
+    return checked
 
 
 def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:

@@ -229,6 +229,13 @@ TABLES: tuple[Table, ...] = (
         ("input_width", "INTEGER", "columns of the network's input"),
         ("convention", "VARCHAR", "JSON: unit of the heading and frame of the output"),
         ("trained_by", "VARCHAR", "recipe and command; NULL = not by this program"),
+        (
+            "input",
+            "VARCHAR",
+            "JSON: how images become the network's input; NULL = resized by area, RGB and depth "
+            "in [-1, 1]",
+            True,
+        ),
     ),
     table_of(
         "run",

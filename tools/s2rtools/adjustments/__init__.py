@@ -62,12 +62,18 @@ Chain = Sequence[Mapping[str, Any]]
 
 
 def apply_chain(
-    rgb: Rgb, depth_raw: Depth, valid: Mask, chain: Chain, store_path: Path | None = None
+    rgb: Rgb,
+    depth_raw: Depth,
+    valid: Mask,
+    chain: Chain,
+    store_path: Path | None = None,
+    enlargement: float = 1.0,
 ) -> Images:
     """Apply the image adjustments of a chain in order to a batch.
 
-    Takes rgb (B, H, W, 3) uint8, depth_raw (B, H, W) and its validity; returns both images in the
-    same types. Neutral values return the same arrays. Adjustments that need a renderer are
+    Takes rgb (B, H, W, 3) uint8, depth_raw (B, H', W') and its validity; returns both images in the
+    same types. A value in pixels is one in pixels of the stored frame: the images are `enlargement`
+    times as wide. Neutral values return the same arrays. Adjustments that need a renderer are
     skipped, because the rendered images already contain them. Translators are read from the store
     at `store_path`; raises RequestError where one is missing or damaged.
     """
@@ -81,7 +87,8 @@ def apply_chain(
             stored = open_stored(store_path, str(step["sha256"]))
             rgb, depth_raw = apply_translator(stored, rgb, depth_raw, valid, value)
         elif isinstance(adjustment, ImageAdjustment):
-            rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, value)
+            size = value * enlargement if adjustment.in_pixels else value
+            rgb, depth_raw = adjustment.apply(rgb, depth_raw, valid, size)
     return rgb, depth_raw
 
 

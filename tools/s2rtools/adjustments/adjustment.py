@@ -42,10 +42,12 @@ class ImageAdjustment(Adjustment):
     """A change of existing images.
 
     `apply(rgb, depth, valid, value)` takes a batch, rgb (B, H, W, 3) uint8, raw depth (B, H, W)
-    and its validity, and returns new images of the same types; `value` is never `neutral`.
+    and its validity, and returns new images of the same types; `value` is never `neutral`. Depth
+    may have another size than RGB. A value `in_pixels` is one in pixels of the stored frame.
     """
 
     apply: Apply
+    in_pixels: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,8 +72,9 @@ DEPTH_RANGE = ImageAdjustment(
     "depth_range", 0.25, 4.0, 1.0, 0.05, "factor", "valid depth times the factor", _depth_range
 )
 DEPTH_BLUR = ImageAdjustment(
-    "depth_blur", 0.0, 16.0, 0.0, 0.5, "px", "blur of the valid depth, sigma", _depth_blur
-)
+    "depth_blur", 0.0, 16.0, 0.0, 0.5, "px", "blur of the valid depth, sigma", _depth_blur,
+    in_pixels=True,
+)  # fmt: skip
 BLACK = ImageAdjustment(
     "black", 0.0, 1.0, 0.0, 0.05, "share", "share of RGB and depth removed", _black
 )

@@ -7,6 +7,7 @@ combination of types are written apart, and one combination is kept.
 
 from __future__ import annotations
 
+import dataclasses
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -22,9 +23,12 @@ from numpy.typing import NDArray
 from s2rstore.arrays import array_writer
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rstore.reader import SOURCE_IMAGES
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
+from s2rtools.datasets import source_arrays
 from s2rtools.datasets.scan import DecodedFrame, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.source_arrays import CompressedImages, SourceArray, compressed
 from s2rtools.datasets.stored_instances import StoredTrajectory
 
 SHARD_ROWS = 64
@@ -37,6 +41,8 @@ _READ_AHEAD = 3
 _OTHER_TYPES = ".other-depth-types"
 
 ReportProgress = Callable[[int], None]
+Frames = Mapping[str, DecodedFrame]
+Sources = Mapping[str, CompressedImages]
 DepthTypes = tuple[str, ...]
 """The depth type of each domain, in the order of the records' sources."""
 
@@ -56,25 +62,28 @@ def write_trajectory(
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
     with ThreadPoolExecutor(threads) as pool:
         decoded = map_ahead(pool, partial(_decode, scan), records, _READ_AHEAD * threads)
-        for row, (frames, defects) in enumerate(decoded):
+        for row, (frames, sources, defects) in enumerate(decoded):
             progress(2 * (len(frames) + len(defects)))
             scan.issues += defects
             if not defects:
-                writer.add(row, frames)
+                writer.add(row, frames, sources)
     return writer.finish()
 
 
-def _decode(scan: Scan, record: InstanceRecord) -> tuple[dict[str, DecodedFrame], list[InputIssue]]:
-    """The frames of a record by domain, and the issues of those that are unusable."""
+def _decode(scan: Scan, record: InstanceRecord) -> tuple[Frames, Sources, list[InputIssue]]:
+    """The frames of a record and the images at the size of their source, both by domain, and the
+    issues of unusable frames."""
     frames: dict[str, DecodedFrame] = {}
+    sources: dict[str, CompressedImages] = {}
     defects: list[InputIssue] = []
     for name, source in record.sources.items():
         frame = source.decode(scan, scan.domains[name])
         if isinstance(frame, InputIssue):
             defects.append(frame)
         else:
-            frames[name] = frame
-    return frames, defects
+            sources[name] = compressed(frame.source)
+            frames[name] = dataclasses.replace(frame, source=None)
+    return frames, sources, defects
 
 
 class _TrajectoryWriter:
@@ -85,9 +94,21 @@ class _TrajectoryWriter:
         self._groups: dict[DepthTypes, _Group] = {}
         self._rows, self._group_numbers = array("i"), array("i")
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
+        self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
 
-    def add(self, row: int, frames: dict[str, DecodedFrame]) -> None:
-        """Write the frames of the record number `row`."""
+    def add(self, row: int, frames: Frames, sources: Sources) -> None:
+        """Write the frames of the record number `row`.
+
+        An instance with source images of another size than those of the first one is left out.
+        """
+        for domain, images in sources.items():
+            usual = self._source_sizes.setdefault(domain, source_arrays.sizes(images))
+            if source_arrays.sizes(images) != usual:
+                source = self._scan.trajectories[self._name][row].sources[domain]
+                file = source.file_names(self._scan)[0] or domain
+                detail = "not the size of the trajectory's first image"
+                self._scan.issues.append(InputIssue("wrong size", file, detail))
+                return
         types = tuple(_depth_type(frame) for frame in frames.values())
         if types not in self._groups:
             stored = StoredTrajectory(self._scan.trajectories[self._name])
@@ -98,7 +119,7 @@ class _TrajectoryWriter:
             self._conversions[row] = issues
         self._rows.append(row)
         self._group_numbers.append(group.number)
-        group.add(row, frames)
+        group.add(row, frames, sources)
 
     def finish(self) -> StoredTrajectory | None:
         """Keep the most common depth types; the instances of other types become issues."""
@@ -157,13 +178,23 @@ class _Group:
             }
             for domain in domains
         }
+        self._sources = {
+            domain: {
+                image: SourceArray(root, f"{self._base}/{domain}/{name}/{image}")
+                for image in SOURCE_IMAGES.values()
+            }
+            for domain in domains
+        }
 
-    def add(self, row: int, frames: Mapping[str, DecodedFrame]) -> None:
+    def add(self, row: int, frames: Frames, sources: Sources) -> None:
         """Write the frames of the record number `row`."""
         for domain, frame in frames.items():
             self._arrays[domain]["rgb"].add(frame.rgb)
             if frame.depth is not None:
                 self._arrays[domain]["depth"].add(frame.depth)
+        for domain, images in sources.items():
+            for name, image in images.items():
+                self._sources[domain][name].add(image)
         self.stored.add(row, frames)
 
     def remove(self) -> None:
@@ -181,7 +212,7 @@ class _Group:
             key = f"frames:{domain}:{self._name}"
             files = [
                 (image, shard, entry)
-                for image, each in arrays.items()
+                for image, each in [*arrays.items(), *self._sources[domain].items()]
                 for shard, entry in enumerate(each.finish())
             ]
             for image, shard, entry in sorted(files, key=lambda file: file[1]):

@@ -16,8 +16,10 @@ from s2rstore.files.image_header import check_integrity, read_header
 from s2rstore.files.input_files import open_regular, read_bytes
 from s2rstore.records import Domain
 from s2rtools.common import image_files
+from s2rtools.common.frame_resizing import resized_depth, resized_rgb
 from s2rtools.datasets.jpeg_entropy import check_jpeg
-from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan
+from s2rtools.datasets.scan import DecodedFrame, InputIssue, Scan, SourceImages
+from s2rtools.datasets.source_arrays import is_storable
 
 _MAX_DEPTH_COLOUR_SPREAD = 8
 _PHOTO_DIFFERENCE = 6.0
@@ -57,16 +59,16 @@ class ImageFiles:
     def decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         """Read, check and resize one frame; an InputIssue names the unusable file.
 
-        RGB is averaged over areas. Depth takes the nearest source pixel, so that every stored value
-        occurs in the file and validity needs no second mask.
+        The frame is for the screen, the map and comparisons: RGB is averaged over areas, depth
+        takes the nearest source pixel, so that every stored value occurs in the file and validity
+        needs no second mask. The images of another size are kept as they are, for networks.
         """
         digest = hashlib.sha256()
         rgb = _read(scan, self.rgb, self.rgb_size, cv2.IMREAD_COLOR_RGB, digest)
         if isinstance(rgb, InputIssue):
             return rgb
-        height, width = scan.frame
-        small, bits = resized(rgb[0], scan.frame), rgb[1]
-        del rgb
+        colours, bits = rgb
+        small = resized_rgb(colours, scan.frame)
         depth = _read(scan, self.depth, self.depth_size, cv2.IMREAD_UNCHANGED, digest)
         if isinstance(depth, InputIssue):
             return depth
@@ -75,14 +77,20 @@ class ImageFiles:
             if np.ptp(pixels[..., :3].astype(np.int16), axis=2).max() > _MAX_DEPTH_COLOUR_SPREAD:
                 return InputIssue("not a depth image", name, "it is a colour image")
             pixels = pixels[..., 0]
+        pixels = np.ascontiguousarray(pixels)
         if pixels.dtype not in (np.uint8, np.uint16):
             return InputIssue("not a depth image", name, f"type {pixels.dtype}")
-        raw = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+        raw = resized_depth(pixels, scan.frame)
+        is_resized = (colours.shape[:2], pixels.shape) != (scan.frame, scan.frame)
+        source = SourceImages(colours, pixels) if is_resized else None
+        issues = _lost_bits(scan.relative(self.rgb), bits)
+        if source is not None and not is_storable(source):
+            source, detail = None, f"{size_text(colours.shape)}; networks see the stored frame"
+            issues += (InputIssue("image too large to be kept", scan.relative(self.rgb), detail),)
         if _is_photo(raw, small):
             return InputIssue("not a depth image", name, "it repeats the RGB image")
         valid = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
-        issues = _lost_bits(scan.relative(self.rgb), bits)
-        return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues)
+        return DecodedFrame(small, raw, digest.hexdigest(), float(valid.mean()), issues, source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,15 +132,8 @@ class RgbFile:
         if abs(width * rows / (height * columns) - 1) > _ASPECT_TOLERANCE:
             detail = f"{size_text(rgb.shape)}; stretched to {size_text(scan.frame)}"
             issues += (InputIssue("other aspect ratio", self.name, detail),)
-        small = resized(rgb, scan.frame)
+        small = resized_rgb(rgb, scan.frame)
         return DecodedFrame(small, None, digest.hexdigest(), float("nan"), issues)
-
-
-def resized(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """An image (h, w, 3) as (*size, 3): averaged over areas, interpolated where it grows."""
-    shrinks = rgb.shape[0] >= size[0] and rgb.shape[1] >= size[1]
-    mode = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(rgb, size[::-1], interpolation=mode), dtype=np.uint8)
 
 
 def _lost_bits(name: str, bits: int) -> tuple[InputIssue, ...]:

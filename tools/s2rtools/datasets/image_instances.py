@@ -22,9 +22,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
 from s2rstore.index.row_check import MAX_ROWS
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
+from s2rtools.common.frame_resizing import resized_rgb
 from s2rtools.datasets.build import build
 from s2rtools.datasets.frame_cache import FrameCache
-from s2rtools.datasets.image_decoding import resized
 from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, FrameSource, InstanceRecord, Scan
 
@@ -172,4 +172,4 @@ def _stored(rgb: NDArray[np.uint8], frame: tuple[int, int]) -> DecodedFrame:
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or not rgb.size:
         raise RequestError(f"an image of {rgb.dtype} {rgb.shape}: must be uint8 (h, w, 3)")
     digest = hashlib.sha256(np.ascontiguousarray(rgb).data).hexdigest()
-    return DecodedFrame(resized(rgb, frame), None, digest, math.nan)
+    return DecodedFrame(resized_rgb(rgb, frame), None, digest, math.nan)

@@ -212,8 +212,12 @@ def _near_poses(
 
 def _embedded(poses: Floats, tolerance: PoseTolerance, seed: int) -> Floats:
     """Points (N, 4) whose distances grow with those of positions and headings alike."""
-    positions = poses[:, :2] + np.random.default_rng(seed).uniform(-_JITTER, _JITTER, (len(poses), 2))
-    turned = tolerance.metres_per_radian * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    positions = poses[:, :2] + np.random.default_rng(seed).uniform(
+        -_JITTER, _JITTER, (len(poses), 2)
+    )
+    turned = tolerance.metres_per_radian * np.column_stack(
+        [np.cos(poses[:, 2]), np.sin(poses[:, 2])]
+    )
     return np.hstack([positions, turned])
 
 

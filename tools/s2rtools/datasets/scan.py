@@ -54,10 +54,20 @@ class ScanOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DecodedFrame:
-    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the stored size; None without depth.
+class SourceImages:
+    """rgb (H, W, 3) uint8 and raw depth (H', W') as the files hold them; None without depth."""
 
-    `issues` report conversions that lost information; the frame is stored nevertheless.
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DecodedFrame:
+    """rgb (H, W, 3) uint8 and depth (H, W) raw values at the frame size; None without depth.
+
+    `source` holds both images at the sizes of their source, from which the input of networks is
+    made; None where these are the frame size, and in a data set without poses. `issues` report
+    conversions that lost information; the frame is stored nevertheless.
     """
 
     rgb: NDArray[np.uint8]
@@ -65,6 +75,7 @@ class DecodedFrame:
     sha256: str
     valid_fraction: float
     issues: tuple[InputIssue, ...] = ()
+    source: SourceImages | None = None
 
 
 class FrameSource(Protocol):

@@ -82,18 +82,17 @@ class HarmonisedDistance(_HarmonisedKind):
         return model.network.early is not None
 
     def size(self, model: LoadedModel) -> tuple[int, int]:
-        height, width = model.network.input_size
         with torch.inference_mode():
-            shape = _early_features(model, torch.zeros(1, 4, height, width)).shape[-2:]
+            shape = _early_features(model, torch.zeros(1, *model.contract.shape)).shape[-2:]
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
     def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        views, size = pair.harmonised, pair.model.network.input_size
+        views, contract = pair.harmonised, pair.model.contract
         images = (
             (np.stack([v.sim for v in views]), np.stack([v.sim_depth for v in views])),
             (np.stack([v.real for v in views]), np.stack([v.real_depth for v in views])),
         )
-        sim, real = (preprocess(rgb, depth, 1.0, size) for rgb, depth in images)
+        sim, real = (preprocess(rgb, depth, 1.0, contract, depth > 0) for rgb, depth in images)
         with torch.inference_mode():
             a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
             cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)

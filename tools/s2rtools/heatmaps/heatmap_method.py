@@ -26,8 +26,8 @@ HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
 class SideBatch:
     """One side of a batch of B pairs.
 
-    x (B, 4, h, w) tensor, the network's input; rgb (B, H, W, 3) uint8, depth (B, H, W) raw and
-    valid (B, H, W) at the stored size; features (B, C, fh, fw) and embedding (B, D) tensors;
+    x (B, C, h, w) tensor, the network's input; rgb (B, H, W, 3) uint8, depth (B, H, W) raw and
+    valid (B, H, W) at the stored size; features (B, F, fh, fw) and embedding (B, D) tensors;
     prediction and truth (B, 3) in metres, metres, radians.
     """
 
@@ -140,8 +140,7 @@ class HeatmapKind(ABC):
 
 def feature_size(model: LoadedModel) -> tuple[int, int]:
     """Rows and columns of the trunk's output."""
-    height, width = model.network.input_size
     device = next(model.network.parameters()).device
     with torch.inference_mode():
-        features = model.network.trunk(torch.zeros(1, 4, height, width, device=device))
+        features = model.network.trunk(torch.zeros(1, *model.contract.shape, device=device))
     return int(features.shape[-2]), int(features.shape[-1])

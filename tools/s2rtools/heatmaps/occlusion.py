@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -27,28 +27,32 @@ from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
 
-MODES = ("rgb", "depth", "rgbd")
-_CHANNELS = {"rgb": (0, 1, 2), "depth": (3,), "rgbd": (0, 1, 2, 3)}
+_MODES: dict[str, tuple[Mode, ...]] = {
+    "rgb": ("rgb",), "depth": ("depth",), "rgbd": ("rgb", "depth", "rgbd"),
+}  # fmt: skip
+"""What can be replaced, by the channels of a network's input."""
 _BATCH = 8
 _PIXELS_AT_ONCE = 8 * 128 * 128
 _PIXELS_AT_ONCE_ON_GPU = 128 * 128 * 128
 
+Mode = Literal["rgb", "depth", "rgbd"]
 Poses = tuple[NDArray[np.float64], NDArray[np.float64]]
 Recompute = Callable[[Backend, Tensor, Tensor, list[PixelRegion]], Poses]
-"""Poses (N, 3) of unchanged inputs (N, 4, h, w), and (N, P, M, 3) with patches of the others."""
+"""Poses (N, 3) of unchanged inputs (N, C, h, w), and (N, P, M, 3) with patches of the others."""
 _METHODS: WeakKeyDictionary[Backend, tuple[str, Recompute]] = WeakKeyDictionary()
 
 
 class Occlusion(HeatmapKind):
     """Replace each of 6 x 6 patches of one side's input by the other side's patch.
 
-    Plane 0 in metres, plane 1 in degrees of heading. Real input: error before - after; sim input:
-    error after - before; so values > 0 mark where the gap arises. Computed in float32 torch. The
-    network is recomputed locally where the trunk allows it and a count of operations says that this
-    saves time, else in full. A run may compute the differences that the patches cause in bfloat16:
-    their error is then relative to the effect. The attribute `method` names the way. Source: Zeiler
-    and Fergus, "Visualizing and understanding convolutional networks", 2014, with the exchange of
-    patches of Sim2RealViz, section 4.4.
+    Modes `rgb`, `depth` and `rgbd` replace the colours, depth or both; a network without one of
+    them has its own mode alone. Plane 0 in metres, plane 1 in degrees of heading. Real input: error
+    before - after; sim input: error after - before; so values > 0 mark where the gap arises.
+    Computed in float32 torch. The network is recomputed locally where the trunk allows it and a
+    count of operations says that this saves time, else in full. A run may compute the differences
+    that the patches cause in bfloat16: their error is then relative to the effect. The attribute
+    `method` names the way. Source: Zeiler and Fergus, "Visualizing and understanding convolutional
+    networks", 2014, with the exchange of patches of Sim2RealViz, section 4.4.
     """
 
     name = "occlusion"
@@ -60,7 +64,7 @@ class Occlusion(HeatmapKind):
         return [
             OutputSpec(side, mode, (2, count, count), ("unit", "row", "column"), "m degrees")
             for side in SIDES
-            for mode in MODES
+            for mode in occlusion_modes(model)
         ]
 
     def attributes(self, model: LoadedModel, differences: str = "float32") -> dict[str, str]:
@@ -70,7 +74,7 @@ class Occlusion(HeatmapKind):
             return {"method": f"in full: {reason}"}
         if differences != "float32":
             return {"method": f"by locality, differences in {differences}"}
-        cost = local_cost(LocalGraph(trunk), model.network.input_size, self._patches(model))
+        cost = local_cost(LocalGraph(trunk), model.contract.shape, self._patches(model))
         if cost < 1:
             return {"method": "by locality"}
         return {"method": "in full: locality does not save time"}
@@ -80,10 +84,10 @@ class Occlusion(HeatmapKind):
         return non_local_reason(fold_batch_norm(model.network.trunk)) is None
 
     def _patches(self, model: LoadedModel) -> list[PixelRegion]:
-        return cut_patches(*model.network.input_size, self.params["patches"])
+        return cut_patches(*model.contract.size, self.params["patches"])
 
     def compute(self, pair: PairBatch) -> HeatArrays:
-        height, width = pair.model.network.input_size
+        height, width = pair.model.contract.size
         at_once = max(1, _pixels_at_once(pair.backend) // (height * width))
         method = self._method_of(pair.backend)
         parts = [
@@ -97,7 +101,7 @@ class Occlusion(HeatmapKind):
         return _chosen_method(self, backend)
 
     def _chunk(self, pair: PairBatch, recompute: Recompute, rows: slice) -> HeatArrays:
-        count = self.params["patches"]
+        count, modes = self.params["patches"], occlusion_modes(pair.model)
         inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])
         others = torch.cat([pair.real.x[rows], pair.sim.x[rows]])
         with torch.inference_mode():
@@ -105,16 +109,21 @@ class Occlusion(HeatmapKind):
         truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
         change = (
             _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
-        ).reshape(2, -1, count, count, len(MODES), 2)
+        ).reshape(2, -1, count, count, len(modes), 2)
         change[1] *= -1
         return {
             (side, mode): np.moveaxis(part[..., number, :], -1, 1).astype(np.float32)
             for side, part in zip(SIDES, change, strict=True)
-            for number, mode in enumerate(MODES)
+            for number, mode in enumerate(modes)
         }
 
     def ray(self, mode: str | None) -> Ray:
         return "depth" if mode == "depth" else "rgb"
+
+
+def occlusion_modes(model: LoadedModel) -> tuple[Mode, ...]:
+    """What is replaced in the input of a model, which may lack colours or depth."""
+    return _MODES[model.contract.channels]
 
 
 def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
@@ -145,13 +154,16 @@ def _pose_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDAr
     return np.stack([off, turn], axis=-1)
 
 
-def _patch_content(inputs: Tensor, others: Tensor, region: PixelRegion) -> Tensor:
-    """Content of a patch in each mode: (N, M, 4, h, w)."""
+def _patch_content(
+    model: LoadedModel, inputs: Tensor, others: Tensor, region: PixelRegion
+) -> Tensor:
+    """Content of a patch in each mode: (N, M, C, h, w)."""
     rows, cols = slice(region.r0, region.r1), slice(region.c0, region.c1)
     patch, replacement = inputs[..., rows, cols], others[..., rows, cols]
-    content = patch[:, None].repeat(1, len(MODES), 1, 1, 1)
-    for number, mode in enumerate(MODES):
-        channels = list(_CHANNELS[mode])
+    modes = occlusion_modes(model)
+    content = patch[:, None].repeat(1, len(modes), 1, 1, 1)
+    for number, mode in enumerate(modes):
+        channels = list(model.contract.rows(mode))
         content[:, number, channels] = replacement[:, channels]
     return content
 
@@ -167,19 +179,22 @@ def _recompute_locally(
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
-    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    modes = len(occlusion_modes(backend.model))
+    poses = np.empty((len(inputs), len(patches), modes, 3))
     regions = [graph.affected_regions(patch, base) for patch in patches]
     for numbers in _batches(graph, regions):
-        content = [_patch_content(inputs, others, patches[number]) for number in numbers]
+        content = [
+            _patch_content(backend.model, inputs, others, patches[number]) for number in numbers
+        ]
         changed = graph.recompute(
             base, torch.stack(content, dim=1), [regions[number] for number in numbers]
         )
         for position, number in enumerate(numbers):
             target = regions[number][graph.output]
-            full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
+            full = features[:, None].repeat(1, modes, 1, 1, 1)
             full[..., target.r0 : target.r1, target.c0 : target.c1] = changed[:, position]
             changed_poses = _poses(backend, full.flatten(0, 1))
-            poses[:, number] = changed_poses.reshape(len(inputs), len(MODES), 3)
+            poses[:, number] = changed_poses.reshape(len(inputs), modes, 3)
     return _poses(backend, features), poses
 
 
@@ -194,11 +209,12 @@ def _recompute_differences(
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     output = graph.graph.output
     features = base.outputs[output]
-    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    modes = len(occlusion_modes(backend.model))
+    poses = np.empty((len(inputs), len(patches), modes, 3))
     regions = [graph.graph.affected_regions(patch, base) for patch in patches]
     for numbers in _batches(graph.graph, regions):
         content = [
-            _patch_content(inputs, others, patches[number])
+            _patch_content(backend.model, inputs, others, patches[number])
             - inputs[:, None, :, patches[number].r0 : patches[number].r1,
                      patches[number].c0 : patches[number].c1]
             for number in numbers
@@ -208,10 +224,10 @@ def _recompute_differences(
         )
         for position, number in enumerate(numbers):
             target = regions[number][output]
-            full = features[:, None].repeat(1, len(MODES), 1, 1, 1)
+            full = features[:, None].repeat(1, modes, 1, 1, 1)
             full[..., target.r0 : target.r1, target.c0 : target.c1] += changes[:, position]
             changed_poses = _poses(backend, full.flatten(0, 1))
-            poses[:, number] = changed_poses.reshape(len(inputs), len(MODES), 3)
+            poses[:, number] = changed_poses.reshape(len(inputs), modes, 3)
     return _poses(backend, features), poses
 
 
@@ -227,15 +243,16 @@ def _recompute_fully(
     backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
 ) -> Poses:
     """Like `_recompute_locally`, by running the whole network on every changed input."""
-    poses = np.empty((len(inputs), len(patches), len(MODES), 3))
+    modes = len(occlusion_modes(backend.model))
+    poses = np.empty((len(inputs), len(patches), modes, 3))
     for number, region in enumerate(patches):
-        changed = inputs[:, None].repeat(1, len(MODES), 1, 1, 1)
+        changed = inputs[:, None].repeat(1, modes, 1, 1, 1)
         changed[..., region.r0 : region.r1, region.c0 : region.c1] = _patch_content(
-            inputs, others, region
+            backend.model, inputs, others, region
         )
         batches = changed.flatten(0, 1).split(_BATCH)
         changed_poses = [_poses(backend, _features(backend, batch)) for batch in batches]
-        poses[:, number] = np.concatenate(changed_poses).reshape(len(inputs), len(MODES), 3)
+        poses[:, number] = np.concatenate(changed_poses).reshape(len(inputs), modes, 3)
     return _poses(backend, _features(backend, inputs)), poses
 
 

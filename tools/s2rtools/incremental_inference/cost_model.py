@@ -17,18 +17,19 @@ ELEMENT = 20.0
 """Multiply-adds that take as long as writing one element. Fitted to measurements on processors."""
 CALL = 1e6
 """Multiply-adds that take as long as the overhead of one operation on one batch."""
-_CHANNELS = 4
 _FULL_BATCH, _LOCAL_PAIRS = 8, 8
 """Images that are computed at once in full, and contents of a patch that are locally."""
 
 
-def local_cost(graph: LocalGraph, size: tuple[int, int], patches: Sequence[PixelRegion]) -> float:
+def local_cost(
+    graph: LocalGraph, shape: tuple[int, int, int], patches: Sequence[PixelRegion]
+) -> float:
     """Estimated time of recomputing each patch of an image locally, relative to in full.
 
-    `size` is that of the image, rows and columns.
+    `shape` is that of the image: channels, rows and columns.
     """
     with torch.inference_mode():
-        base = graph.compute_base(torch.zeros(1, _CHANNELS, *size), sums=True)
+        base = graph.compute_base(torch.zeros(1, *shape), sums=True)
     regions = [graph.affected_regions(patch, base) for patch in patches]
     batches = len({graph.batch_signature(affected) for affected in regions})
     full = local = 0.0

@@ -16,15 +16,15 @@ from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.models.input_check import last_line
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.models.torchscript import last_line
 
 BATCH = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForwardOutput:
-    """x (B, 4, h, w) and features (B, C, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
+    """x (B, C, h, w) and features (B, F, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
 
     `features` is None for a network without accessible features.
     """

@@ -75,7 +75,7 @@ def choose_backend(
     """The named backend, if it deviates at most 1 cm and 0.5 degrees from float32 on the sample.
 
     `auto` is the fastest such backend of this machine, among those of the GPU where there is one.
-    `sample` (B, 4, h, w). Raises RequestError if a backend requested by name deviates too far or
+    `sample` (B, C, h, w). Raises RequestError if a backend requested by name deviates too far or
     is not available. A network without accessible features runs in torch float32 only.
     """
     if name == AUTO:

@@ -53,7 +53,7 @@ class CudaBackend(Backend):
 
     def _fitting_batch(self) -> int:
         """The largest power of two, at most 64, whose forward pass fits the free memory."""
-        image = np.zeros((1, 4, *self.model.network.input_size), dtype=np.float32)
+        image = np.zeros((1, *self.model.contract.shape), dtype=np.float32)
         torch.cuda.empty_cache()
         torch.cuda.reset_peak_memory_stats(self.device)
         before = torch.cuda.memory_allocated(self.device)

@@ -32,7 +32,7 @@ class OpenVinoBackend(Backend):
             raise RequestError(
                 f"model {self.model.name!r}: a network without features runs on torch only"
             )
-        example = torch.zeros(1, 4, *model.network.input_size)
+        example = torch.zeros(1, *model.contract.shape)
         converted = openvino.convert_model(self.trunk, example_input=example)
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         if self.hint is not None:

@@ -26,7 +26,13 @@ from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import rig_calibration
-from s2rtools.precompute.frame_reader import FrameImages, Renderers, RunFrames, side_frames
+from s2rtools.precompute.frame_reader import (
+    FrameImages,
+    Renderers,
+    RunFrames,
+    SourceBlock,
+    side_frames,
+)
 from s2rtools.precompute.tasks.network_outputs import as_stored, side_batch
 from s2rtools.rendering import no_renderer_reason
 
@@ -88,8 +94,13 @@ SideOutput = tuple[LiveSide, SideBatch]
 """A side after the forward pass."""
 
 
-def _image_bytes(images: FrameImages) -> int:
-    return sum(image.nbytes for image in images.values())
+_SideImages = tuple[FrameImages, list[SourceBlock] | None]
+"""A side's images of the frame size, and of the size of their source if that is another."""
+
+
+def _image_bytes(images: _SideImages) -> int:
+    blocks = [images[0], *(images[1] or [])]
+    return sum(image.nbytes for block in blocks for image in block.values())
 
 
 def _output_bytes(output: SideOutput) -> int:
@@ -115,8 +126,8 @@ class LiveModel:
         try:
             self.run = self._store.run(run)
             self._backend = open_float32(load_model(self._store, self.run.model, trust), threads)
-            height, width = self._backend.model.network.input_size
-            self._backend.forward_all(np.zeros((1, 4, height, width), dtype=np.float32))
+            shape = self._backend.model.contract.shape
+            self._backend.forward_all(np.zeros((1, *shape), dtype=np.float32))
         except BaseException:
             self._store.close()
             raise
@@ -224,11 +235,15 @@ class LiveModel:
     def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:
         domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)
         source = RunFrames(self._store, run, renderers=self._renderers)
-        images = self._frames.get(
-            (iid, domain.domain, move), lambda: source.read(side, iid, iid + 1)
-        )
-        size = self._backend.model.network.input_size
-        frames = side_frames(images, domain, run.adjustments(side), size, self._store.path)
+
+        def read() -> _SideImages:
+            return source.read(side, iid, iid + 1), source.read_source(side, iid, iid + 1)
+
+        images, blocks = self._frames.get((iid, domain.domain, move), read)
+        frames = side_frames(
+            images, domain, run.adjustments(side), self._backend.model.contract, self._store.path,
+            blocks,
+        )  # fmt: skip
         pose = self._store.poses(domain.domain)[iid][None]
         batch = side_batch(self._backend, frames, pose)
         metres = np.where(frames.valid[0], frames.depth[0] * np.float32(domain.depth_scale), np.nan)

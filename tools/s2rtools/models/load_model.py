@@ -21,8 +21,9 @@ from s2rtools.common.weights_file import (
 )
 from s2rtools.models import ARCHITECTURES, build_network
 from s2rtools.models.conventions import parse_convention
+from s2rtools.models.input_contract import InputContract, InputOverride, contract_of
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
-from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.torchscript import ARCHIVES, OpaqueNetwork
 
 
 def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
@@ -30,18 +31,21 @@ def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:
     if name not in store.models:
         raise RequestError(f"model {name!r}: not in {store.path} (has: {', '.join(store.models)})")
     record = store.models[name]
-    if record.architecture == TORCHSCRIPT:
-        require_trust(trust, f"model {name!r} (TorchScript)")
+    contract = contract_of(record, f"{store.path}: model {name}")
+    if record.architecture in ARCHIVES:
+        require_trust(trust, f"model {name!r} ({record.architecture})")
         path, content = _stored_weights(store, record.sha256, MAX_TORCHSCRIPT_BYTES)
-        network: PoseNetwork = OpaqueNetwork.from_torchscript(content, str(path))
+        network: PoseNetwork = OpaqueNetwork.from_archive(
+            record.architecture, content, str(path), contract
+        )
     else:
-        network = build_trusted_network(record.architecture, trust)
+        network = build_trusted_network(record.architecture, trust, contract)
         path, content = _stored_weights(store, record.sha256, max_weights_bytes(network))
         check_archive(path, content)
         load_state(network, read_state(path, content), str(path))
     network.eval().requires_grad_(False)
     convention = parse_convention(record.convention)
-    return LoadedModel(name, record.architecture, network, convention, record.sha256)
+    return LoadedModel(name, record.architecture, network, convention, record.sha256, contract)
 
 
 def model_outline(store: Store, name: str, trust: bool = False) -> LoadedModel:
@@ -55,7 +59,8 @@ def model_outline(store: Store, name: str, trust: bool = False) -> LoadedModel:
         return load_model(store, name, trust)
     convention = parse_convention(record.convention)
     network = _untrained_network(record.architecture)
-    return LoadedModel(name, record.architecture, network, convention, record.sha256)
+    contract = contract_of(record, f"{store.path}: model {name}")
+    return LoadedModel(name, record.architecture, network, convention, record.sha256, contract)
 
 
 @cache
@@ -80,8 +85,16 @@ def _stored_weights(store: Store, sha256: str, max_bytes: int) -> tuple[Path, by
         raise RequestError(f"{where}: cannot be read ({reason})") from error
 
 
-def build_trusted_network(architecture: str, trust: bool) -> PoseNetwork:
-    """An untrained network of a built-in architecture or of trusted `module:factory` code."""
+def build_trusted_network(
+    architecture: str,
+    trust: bool,
+    contract: InputContract | None = None,
+    override: InputOverride | None = None,
+) -> PoseNetwork:
+    """An untrained network of a built-in architecture or of trusted `module:factory` code.
+
+    `contract` and `override` are those of an `OpaqueNetwork`.
+    """
     if ":" not in architecture:
         return build_network(architecture)
     require_trust(trust, architecture)
@@ -94,7 +107,7 @@ def build_trusted_network(architecture: str, trust: bool) -> PoseNetwork:
     if isinstance(network, PoseNetwork):
         return network
     if isinstance(network, nn.Module):
-        return OpaqueNetwork(network)
+        return OpaqueNetwork(network.eval(), contract, override, architecture)
     raise RequestError(
         f"architecture {architecture}: returned {type(network).__name__}, not a module"
     )

@@ -17,6 +17,8 @@ from s2rstore.index.transaction import IndexTransaction, edit
 from s2rtools.common.weights_file import MAX_TORCHSCRIPT_BYTES, read_state, read_weights_file
 from s2rtools.models import ARCHITECTURES
 from s2rtools.models.conventions import OutputConvention, parse_convention
+from s2rtools.models.input_check import output_width
+from s2rtools.models.input_contract import InputContract, InputOverride, read_override
 from s2rtools.models.load_model import (
     build_trusted_network,
     load_state,
@@ -25,8 +27,9 @@ from s2rtools.models.load_model import (
     stored_module,
 )
 from s2rtools.models.pose_network import PoseNetwork
-from s2rtools.models.torchscript import TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.torchscript import ARCHIVES, EXPORTED, TORCHSCRIPT, OpaqueNetwork
 
+_SUFFIXES = {TORCHSCRIPT: ".torchscript", EXPORTED: ".pt2"}
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
 
 
@@ -41,50 +44,69 @@ class Weights:
     sha256: str
     content: bytes
     suffix: str
-    input_size: tuple[int, int]
+    contract: InputContract
     outputs: int
 
 
 def add_model(
-    root: Path, name: str, file: Path, architecture: str, convention: str | None, trust: bool
-) -> None:
-    """Check a weights file and publish it as a model. Raises RequestError."""
+    root: Path, name: str, file: Path, architecture: str, convention: str | None, trust: bool,
+    input_file: Path | None = None,
+) -> InputContract:  # fmt: skip
+    """Check a weights file and publish it as a model; return its input contract.
+
+    `input_file` overrides keys of the contract that the architecture declares, and may name the
+    convention. One forward pass checks that the network takes its input. Raises RequestError.
+    """
     layout.checked_name(name, "model")
     with s2rstore.open(root) as store:
         if name in store.models:
             raise RequestError(f"model {name!r}: already in {root}; choose another name")
-    weights = read_weights(file, architecture, trust)
+    override = read_override(input_file) if input_file is not None else None
+    if override is not None and override.convention is not None:
+        if convention is not None:
+            raise RequestError(f"--convention: {override.path} names one, too; give it once")
+        convention = override.convention
+    weights = read_weights(file, architecture, trust, override)
     if convention is None and architecture not in DEFAULT_CONVENTIONS:
         raise RequestError(
-            f"--convention: {architecture} has no default; name heading unit and frame"
+            f"--convention: {architecture} has no default; name heading unit and frame, here or by "
+            "the key convention of a file for --input"
         )
     output = parse_convention(convention) if convention else DEFAULT_CONVENTIONS[architecture]
     with edit(root) as draft:
         check_name_free(draft, "model", name)
         register_model(root, draft, name, weights, output)
         draft.set_provenance(f"model:{name}", {"file": file.name, "file_sha256": weights.sha256})
+    return weights.contract
 
 
-def read_weights(path: Path, architecture: str, trust: bool = False) -> Weights:
-    """Check a weights file against an architecture.
+def read_weights(
+    path: Path, architecture: str, trust: bool = False, override: InputOverride | None = None
+) -> Weights:
+    """Check a weights file against an architecture, and the network against its input contract.
 
-    State dicts (.pt, .pth) are read with `weights_only=True`; architectures `torchscript` and
-    `module:factory` execute code and need `trust`. Raises RequestError naming the file if it does
-    not fit.
+    State dicts (.pt, .pth) are read with `weights_only=True`; architectures `torchscript`,
+    `torch.export` and `module:factory` execute code and need `trust`. Raises RequestError naming
+    the file if it does not fit.
     """
-    if architecture == TORCHSCRIPT:
-        require_trust(trust, "TorchScript")
+    if architecture in ARCHIVES:
+        require_trust(trust, architecture)
         content = read_bytes(path, MAX_TORCHSCRIPT_BYTES)
         digest = hashlib.sha256(content).hexdigest()
-        opaque = OpaqueNetwork.from_torchscript(content, str(path))
-        outputs = opaque.embedding_size
-        return Weights(architecture, digest, content, ".torchscript", opaque.input_size, outputs)
+        opaque = OpaqueNetwork.from_archive(architecture, content, str(path), None, override)
+        suffix, outputs = _SUFFIXES[architecture], opaque.embedding_size
+        return Weights(architecture, digest, content, suffix, opaque.contract, outputs)
     check_regular(path)
-    network = build_trusted_network(architecture, trust)
+    network = build_trusted_network(architecture, trust, override=override)
     content = read_weights_file(path, max_weights_bytes(network))
     load_state(network, read_state(path, content), str(path))
     digest = hashlib.sha256(content).hexdigest()
-    return replace(pack_weights(network), architecture=architecture, sha256=digest)
+    packed = replace(pack_weights(network), architecture=architecture, sha256=digest)
+    if isinstance(network, OpaqueNetwork):
+        return packed
+    contract = override.applied(network.contract) if override else network.contract
+    output_width(network.eval(), contract, str(path), override)
+    return replace(packed, contract=contract)
 
 
 def pack_weights(network: PoseNetwork) -> Weights:
@@ -92,8 +114,8 @@ def pack_weights(network: PoseNetwork) -> Weights:
     state = stored_module(network).state_dict()
     content = save({k: v.detach().cpu().contiguous().clone() for k, v in state.items()})
     digest = hashlib.sha256(content).hexdigest()
-    size, outputs = network.input_size, network.convention.width
-    return Weights(network.architecture, digest, content, ".safetensors", size, outputs)
+    contract, outputs = network.contract, network.convention.width
+    return Weights(network.architecture, digest, content, ".safetensors", contract, outputs)
 
 
 def register_model(
@@ -123,10 +145,11 @@ def register_model(
             "model": layout.checked_name(name, "model"),
             "architecture": weights.architecture,
             "sha256": weights.sha256,
-            "input_height": weights.input_size[0],
-            "input_width": weights.input_size[1],
+            "input_height": weights.contract.size[0],
+            "input_width": weights.contract.size[1],
             "convention": convention.to_json(),
             "trained_by": trained_by,
+            "input": weights.contract.to_json(),
         },
     )
 

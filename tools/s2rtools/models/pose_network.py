@@ -8,15 +8,16 @@ from typing import ClassVar
 from torch import Tensor, nn
 
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.input_contract import InputContract
 
 
 class PoseNetwork(nn.Module):
-    """A network from an RGB-D image to a pose, in three steps that can be called separately.
+    """A network from images to a pose, in three steps that can be called separately.
 
-    Input x is (B, 4, h, w) float32 in [-1, 1], RGB then depth, (h, w) = `input_size`.
-    `trunk` maps it to the features of the last convolution after its activation
-    (B, C, fh, fw), on which heatmaps are computed. `embed` pools them to (B, embedding_size),
-    `head` returns the raw output (B, K), which an `OutputConvention` decodes.
+    Input x is (B, C, h, w) float32 as `contract` states; the default is RGB then depth in [-1, 1],
+    (h, w) = `input_size`. `trunk` maps it to the features of the last convolution after its
+    activation (B, F, fh, fw), on which heatmaps are computed. `embed` pools them to
+    (B, embedding_size), `head` returns the raw output (B, K), which an `OutputConvention` decodes.
 
     A subclass sets `architecture`, `convention` (its default) and `embedding_size`, and
     implements `trunk`, `embed` and `head`. If `has_features` is False, there is no feature map and
@@ -31,12 +32,17 @@ class PoseNetwork(nn.Module):
     has_features: bool = True
 
     @property
+    def contract(self) -> InputContract:
+        """How images become x, unless a model overrides it."""
+        return InputContract(size=self.input_size)
+
+    @property
     def trunk(self) -> nn.Module:
         raise NotImplementedError(f"{type(self).__name__}.trunk")
 
     @property
     def early(self) -> nn.Module | None:
-        """First convolution and activation, (B, 4, h, w) -> (B, C, eh, ew); None if unknown."""
+        """First convolution and activation, (B, C, h, w) -> (B, C', eh, ew); None if unknown."""
         return None
 
     def embed(self, features: Tensor) -> Tensor:
@@ -59,10 +65,19 @@ class PoseNetwork(nn.Module):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedModel:
-    """A network in evaluation mode with its convention; `sha256` is that of its weights file."""
+    """A network in evaluation mode with its convention; `sha256` is that of its weights file.
+
+    `registered` is the input contract in the index, None for a network outside of a store.
+    """
 
     name: str
     architecture: str
     network: PoseNetwork
     convention: OutputConvention
     sha256: str
+    registered: InputContract | None = None
+
+    @property
+    def contract(self) -> InputContract:
+        """How images become the input of the network."""
+        return self.registered or self.network.contract

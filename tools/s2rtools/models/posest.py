@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from s2rtools.models.conventions import OutputConvention
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import PoseNetwork
 
 _CHANNELS = (4, 16, 32, 64, 128, 256, 512, 256)
@@ -41,6 +42,13 @@ class PosEst(PoseNetwork):
         self.fc1 = nn.Linear(self.embedding_size, 256)
         self.relu = nn.ReLU()
         self.fc3 = nn.Linear(256, 3)
+
+    @property
+    def contract(self) -> InputContract:
+        """As the authors load images: `cv2.resize` by default, bilinear without anti-aliasing."""
+        return InputContract(
+            size=self.input_size, rgb_interpolation="bilinear", depth_interpolation="bilinear"
+        )
 
     @property
     def trunk(self) -> nn.Module:

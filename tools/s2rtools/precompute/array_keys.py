@@ -68,7 +68,7 @@ class ArrayKeys:
     def prediction(self, backend: Facts, rendered: Sequence[str]) -> str:
         """The key of predictions and embeddings; `rendered` are the keys of rendered frames."""
         facts = {"kind": "prediction", "backend": backend}
-        inputs = {**self._images(rendered), **self._model}
+        inputs = {**self._images(rendered), **self._model, **self._source_sizes}
         return self._key({**facts, **inputs}, {**facts, **self._earlier})[0]
 
     def heatmap(self, name: str, backend: Facts, rendered: Sequence[str]) -> tuple[str, bool]:
@@ -78,6 +78,8 @@ class ArrayKeys:
         inputs = self._images(rendered)
         if not kind.model_free:
             inputs |= {**self._model, "backend": backend}
+        if not kind.model_free or any(self._run.adjustments(side) for side in SIDES):
+            inputs |= self._source_sizes
         if kind.uses_truth:
             inputs["poses"] = self._poses
         earlier = {**self._earlier, "backend": backend}
@@ -119,11 +121,22 @@ class ArrayKeys:
     @cached_property
     def _model(self) -> Facts:
         model = self._store.models[self._run.model]
-        return {
+        facts = {
             "model": model.sha256,
             "architecture": model.architecture,
             "convention": model.convention,
         }
+        return facts if model.input is None else {**facts, "input": model.input}
+
+    @cached_property
+    def _source_sizes(self) -> Facts:
+        """The sizes of the images from which the input of networks and adjustments is made.
+
+        Empty where they are the stored frames.
+        """
+        first = self._part.first_iid
+        sizes = [self._store.source_size(self._run.domain(side), first) for side in SIDES]
+        return {"source": sizes} if any(sizes) else {}
 
     @cached_property
     def _earlier(self) -> Facts:

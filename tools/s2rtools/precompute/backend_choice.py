@@ -103,7 +103,10 @@ def _input_key(store: Store, run: Run) -> str:
     """Key of the model and of what it looks at: the choice holds for these."""
     model = store.models[run.model]
     sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
-    return content_key({"model": model.sha256, "convention": model.convention, "sides": sides})
+    facts = {"model": model.sha256, "convention": model.convention, "sides": sides}
+    if model.input is not None:
+        facts["input"] = model.input
+    return content_key(facts)
 
 
 class _Sample:
@@ -121,21 +124,21 @@ class _Sample:
     def frames(self) -> list[tuple[int, PairFrames]]:
         """First iid and frames of the pairs at each place."""
         if self._frames is None:
-            size, n = self.model.network.input_size, self.instances
+            contract, n = self.model.contract, self.instances
             last = max(0, n - _PAIRS_PER_PLACE)
             starts = np.unique(np.linspace(0, last, _PLACES).astype(int))
             self._frames = [
                 batch
                 for start in starts
                 for batch in read_pairs(
-                    self._store, self._run, size, int(start), min(int(start) + _PAIRS_PER_PLACE, n),
-                    _PAIRS_PER_PLACE,
+                    self._store, self._run, contract, int(start),
+                    min(int(start) + _PAIRS_PER_PLACE, n), _PAIRS_PER_PLACE,
                 )
             ]  # fmt: skip
         return self._frames
 
     def inputs(self) -> NDArray[np.float32]:
-        """Network inputs of both sides, (B, 4, h, w)."""
+        """Network inputs of both sides, (B, C, h, w)."""
         return np.concatenate([frames[side].x for _, frames in self.frames() for side in SIDES])
 
     def pairs(self, backend: Backend) -> Iterator[PairBatch]:

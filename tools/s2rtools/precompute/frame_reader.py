@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,9 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.adjustments import Chain, apply_chain
+from s2rtools.common.frame_resizing import resized_depth, resized_rgb
 from s2rtools.common.read_ahead import map_ahead
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.rendering import FrameRenderer, open_renderer
 
@@ -27,9 +29,16 @@ RenderedArrays = Callable[[str, str], Any]
 Renderers = dict[str, FrameRenderer]
 
 
+SourceBlock = dict[str, NDArray[Any]]
+"""rgb (n, H, W, 3) and raw depth (n, H', W') of consecutive instances, at the source's size."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SideFrames:
-    """rgb (B, H, W, 3), raw depth (B, H, W), valid (B, H, W), network input x (B, 4, h, w)."""
+    """rgb (B, H, W, 3), raw depth (B, H, W), valid (B, H, W), network input x (B, C, h, w).
+
+    x is made from the images at the size of their source; the others have the frame size.
+    """
 
     rgb: NDArray[np.uint8]
     depth: NDArray[Any]
@@ -82,11 +91,22 @@ class RunFrames:
         rgb, depth = self._renderers[domain].frames(domain, start, stop, move)
         return {"rgb": rgb, "depth": depth}
 
+    def read_source(self, side: Side, start: int, stop: int) -> list[SourceBlock] | None:
+        """The images of iids [start, stop) at the size of their source.
+
+        None where they are those that `read` gives: the store holds no others, or they are
+        rendered.
+        """
+        domain = self._run.domain(side)
+        if self._moves[side] != UNMOVED:
+            return None
+        return read_source(self._store, domain, start, stop)
+
 
 def read_pairs(
     store: Store,
     run: Run,
-    input_size: tuple[int, int],
+    contract: InputContract,
     start: int,
     stop: int,
     batch: int,
@@ -99,10 +119,11 @@ def read_pairs(
     source = frames or RunFrames(store, run)
 
     def prepare(low: int) -> PairFrames:
+        high = min(low + _READ_ROWS, stop)
         return {
             side: side_frames(
-                source.read(side, low, min(low + _READ_ROWS, stop)), store.domain(run.domain(side)),
-                run.adjustments(side), input_size, store.path,
+                source.read(side, low, high), store.domain(run.domain(side)),
+                run.adjustments(side), contract, store.path, source.read_source(side, low, high),
             )
             for side in SIDES
         }  # fmt: skip
@@ -115,18 +136,57 @@ def read_pairs(
                 yield low + offset, {side: frames.rows(rows) for side, frames in block.items()}
 
 
+def read_source(store: Store, domain: str, start: int, stop: int) -> list[SourceBlock] | None:
+    """A domain's images of iids [start, stop) at the size of their source.
+
+    None where the store holds no others than `Store.frames` gives.
+    """
+    if not store.has_source_images(domain, start, stop):
+        return None
+    return [block for _, block in store.source_frames(domain, start, stop)]
+
+
 def side_frames(
     images: FrameImages,
     domain: Domain,
     chain: Chain,
-    input_size: tuple[int, int],
+    contract: InputContract,
     store_path: Path,
+    source: Sequence[SourceBlock] | None = None,
 ) -> SideFrames:
-    """Network input of one side: its images after the chain's image adjustments."""
+    """Network input of one side: its images after the chain's image adjustments.
+
+    `images` have the frame size, `source` are the same ones at the size of their source, by default
+    `images`. The chain is applied to `source`; with a chain, the images of the frame size are the
+    adjusted ones, resized.
+    """
     rgb, depth = images["rgb"], images["depth"]
-    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    rgb, depth = apply_chain(rgb, depth, valid, chain, store_path)
-    if chain:
-        valid = valid & (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    x = preprocess(rgb, depth, domain.depth_scale, input_size)
-    return SideFrames(rgb, depth, valid, domain.depth_scale, x)
+    frame = rgb.shape[1], rgb.shape[2]
+    blocks = [images] if source is None else source
+    adjusted = [adjusted_images(block, domain, chain, store_path, frame[1]) for block in blocks]
+    x = [preprocess(r, d, domain.depth_scale, contract, valid) for r, d, valid in adjusted]
+    if source is None:
+        ((rgb, depth, valid),) = adjusted
+    elif chain:
+        rgb = np.stack([resized_rgb(each, frame) for block, _, _ in adjusted for each in block])
+        depth = np.stack([resized_depth(each, frame) for _, block, _ in adjusted for each in block])
+        masks = (mask.astype(np.uint8) for _, _, block in adjusted for mask in block)
+        valid = np.stack([resized_depth(mask, frame) for mask in masks]) > 0
+    else:
+        valid = _is_valid(depth, domain)
+    return SideFrames(rgb, depth, valid, domain.depth_scale, np.concatenate(x))
+
+
+def adjusted_images(
+    images: SourceBlock, domain: Domain, chain: Chain, store_path: Path, frame_width: int
+) -> tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]:
+    """RGB, depth and its validity after the chain's image adjustments."""
+    rgb, depth = images["rgb"], images["depth"]
+    valid = _is_valid(depth, domain)
+    rgb, depth = apply_chain(rgb, depth, valid, chain, store_path, depth.shape[2] / frame_width)
+    return rgb, depth, valid & _is_valid(depth, domain) if chain else valid
+
+
+def _is_valid(depth: NDArray[Any], domain: Domain) -> NDArray[np.bool_]:
+    valid: NDArray[np.bool_] = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
+    return valid

@@ -48,7 +48,8 @@ def add_run(
             side: checked_translators(store, side, domain, chains[side], force)
             for side, domain in zip(SIDES, domains, strict=True)
         }
-        store.require_depth(domains, f"model {model}")
+        if store.models[model].channels != "rgb":
+            store.require_depth(domains, f"model {model}")
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
             if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
                 open_renderer(store, domain)

@@ -27,7 +27,8 @@ def usable_kinds(
     does not have.
     """
     without = domains_without_depth(store, run)
-    store.require_depth(without, f"model {run.model}")
+    if store.models[run.model].channels != "rgb":
+        store.require_depth(without, f"model {run.model}")
     usable = [kind for kind in kinds if not (without and HEATMAP_KINDS[kind].aligned)]
     if without:
         left_out = [kind for kind in kinds if kind not in usable]

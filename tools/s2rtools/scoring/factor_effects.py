@@ -225,7 +225,7 @@ class Counterfactuals:
         rgb, depth = apply_chain(
             views.rgb, depth, valid, run.real_adjustments, self._truth.store.path
         )
-        x = preprocess(rgb, depth, domain.depth_scale, backend.model.network.input_size)
+        x = preprocess(rgb, depth, domain.depth_scale, backend.model.contract, valid)
         batches = np.split(x, range(backend.batch, len(x), backend.batch))
         predicted = [backend.forward_all(batch).pose for batch in batches]
         offset = np.concatenate(predicted)[:, :2] - poses[:, :2]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,13 @@ from s2rstore.files.layout import checked_name
 from s2rstore.index.transaction import check_writable, edit
 from s2rstore.reader import Store
 from s2rstore.records import Domain
-from s2rtools.adjustments import apply_chain
 from s2rtools.adjustments.adjustment import Images
 from s2rtools.models import build_network
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.load_model import load_model
 from s2rtools.models.model_registration import check_name_free, pack_weights, register_model
 from s2rtools.models.pose_network import LoadedModel
+from s2rtools.precompute.frame_reader import adjusted_images
 from s2rtools.precompute.prediction_rows import decode_split, encode_split
 from s2rtools.precompute.run_registration import checked_translators, find_domain, insert_run
 from s2rtools.training.evaluation import Splits
@@ -79,12 +81,14 @@ def train_into_store(
             start = load_model(store, store.run(request.start).model)
             facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
             start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
-        size = (start.network if start else build_network(request.architecture)).input_size
+        contract = start.contract if start else build_network(request.architecture).contract
+        _check_trainable(contract, start)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
-        store.require_depth(domains, "training")
+        if contract.has_depth:
+            store.require_depth(domains, f"architecture {request.architecture}")
         chain = _translation(store, recipe, request, domains[0])
-        checkpoint = _checkpoint(store, request, start, chain)
-        frames = _frames(store, recipe, domains, size, chain, checkpoint.parent)
+        checkpoint = _checkpoint(store, request, start, contract, chain)
+        frames = _frames(store, recipe, domains, contract, chain, checkpoint.parent)
         result = train(
             frames,
             request.recipe,
@@ -98,7 +102,7 @@ def train_into_store(
             adjustments=chain,
         )
     splits = {**(start_splits or {}), **result.splits}
-    _publish(root, name, result, splits, domains, chain, command)
+    _publish(root, name, result, contract, splits, domains, chain, command)
     checkpoint.unlink(missing_ok=True)
     return name
 
@@ -122,11 +126,11 @@ def _frames(
     store: Store,
     recipe: TrainingRecipe,
     domains: tuple[str, str],
-    size: tuple[int, int],
+    contract: InputContract,
     chain: list[dict[str, Any]],
     folder: Path,
 ) -> TrainingFrames:
-    """The frames of the domains that a training needs, at one size.
+    """The frames of the domains that a training needs.
 
     Those that the recipe learns from are copied to temporary files in `folder`, because they are
     read in random order and repeatedly. Those of the run that it does not learn from are read once
@@ -141,12 +145,14 @@ def _frames(
         read = partial(_adjusted_frames, store, domain, chain if name == domains[0] else [])
         if domain.kind in recipe.learns_from:
             starts = range(0, len(truth), _BLOCK)
-            blocks = (read(start, min(start + _BLOCK, len(truth))) for start in starts)
+            blocks = (
+                block for start in starts for block in read(start, min(start + _BLOCK, len(truth)))
+            )
             frames[name] = CopiedFrames.from_blocks(
-                domain.kind, blocks, len(truth), size, domain.depth_scale, folder
+                domain.kind, blocks, len(truth), contract, domain.depth_scale, folder
             )
         elif name in domains:
-            frames[name] = StreamedFrames(domain.kind, read, size, domain.depth_scale)
+            frames[name] = StreamedFrames(domain.kind, read, contract, domain.depth_scale)
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     own = {name: store.poses(name) for name in frames if store.has_own_poses(name)}
     return TrainingFrames(frames, poses, truth.trajectory, own)
@@ -154,21 +160,43 @@ def _frames(
 
 def _adjusted_frames(
     store: Store, domain: Domain, chain: list[dict[str, Any]], start: int, stop: int
-) -> Images:
-    images = store.frames(domain.domain, start, stop)
-    depth = images["depth"]
-    valid = (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-    return apply_chain(images["rgb"], depth, valid, chain, store.path)
+) -> Iterator[Images]:
+    """Images of iids [start, stop) at the size of their source, in blocks of one size."""
+    for _, images in store.source_frames(domain.domain, start, stop):
+        rgb, depth, _ = adjusted_images(
+            images, domain, chain, store.path, store.dataset.frame_width
+        )
+        yield rgb, depth
+
+
+def _check_trainable(contract: InputContract, start: LoadedModel | None) -> None:
+    """Raise RequestError for a model whose input augmentations and losses do not suit."""
+    usual = InputContract(
+        size=contract.size,
+        rgb_interpolation=contract.rgb_interpolation,
+        depth_interpolation=contract.depth_interpolation,
+    )
+    if contract != usual and start is not None:
+        raise RequestError(
+            f"--from: model {start.name} takes another input ({contract.channels}, scaled its own "
+            "way) than RGB and depth in [-1, 1], which training gives; train it elsewhere and add "
+            "it by `s2r model add`"
+        )
 
 
 def _checkpoint(
-    store: Store, request: TrainingRequest, start: LoadedModel | None, chain: list[dict[str, Any]]
+    store: Store,
+    request: TrainingRequest,
+    start: LoadedModel | None,
+    contract: InputContract,
+    chain: list[dict[str, Any]],
 ) -> Path:
     """Path of this request's checkpoint in the user's cache folder.
 
     `chain` holds the hash of the translator: another store may have another one of the same name.
     """
     facts = [store.dataset.hash, repr(request), start.sha256 if start else None, chain]
+    facts.append(contract.to_json())
     digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache / "s2rtui" / "training"
@@ -180,12 +208,13 @@ def _publish(
     root: Path,
     name: str,
     result: TrainingResult,
+    contract: InputContract,
     codes_by_domain: Splits,
     domains: tuple[str, str],
     chain: list[dict[str, Any]],
     command: str,
 ) -> None:
-    weights = pack_weights(result.network)
+    weights = replace(pack_weights(result.network), contract=contract)
     with edit(root) as draft:
         for table in ("model", "run"):
             check_name_free(draft, table, name)

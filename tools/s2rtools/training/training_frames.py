@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Side
-from s2rtools.models.preprocessing import preprocess, resize_frames
+from s2rtools.models.input_contract import InputContract
+from s2rtools.models.preprocessing import preprocess, resize
 
 Images = tuple[NDArray[np.uint8], NDArray[Any]]
 """rgb (n, H, W, 3) and raw depth (n, H, W)."""
@@ -29,12 +30,12 @@ class DomainFrames(Protocol):
     def kind(self) -> Side: ...
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
+        """The network input (B, C, h, w) of B rows, as the contract states."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CopiedFrames:
-    """All N frames of one domain at one size: rgb (N, h, w, 3) uint8, raw depth (N, h, w).
+    """All N frames of one domain at the size of a network: rgb (N, h, w, 3), raw depth (N, h, w).
 
     Metres = raw * `depth_scale`. Any order of rows is read equally fast.
     """
@@ -43,6 +44,7 @@ class CopiedFrames:
     rgb: NDArray[np.uint8] | DiskArray
     depth: NDArray[Any] | DiskArray
     depth_scale: float
+    contract: InputContract
 
     @classmethod
     def from_blocks(
@@ -50,7 +52,7 @@ class CopiedFrames:
         kind: Side,
         blocks: Iterable[Images],
         count: int,
-        size: tuple[int, int],
+        contract: InputContract,
         depth_scale: float,
         folder: Path | None = None,
     ) -> CopiedFrames:
@@ -61,7 +63,10 @@ class CopiedFrames:
         """
         copies: tuple[DiskArray, DiskArray] | None = None
         for block in blocks:
-            images = resize_frames(*block, size)
+            images = (
+                resize(block[0], contract.size, contract.rgb_interpolation),
+                resize(block[1], contract.size, contract.depth_interpolation),
+            )
             if copies is None:
                 rgb, depth = (DiskArray(each.shape[1:], each.dtype, folder) for each in images)
                 copies = rgb, depth
@@ -70,33 +75,35 @@ class CopiedFrames:
         rows = 0 if copies is None else len(copies[0])
         if copies is None or rows != count:
             raise ValueError(f"{rows} frames, expected {count}")
-        return cls(kind, *copies, depth_scale)
+        return cls(kind, *copies, depth_scale, contract)
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
-        size = (int(self.rgb.shape[1]), int(self.rgb.shape[2]))
-        return preprocess(self.rgb[rows], self.depth[rows], self.depth_scale, size)
+        """The network input (B, C, h, w) of B rows, as the contract states."""
+        return preprocess(self.rgb[rows], self.depth[rows], self.depth_scale, self.contract)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamedFrames:
-    """The frames of one domain, read when they are needed and resized to `size` (h, w).
+    """The frames of one domain, read when they are needed.
 
-    `read(start, stop)` gives consecutive images; neighbouring rows are best requested together.
+    `read(start, stop)` gives consecutive images in blocks of one size; neighbouring rows are best
+    requested together.
     """
 
     kind: Side
-    read: Callable[[int, int], Images]
-    size: tuple[int, int]
+    read: Callable[[int, int], Iterable[Images]]
+    contract: InputContract
     depth_scale: float
 
     def inputs(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
-        """The network input (B, 4, h, w) of B rows, with values in [-1, 1]."""
-        x = np.empty((len(rows), 4, *self.size), dtype=np.float32)
+        """The network input (B, C, h, w) of B rows, as the contract states."""
+        x = np.empty((len(rows), *self.contract.shape), dtype=np.float32)
         starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1)
         for start, stop in pairwise([*starts.tolist(), len(rows)]):
-            images = self.read(int(rows[start]), int(rows[stop - 1]) + 1)
-            x[start:stop] = preprocess(*images, self.depth_scale, self.size)
+            for images in self.read(int(rows[start]), int(rows[stop - 1]) + 1):
+                part = preprocess(*images, self.depth_scale, self.contract)
+                x[start : start + len(part)] = part
+                start += len(part)
         return x
 
 

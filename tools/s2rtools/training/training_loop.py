@@ -151,10 +151,11 @@ class _Trainer:
             raise RequestError(f"recipe {recipe.name}: no {kinds} images to train on")
         self.start = start
         self.network, self.convention = self._network(architecture)
+        self.size = (start.contract if start else self.network.contract).size
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), recipe.learning_rate, weight_decay=WEIGHT_DECAY
         )
-        self.augment: Augmentation = recipe.augmentation(self.network.input_size, seed)
+        self.augment: Augmentation = recipe.augmentation(self.size, seed)
         self.progress = TrainingProgress()
 
     def _network(self, architecture: str) -> tuple[PoseNetwork, OutputConvention]:
@@ -222,7 +223,7 @@ class _Trainer:
 
     def _inputs(self, batch: NDArray[np.intp]) -> Tensor:
         """(B, 4, h, w) of (domain number, iid) rows."""
-        x = np.empty((len(batch), 4, *self.network.input_size), dtype=np.float32)
+        x = np.empty((len(batch), 4, *self.size), dtype=np.float32)
         for number, name in enumerate(self.domains):
             rows = batch[:, 0] == number
             if rows.any():

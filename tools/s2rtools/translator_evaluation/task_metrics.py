@@ -102,12 +102,12 @@ def target_outputs(
 def _outputs(
     store: Store, backend: Backend, rgb: Rgb, depth: NDArray[Any], domain: Domain, chain: Chain
 ) -> NetworkOutputs:
-    size = backend.model.network.input_size
+    contract = backend.model.contract
     poses, embeddings = [], []
     for start in range(0, len(rgb), _BATCH):
         rows = slice(start, start + _BATCH)
         images = {"rgb": rgb[rows], "depth": depth[rows]}
-        frames = side_frames(images, domain, chain, size, store.path)
+        frames = side_frames(images, domain, chain, contract, store.path)
         forward = backend.forward_all(frames.x)
         poses.append(forward.pose)
         embeddings.append(forward.embedding.float().cpu().numpy().astype(np.float64))

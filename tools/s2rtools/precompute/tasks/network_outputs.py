@@ -14,6 +14,7 @@ from s2rstore.records import SIDES, Part, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch
 from s2rtools.heatmaps.heatmap_method import OutputSpec
 from s2rtools.inference import Backend, ForwardOutput
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
@@ -25,8 +26,8 @@ DEPTH_MODES = ("depth", "rgbd")
 """Modes of heatmaps that need depth on both sides."""
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
-_DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str], Any]] = WeakKeyDictionary()
-"""Outputs and attributes of heatmap kinds by network."""
+_DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str, InputContract], Any]] = WeakKeyDictionary()
+"""Outputs and attributes of heatmap kinds by network, for each of its input contracts."""
 
 
 def network_stages(
@@ -89,7 +90,7 @@ def _described(
 ) -> tuple[list[OutputSpec], dict[str, str]]:
     """Outputs and attributes of a kind; found once for a network, which has to run for them."""
     known = _DESCRIBED.setdefault(model.network, {})
-    key = kind.name, differences
+    key = kind.name, differences, model.contract
     if key not in known:
         known[key] = kind.outputs(model), kind.attributes(model, differences)
     return known[key]
@@ -120,12 +121,14 @@ def compute_outputs(
     alignment = rig_calibration.load_alignment(store, run)
     truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
-    rows, size = unit.instances, backend.model.network.input_size
+    rows, contract = unit.instances, backend.model.contract
     kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
     is_predicted = any(spec.kind in ("prediction", "embedding") for spec in unit.missing)
     uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
-    for iid, frames in read_pairs(store, run, size, rows.start, rows.stop, backend.batch, source):
+    for iid, frames in read_pairs(
+        store, run, contract, rows.start, rows.stop, backend.batch, source
+    ):
         stop = iid + len(frames["sim"].x)
         outputs: dict[str | None, ForwardOutput] = {}
         if is_predicted:
