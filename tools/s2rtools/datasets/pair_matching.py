@@ -86,14 +86,13 @@ def match_poses(
     left = np.arange(len(first)), np.arange(len(second))
     report = progress
     while left[0].size and left[1].size:
-        candidates = _near_poses(first[left[0]], second[left[1]], tolerance, report)
-        sizes = left[0].size, left[1].size
-        a, b = assign(candidates, sizes, tolerance.cost)
+        candidates, is_complete = _near_poses(first[left[0]], second[left[1]], tolerance, report)
+        a, b = assign(candidates, (left[0].size, left[1].size), tolerance.cost)
         rows[0].append(left[0][a])
         rows[1].append(left[1][b])
         left = np.delete(left[0], a), np.delete(left[1], b)
         report = _ignore
-        if not a.size or _is_complete(candidates, sizes):
+        if is_complete or not a.size:
             break
     return _ordered(rows)
 
@@ -188,18 +187,23 @@ def _assign_sparsely(first: Rows, second: Rows, gain: Floats) -> tuple[Rows, Row
 
 def _near_poses(
     first: Floats, second: Floats, tolerance: PoseTolerance, progress: ReportProgress
-) -> Candidates:
-    """The candidates within the tolerance among the nearest ones of each pose of both sets."""
+) -> tuple[Candidates, bool]:
+    """The candidates within the tolerance among the nearest ones of each pose of both sets.
+
+    And whether there can be no others.
+    """
     embedded = [_embedded(poses, tolerance, seed) for seed, poses in enumerate((first, second))]
     trees = [cKDTree(points) for points in embedded]
     chord = 2 * tolerance.metres_per_radian * np.sin(min(tolerance.angle, np.pi) / 2)
     reach = float(np.hypot(tolerance.distance, chord)) * (1 + 1e-6) + 4 * _JITTER
     found: list[Rows] = []
+    is_complete = True
     for number, (points, tree) in enumerate(zip(embedded, reversed(trees), strict=True)):
         for start in range(0, len(points), _BLOCK):
             block = points[start : start + _BLOCK]
             k = min(MAX_CANDIDATES, tree.n)
             _, near = tree.query(block, k=np.arange(1, k + 1), distance_upper_bound=reach)
+            is_complete &= k < MAX_CANDIDATES or bool((near[:, -1] == tree.n).all())
             own, place = np.nonzero(near < tree.n)
             pair = own + start, near[own, place].astype(np.intp)
             a, b = pair if number == 0 else pair[::-1]
@@ -207,18 +211,14 @@ def _near_poses(
             progress(len(block))
     pairs = np.unique(np.concatenate(found))
     a, b = np.divmod(pairs, len(second))
-    return Candidates(a, b, _cost(first[a], second[b], tolerance))
+    return Candidates(a, b, _cost(first[a], second[b], tolerance)), is_complete
 
 
 def _embedded(poses: Floats, tolerance: PoseTolerance, seed: int) -> Floats:
     """Points (N, 4) whose distances grow with those of positions and headings alike."""
-    positions = poses[:, :2] + np.random.default_rng(seed).uniform(
-        -_JITTER, _JITTER, (len(poses), 2)
-    )
-    turned = tolerance.metres_per_radian * np.column_stack(
-        [np.cos(poses[:, 2]), np.sin(poses[:, 2])]
-    )
-    return np.hstack([positions, turned])
+    jitter = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, (len(poses), 2))
+    directions = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    return np.hstack([poses[:, :2] + jitter, tolerance.metres_per_radian * directions])
 
 
 def _is_near(first: Floats, second: Floats, tolerance: PoseTolerance) -> NDArray[np.bool_]:
@@ -233,15 +233,6 @@ def _cost(first: Floats, second: Floats, tolerance: PoseTolerance) -> Floats:
     angle = angles.distance(first[:, 2], second[:, 2])
     cost = distance + tolerance.metres_per_radian * angle
     return np.minimum(cost, tolerance.cost)
-
-
-def _is_complete(candidates: Candidates, sizes: tuple[int, int]) -> bool:
-    """Whether no point can have further candidates than those that were considered."""
-    most = (
-        np.bincount(rows, minlength=size).max(initial=0)
-        for rows, size in zip((candidates.first, candidates.second), sizes, strict=True)
-    )
-    return all(count < MAX_CANDIDATES for count in most)
 
 
 def _ordered(rows: tuple[list[Rows], list[Rows]]) -> tuple[Rows, Rows]:
