@@ -70,6 +70,10 @@ class RowChecker:
         for column in columns:
             self.number(column, low, high)
 
+    def has(self, column: str) -> bool:
+        """Whether a column is not NULL."""
+        return self._row[column] is not None
+
     def text(self, column: str, optional: bool = False, longest: int = MAX_TEXT) -> None:
         value = self._row[column]
         if value is None and optional:
@@ -182,7 +186,9 @@ def _check_cameras(check: RowChecker, has_depth: bool) -> None:
         check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
         check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
         check.number(f"{image}_pitch", -math.pi, math.pi)
-    check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
+    check.number("forward_offset", -MAX_COORDINATE, MAX_COORDINATE)
+    if has_depth or check.has("camera_height"):
+        check.number("camera_height", -MAX_COORDINATE, MAX_COORDINATE)
     if not has_depth:
         check.nulls(*DEPTH_COLUMNS, where="a domain without depth")
         return

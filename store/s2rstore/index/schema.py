@@ -125,7 +125,7 @@ TABLES: tuple[Table, ...] = (
                 ("pitch", "upwards, rad"),
             )
         ),
-        ("camera_height", "DOUBLE", "above the floor, m"),
+        ("camera_height", "DOUBLE", "above the floor, m; NULL = unknown, without depth"),
         ("forward_offset", "DOUBLE", "camera ahead of the pose, m; negative = behind"),
         ("depth_scale", "DOUBLE", "metres per raw depth unit"),
         ("depth_raw_min", "INTEGER", "smallest valid raw depth"),

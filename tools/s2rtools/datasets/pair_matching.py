@@ -82,12 +82,19 @@ def match_poses(
     what is left is matched again until no further pair is found. `progress` is called with
     numbers of points whose candidates are known; they add up to N + M.
     """
+    return _match(first, second, tolerance, tolerance.cost, progress)
+
+
+def _match(
+    first: Floats, second: Floats, tolerance: PoseTolerance, limit: float, progress: ReportProgress
+) -> tuple[Rows, Rows]:
+    """The pairs of `match_poses`; `limit` is c_max."""
     rows: tuple[list[Rows], list[Rows]] = [], []
     left = np.arange(len(first)), np.arange(len(second))
     report = progress
     while left[0].size and left[1].size:
         candidates, is_complete = _near_poses(first[left[0]], second[left[1]], tolerance, report)
-        a, b = assign(candidates, (left[0].size, left[1].size), tolerance.cost)
+        a, b = assign(candidates, (left[0].size, left[1].size), limit)
         rows[0].append(left[0][a])
         rows[1].append(left[1][b])
         left = np.delete(left[0], a), np.delete(left[1], b)
@@ -107,7 +114,7 @@ def match_times(first: Floats, second: Floats, tolerance: float) -> tuple[Rows, 
         np.column_stack([times[rows], np.zeros((rows.size, 2))])
         for times, rows in zip((first, second), known, strict=True)
     ]
-    a, b = match_poses(*poses, PoseTolerance(max(tolerance, 1e-9), np.pi))
+    a, b = _match(*poses, PoseTolerance(tolerance, np.pi), tolerance, _ignore)
     return known[0][a], known[1][b]
 
 
