@@ -86,7 +86,7 @@ def selected_rows(
     """
     notes = notes or Notes()
     name = store.run_name(run)
-    default = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    default: tuple[str, ...] = COLUMNS if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
     if columns is None and selected is not None:
         rows = _rows_of(store, name, np.flatnonzero(selected), default)

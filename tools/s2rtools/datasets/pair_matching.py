@@ -110,11 +110,11 @@ def match_times(first: Floats, second: Floats, tolerance: float) -> tuple[Rows, 
     The cost of a pair is the difference of its times. Points without a time (NaN) have no pair.
     """
     known = np.flatnonzero(np.isfinite(first)), np.flatnonzero(np.isfinite(second))
-    poses = [
+    poses, others = (
         np.column_stack([times[rows], np.zeros((rows.size, 2))])
         for times, rows in zip((first, second), known, strict=True)
-    ]
-    a, b = _match(*poses, PoseTolerance(tolerance, np.pi), tolerance, _ignore)
+    )
+    a, b = _match(poses, others, PoseTolerance(tolerance, np.pi), tolerance, _ignore)
     return known[0][a], known[1][b]
 
 

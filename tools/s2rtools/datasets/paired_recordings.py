@@ -91,7 +91,8 @@ class PairedScan:
                     names = self.sim.image(sim), self.real.image(real)
                     writer.writerow(["pair", *names, *_numbers(offsets)])
                 for each in self.unmatched:
-                    names = (each.image, each.nearest)[:: 1 if each.side == "sim" else -1]
+                    is_sim = each.side == "sim"
+                    names = (each.image, each.nearest) if is_sim else (each.nearest, each.image)
                     offsets = [each.metres, each.degrees, each.seconds]
                     writer.writerow([f"unmatched {each.side}", *names, *_numbers(offsets)])
         except OSError as error:

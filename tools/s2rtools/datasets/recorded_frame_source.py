@@ -76,7 +76,7 @@ class CameraImages:
         )  # OpenCV places the centre of pixel i at i
         distortion, size = np.array(camera.distortion), (camera.width, camera.height)
         make = cv2.fisheye if camera.is_fisheye else cv2
-        maps = make.initUndistortRectifyMap(  # type: ignore[attr-defined]
+        maps = make.initUndistortRectifyMap(
             matrix, distortion, np.eye(3), matrix, size, cv2.CV_32FC1
         )
         return maps[0], maps[1]
