@@ -16,7 +16,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.index.transaction import edit
+from s2rtools.datasets.convention_report import check_ingested
+from s2rtools.datasets.convention_report import report_line as convention_line
 from s2rtools.datasets.floor_plan import read_floor_plan
+from s2rtools.datasets.floor_plans import plan_from_depth
 from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.scan import InputIssue, Scan
@@ -53,12 +56,17 @@ def build(
     try:
         folder.mkdir(parents=True)
         stored = write_frames(scan, folder, progress)
-        plan = _write_floor_plan(scan, folder)
+        if scan.floor_plan is None and scan.has_poses:
+            scan.floor_plan = plan_from_depth(scan, stored, folder)
+        plan = floor_plan_image(scan)
+        name = None if plan is None else _write_floor_plan(plan, folder)
+        if checks := check_ingested(scan, stored, folder, plan):
+            report_line(convention_line(checks))
         refuse_unusable(scan, strict)
         if scan.drives:
             scan.drives(folder / layout.DRIVES)
         with edit(folder) as draft:
-            write_index(draft, scan, stored, plan, command)
+            write_index(draft, scan, stored, name, command)
             draft.record_checksums(unlisted_checksums(folder))
         folder.rename(target)
         atomic_writes.sync_path(target.parent)
@@ -124,10 +132,7 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
         )
 
 
-def _write_floor_plan(scan: Scan, root: Path) -> str | None:
-    image = floor_plan_image(scan)
-    if image is None:
-        return None
+def _write_floor_plan(image: NDArray[np.uint8], root: Path) -> str:
     name = f"{layout.ASSETS}/floor_plan.png"
     atomic_writes.write(root, name, cv2.imencode(".png", image)[1].tobytes())
     return name

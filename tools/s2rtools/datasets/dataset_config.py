@@ -1,8 +1,9 @@
 """Data set configuration: bounds, rooms and cameras of a data set, as TOML or JSON.
 
     name = "office"             y_down = true          accuracy_scale = 26.0   (optional, m)
-    floor_plan = "map.png"      image that fills the bounds (optional)
-    [bounds]                    x0, y0, x1, y1 in metres
+    floor_plan = "map.png"      image that fills the bounds, a ROS map.yaml, or a table
+                                { image, points }: see `floor_plans` (optional)
+    [bounds]                    x0, y0, x1, y1 in metres; by default those of a placed floor plan
     [recorded_at]               TRAJECTORY = "2026-03-02T10:00"  (optional)
     [[rooms]]                   room = "hall", rectangles = [[x0, y0, x1, y1], ...]  (optional)
     [domains.NAME]              kind = "sim" | "real", width, height of the original images,
@@ -18,6 +19,7 @@ Errors name the file, the key and the allowed values.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,8 +32,9 @@ from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.datasets.floor_plans import PlacedPlan, PointsTable, placed_plan
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.scan import InputIssue, Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
@@ -138,18 +141,18 @@ class DomainTable(Struct):
 class DatasetTable(Struct):
     """The keys of the file; `domains` are converted when they are needed."""
 
-    bounds: BoundsTable
     name: str
     y_down: bool
-    floor_plan: str = ""
+    bounds: BoundsTable | msgspec.UnsetType = msgspec.UNSET
+    floor_plan: str | PointsTable = ""
     accuracy_scale: Positive | msgspec.UnsetType = msgspec.UNSET
     recorded_at: dict[str, Any] = field(default_factory=dict)
     rooms: list[RoomTable] = []
     domains: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for key in ("name", "floor_plan"):
-            if not getattr(self, key).isprintable():
+        for key, text in (("name", self.name), ("floor_plan", self.floor_plan)):
+            if isinstance(text, str) and not text.isprintable():
                 raise ValueError(f"{key} must be printable text")
 
 
@@ -168,16 +171,17 @@ class DatasetConfig:
         self.table = convert(document, DatasetTable, str(path), check=False)
 
     def empty_scan(self, root: Path, frame: Size, containment: PathContainment) -> Scan:
-        """A scan of the data set in `root`, without domains, trajectories and floor plan.
+        """A scan of the data set in `root`, without domains and trajectories.
 
         Rooms are in order of precedence; the accuracy scale is the diagonal of the bounds by
-        default.
+        default. Raises RequestError if the floor plan cannot be used, or if there are no bounds.
         """
-        table, edges = self.table, self.table.bounds
-        bounds = Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+        table = self.table
+        plan = self._placed_plan(containment)
+        bounds = self._bounds(plan)
         scale = table.accuracy_scale
         rectangles = [(r.room, edges) for r in table.rooms for edges in r.rectangles]
-        return Scan(
+        result = Scan(
             name=table.name,
             root=root,
             frame=frame,
@@ -187,6 +191,33 @@ class DatasetConfig:
             rooms=tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles)),
             outside_folders=containment.outside_folders,
         )
+        if plan is not None:
+            result.floor_plan = plan.resampled(bounds, table.y_down)
+        elif isinstance(table.floor_plan, str) and table.floor_plan:
+            file = self._resolve(containment)(table.floor_plan)
+            if file.is_file():
+                result.floor_plan = file
+            else:
+                result.issues.append(InputIssue("missing floor plan", table.floor_plan))
+        return result
+
+    def _resolve(self, containment: PathContainment) -> Callable[[str], Path]:
+        """Resolves the names of files of the floor plan, in the configuration's folder."""
+        folder = containment.for_folder(self.path.parent)
+        return lambda name: folder.resolve(name, f"{self.path}: floor_plan")
+
+    def _placed_plan(self, containment: PathContainment) -> PlacedPlan | None:
+        table = self.table
+        resolve = self._resolve(containment)
+        return placed_plan(table.floor_plan, str(self.path), resolve, table.y_down)
+
+    def _bounds(self, plan: PlacedPlan | None) -> Bounds:
+        edges = self.table.bounds
+        if not isinstance(edges, msgspec.UnsetType):
+            return Bounds(edges.x0, edges.y0, edges.x1, edges.y1)
+        if plan is None:
+            raise RequestError(f"{self.path}: bounds: missing")
+        return plan.bounds
 
     def domain(self, name: str, frame: Size) -> Domain:
         """A domain with its cameras scaled to frames of (height, width)."""

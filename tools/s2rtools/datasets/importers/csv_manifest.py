@@ -54,13 +54,6 @@ def scan(path: Path, options: ScanOptions) -> Scan:
     containment = PathContainment(path.parent, options.allow_outside)
     result = config.empty_scan(path.parent, options.frame, containment)
     result.recorded_at = {name: str(date) for name, date in config.table.recorded_at.items()}
-    if plan := config.table.floor_plan:
-        folder = containment.for_folder(config.path.parent)
-        file = folder.resolve(plan, f"{config.path}: floor_plan")
-        if file.is_file():
-            result.floor_plan = file
-        else:
-            result.issues.append(InputIssue("missing floor plan", plan))
     result.issues += rows.incomplete
     names = list(rows.domains)
     result.domains = {name: config.domain(name, options.frame) for name in names}

@@ -55,7 +55,8 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         )
     containment = PathContainment(path, options.allow_outside)
     result = config.empty_scan(root, options.frame, containment)
-    result.floor_plan = _floor_plan(path, root, containment)
+    if result.floor_plan is None:
+        result.floor_plan = _floor_plan(path, root, containment)
     known = {folder.name: folder for folder in sorted(root.glob("*")) if _is_trajectory(folder)}
     folders = [known[name] for name in options.choose_trajectories(known, root)]
     names = [name for name in _DOMAINS if name != _EDITED or _all_have_sim_edit(result, folders)]

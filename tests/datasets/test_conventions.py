@@ -1,0 +1,158 @@
+"""Depth images tell whether headings, handedness and depth scale are as declared."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.geometry import angles
+from s2rtools.datasets import ScanOptions
+from s2rtools.datasets.build import build
+from s2rtools.datasets.convention_check import (
+    CONVENTIONS,
+    DECLARED,
+    Convention,
+    ConventionCheck,
+    check_conventions,
+)
+from s2rtools.datasets.convention_report import PICTURE, PROVENANCE, check_stored, doubts
+from s2rtools.datasets.depth_frames import DepthFrames, DepthPoints
+from s2rtools.datasets.importers import synthetic_world
+from s2rtools.datasets.scan import Scan
+from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
+
+COUNT, CHECKED = 120, 50
+"""Instances of the trajectory, and those of them that are checked: neighbours see the same."""
+FRAME = 64
+
+
+def world_scan(**fields: object) -> Scan:
+    """The first trajectory of a world, without a floor plan."""
+    options = ScanOptions(("traj1",), frame=(FRAME, FRAME), world={"seed": 3, **fields})
+    scan = synthetic_world.scan(Path(), options)
+    scan.floor_plan, scan.drives = None, None
+    return scan
+
+
+@cache
+def frames(side: str) -> DepthFrames:
+    data = WorldData(WorldRecipe(seed=3, count=COUNT, frame=FRAME))
+    poses = data.poses["traj1"][:CHECKED]
+    views = data.views(side, poses, np.arange(len(poses)))  # type: ignore[arg-type]
+    domain = world_scan(count=COUNT).domains[side]
+    return DepthFrames(domain, data.raw_depth(views), np.asarray(poses, np.float64), True)
+
+
+def wrongly_declared(source: DepthFrames, error: Convention) -> DepthFrames:
+    """The same frames with conventions that are wrong by `error`."""
+    poses = source.poses.copy()
+    poses[:, 2] = angles.wrap(error.sign * poses[:, 2] + error.quarters * np.pi / 2)
+    domain = replace(source.domain, depth_scale=source.domain.depth_scale * error.scale)
+    return DepthFrames(domain, source.depth, poses, source.y_down != error.flipped)
+
+
+def undone(error: Convention) -> Convention:
+    """The convention that corrects an error."""
+    quarters = -error.sign * error.quarters % 4
+    return Convention(error.sign, quarters, error.flipped, round(1 / error.scale, 6))
+
+
+@pytest.mark.parametrize("side", ["sim", "real"])
+def test_right_conventions_are_the_sharpest(side: str) -> None:
+    check = check_conventions(frames(side))
+    assert check.verdict == "as declared"
+    assert check.lead > check.margin + 0.1
+    assert min(check.sharpness, key=lambda c: check.sharpness[c].entropy) in (
+        DECLARED, Convention(scale=0.1), Convention(scale=0.2), Convention(scale=0.5),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("error", CONVENTIONS[1:], ids=str)
+def test_wrong_conventions_are_named(error: Convention) -> None:
+    check = check_conventions(wrongly_declared(frames("sim"), error))
+    assert check.verdict == "doubtful"
+    assert check.best_other == undone(error)
+
+
+def test_conventions_are_distinct_and_have_their_own_names() -> None:
+    points = DepthPoints(frames("sim"))
+    places = [np.stack(each.on_floor(points))[:, :50].round(6).tobytes() for each in CONVENTIONS]
+    assert len(set(places)) == len(CONVENTIONS)
+    assert len({str(convention) for convention in CONVENTIONS}) == len(CONVENTIONS)
+
+
+def test_few_frames_decide_nothing() -> None:
+    source = frames("sim")
+    few = DepthFrames(source.domain, source.depth[:12], source.poses[:12], True)
+    check = check_conventions(wrongly_declared(few, Convention(quarters=1)))
+    assert check.verdict == "not decided"
+    assert check.text == f"sim not decided (12 frames, {check.points} points)"
+
+
+def test_small_differences_decide_nothing() -> None:
+    found = check_conventions(frames("sim"))
+    even = dict.fromkeys(found.sharpness, found.sharpness[DECLARED])
+    assert ConventionCheck("sim", COUNT, 9999, even).verdict == "not decided"
+
+
+def test_doubts_name_the_sharper_convention() -> None:
+    checks = [check_conventions(frames("sim")), check_conventions(frames("real"))]
+    assert doubts(checks) == []
+    wrong = wrongly_declared(frames("real"), Convention(sign=-1))
+    (issue,) = doubts([checks[0], check_conventions(wrong)])
+    assert (issue.kind, issue.file) == ("convention doubtful", "real")
+    assert "is sharper on the floor with heading negated" in issue.detail
+
+
+@pytest.fixture(scope="module")
+def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A store of the start of a trajectory without a floor plan, and what ingest reported."""
+    path, lines = tmp_path_factory.mktemp("ingested") / "a.s2r", list[str]()
+    scan = world_scan(count=COUNT)
+    scan.trajectories["traj1"] = list(scan.trajectories["traj1"])[:CHECKED]
+    build(scan, path, "test", True, lambda count: None, lines.append)
+    return path, lines
+
+
+def test_ingest_draws_and_reports_the_check(ingested: tuple[Path, list[str]]) -> None:
+    path, lines = ingested
+    assert len(lines) == 1
+    assert lines[0].startswith("headings, handedness and depth scale: sim as declared (")
+    with s2rstore.open(path) as store:
+        assert PICTURE in store.checksums
+        facts = {key: json.loads(text) for key, text in store.provenance(PROVENANCE).items()}
+        assert json.loads(store.provenance("floor_plan")["frames"]) == CHECKED
+    assert facts["real"]["verdict"] == "as declared"
+    assert facts["real"]["picture"] == PICTURE
+    assert set(facts["sim"]["conventions"]) == set(map(str, CONVENTIONS))
+    picture = cv2.imread(str(path / PICTURE))
+    assert picture.shape[1] == 2 * 480
+
+
+def test_drawn_floor_plan_shows_the_walls_of_the_world(ingested: tuple[Path, list[str]]) -> None:
+    drawn = cv2.imread(str(ingested[0] / "assets/floor_plan.png"), cv2.IMREAD_GRAYSCALE)
+    options = ScanOptions(("traj1",), frame=(FRAME, FRAME), world={"seed": 3, "count": COUNT})
+    plan = synthetic_world.scan(Path(), options).floor_plan
+    assert isinstance(plan, np.ndarray)
+    grey = cv2.cvtColor(plan, cv2.COLOR_RGB2GRAY)
+    truth = cv2.resize(grey, drawn.shape[::-1], interpolation=cv2.INTER_AREA)
+    dark = drawn < 120
+    assert dark.any()
+    assert truth[dark].mean() < truth[dark[:, ::-1]].mean() - 10
+
+
+def test_frames_of_a_store_are_checked_from_an_instance_on(
+    ingested: tuple[Path, list[str]],
+) -> None:
+    with s2rstore.open(ingested[0]) as store:
+        whole, rest = check_stored(store, 0), check_stored(store, 20)
+    assert [check.domain for check in whole] == ["real", "sim"]
+    assert [check.verdict for check in whole] == ["as declared"] * 2
+    assert rest[0].frames < whole[0].frames

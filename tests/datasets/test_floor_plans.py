@@ -1,0 +1,149 @@
+"""Floor plans that are placed by known points or by a ROS occupancy grid fill the bounds."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.records import Bounds
+from s2rtools.datasets.floor_plans import (
+    OUTSIDE,
+    PlacedPlan,
+    PointsTable,
+    fit_similarity,
+    occupancy_grid,
+    placed_plan,
+)
+
+GRID = """# a map
+image: map.pgm
+resolution: 0.05
+origin: [-2.0, -1.0, {yaw}]
+negate: {negate}
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+
+
+def write_grid(
+    folder: Path, pixels: NDArray[np.uint8], yaw: float = 0.0, negate: int = 0, more: str = ""
+) -> Path:
+    cv2.imwrite(str(folder / "map.pgm"), pixels)
+    (folder / "map.yaml").write_text(GRID.format(yaw=yaw, negate=negate) + more)
+    return folder / "map.yaml"
+
+
+def read_grid(path: Path) -> PlacedPlan:
+    return occupancy_grid(path, lambda name: path.parent / name)
+
+
+def colour_at(image: NDArray[np.uint8], bounds: Bounds, y_down: bool, x: float, y: float) -> int:
+    height, width = image.shape[:2]
+    away = y - bounds.y0 if y_down else bounds.y1 - y
+    row, col = away / bounds.height * height, (x - bounds.x0) / bounds.width * width
+    return int(image[int(row), int(col), 0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(-math.pi, math.pi), st.floats(0.005, 0.2), st.floats(-50, 50), st.floats(-50, 50),
+    st.booleans(), st.integers(2, 5), st.integers(0, 99),
+)  # fmt: skip
+def test_similarity_maps_known_points(
+    turn: float, scale: float, x: float, y: float, y_down: bool, count: int, seed: int
+) -> None:
+    pixels = np.random.default_rng(seed).uniform(0, 800, (count, 2))
+    v = pixels[:, 1] * (1 if y_down else -1)
+    cos, sin = scale * math.cos(turn), scale * math.sin(turn)
+    metres = np.stack([cos * pixels[:, 0] - sin * v + x, sin * pixels[:, 0] + cos * v + y], 1)
+    fitted = fit_similarity(pixels, metres, y_down, "plan")
+    assert np.column_stack([pixels, np.ones(count)]) @ fitted.T == pytest.approx(metres, abs=1e-6)
+
+
+def test_points_that_do_not_fit_are_refused() -> None:
+    pixels = np.array([[0.0, 0.0], [100, 0], [0, 100]])
+    metres = np.array([[0.0, 0.0], [5, 0], [0, 5]])
+    fit_similarity(pixels, metres, True, "plan")
+    with pytest.raises(RequestError, match=r"plan: the points miss .* y_down"):
+        fit_similarity(pixels, metres, False, "plan")
+    with pytest.raises(RequestError, match="coincide"):
+        fit_similarity(pixels[[0, 0]], metres[:2], True, "plan")
+
+
+def test_image_with_two_points_fills_the_bounds(tmp_path: Path) -> None:
+    plan = np.full((200, 300, 3), 250, np.uint8)
+    plan[40:60, 100:140] = 10
+    cv2.imwrite(str(tmp_path / "plan.png"), plan)
+    table = PointsTable("plan.png", [(0, 200, 1.0, 2.0), (300, 200, 4.0, 2.0)])
+    placed = placed_plan(table, "lab.toml", lambda name: tmp_path / name, False)
+    assert placed is not None
+    assert placed.bounds == Bounds(1.0, 2.0, 4.0, 4.0)
+    bounds = Bounds(0.0, 0.0, 6.0, 6.0)
+    image = placed.resampled(bounds, False)
+    assert colour_at(image, bounds, False, 2.2, 3.5) == 10
+    assert colour_at(image, bounds, False, 2.2, 3.3) == 250
+    assert colour_at(image, bounds, False, 0.5, 3.5) == OUTSIDE[0]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0])
+@pytest.mark.parametrize("y_down", [False, True])
+def test_occupancy_grid_lies_at_its_origin(tmp_path: Path, yaw: float, y_down: bool) -> None:
+    pixels = np.full((80, 120), 254, np.uint8)
+    pixels[10:20, 30:50] = 0  # x 1.5 .. 2.5, y 3.0 .. 3.5 from the lower left corner
+    placed = read_grid(write_grid(tmp_path, pixels, yaw))
+    bounds = placed.bounds
+    image = placed.resampled(bounds, y_down)
+    for x, y, occupied in ((2.0, 3.25, True), (2.0, 2.75, False), (2.8, 3.25, False)):
+        at_x = -2.0 + math.cos(yaw) * x - math.sin(yaw) * y
+        at_y = -1.0 + math.sin(yaw) * x + math.cos(yaw) * y
+        assert (colour_at(image, bounds, y_down, at_x, at_y) < 100) == occupied
+
+
+def test_cells_of_a_grid_are_occupied_free_or_unknown(tmp_path: Path) -> None:
+    pixels = np.repeat(np.array([[0, 205, 254]], np.uint8), 3, 0)
+    assert read_grid(write_grid(tmp_path, pixels)).image[0, :, 0].tolist() == [40, 205, 254]
+    negated = read_grid(write_grid(tmp_path, 255 - pixels, negate=1))
+    assert negated.image[0, :, 0].tolist() == [40, 205, 254]
+    scaled = read_grid(write_grid(tmp_path, np.full((3, 3), 128, np.uint8), more="mode: scale\n"))
+    assert 130 < scaled.image[0, 0, 0] < 160
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("image: map.pgm\norigin: [0, 0, 0]\n", "resolution: missing"),
+     ("image: map.pgm\nresolution: -1\norigin: [0, 0, 0]\n", "resolution"),
+     ("image: map.pgm\nresolution: 1\norigin: [0, 0]\n", "origin"),
+     ("image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\nmode: raw\n", "trinary or scale"),
+     ("image: none.pgm\nresolution: 1\norigin: [0, 0, 0]\n", "none.pgm"),
+     ("<html>\n", "expected KEY: VALUE")],
+)  # fmt: skip
+def test_unusable_grids_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    path = write_grid(tmp_path, np.zeros((3, 3), np.uint8))
+    path.write_text(text)
+    with pytest.raises(RequestError, match=message) as error:
+        read_grid(path)
+    assert "\n" not in str(error.value)
+
+
+def test_origin_may_be_a_list_of_several_lines(tmp_path: Path) -> None:
+    path = write_grid(tmp_path, np.zeros((4, 6), np.uint8))
+    path.write_text("image: map.pgm\nresolution: 0.5\norigin:\n- 1.0\n- 2.0\n- 0.0\n")
+    assert read_grid(path).bounds == Bounds(1.0, 2.0, 4.0, 4.0)
+
+
+def test_large_plans_are_averaged(tmp_path: Path) -> None:
+    pixels = (np.indices((3000, 3000)).sum(axis=0) % 2 * 254).astype(np.uint8)
+    pixels[:, :1500] = 254
+    placed = PlacedPlan(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB), np.eye(3)[:2] * 0.01)
+    image = placed.resampled(placed.bounds, True)
+    assert image.shape == (1056, 1056, 3)
+    assert image[500, 100, 0] == 254
+    assert abs(int(image[500, 800, 0]) - 127) < 20

@@ -1,0 +1,134 @@
+"""Some depth images of a data set with their poses, and the points above the floor in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.arrays import stored_array
+from s2rstore.files import layout, safe_files
+from s2rstore.geometry import camera
+from s2rstore.geometry.floor_grid import HEIGHTS
+from s2rstore.records import Bounds, Domain
+from s2rtools.datasets.scan import InstanceRecord, Scan
+from s2rtools.datasets.stored_instances import StoredRecords
+
+Floats = NDArray[np.float64]
+
+_SAMPLES = 48
+"""Depth pixels along each axis of a frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthFrames:
+    """Raw depth (n, h, w) of a domain at poses (n, 3): x, y in metres and heading in radians."""
+
+    domain: Domain
+    depth: NDArray[Any]
+    poses: Floats
+    y_down: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRow:
+    """A stored instance: its trajectory, its row in the arrays of frames, and its record."""
+
+    trajectory: str
+    row: int
+    record: InstanceRecord
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        return self.record.x, self.record.y, self.record.heading
+
+
+def first_rows(stored: StoredRecords, count: int) -> list[StoredRow]:
+    """At most `count` of the first stored instances, by trajectory name, in recording order."""
+    rows: list[StoredRow] = []
+    for name in sorted(stored):
+        records = stored[name].records(0, count - len(rows))
+        rows += [StoredRow(name, row, record) for row, record in enumerate(records)]
+    return rows
+
+
+def spread_rows(stored: StoredRecords, count: int) -> list[StoredRow]:
+    """About `count` of all stored instances, evenly spread."""
+    step = max(1, -(-sum(map(len, stored.values())) // count))
+    return [
+        StoredRow(name, row, stored[name].records(row, row + 1)[0])
+        for name in sorted(stored)
+        for row in range(0, len(stored[name]), step)
+    ]
+
+
+def read_depth(
+    scan: Scan, domain: Domain, rows: Iterable[StoredRow], root: Path
+) -> DepthFrames | None:
+    """The depth of instances whose frames lie below `root`; None for a domain without depth."""
+    depth, poses = [], []
+    for each in rows:
+        folder = f"{layout.FRAMES}/{domain.domain}/{each.trajectory}/depth"
+        if safe_files.kind(root, folder) is None:
+            continue
+        array = stored_array.open_read(root / folder, root)
+        depth.append(array.rows(each.row, each.row + 1)[0])
+        poses.append(each.pose)
+    if not depth:
+        return None
+    return DepthFrames(domain, np.stack(depth), np.array(poses), scan.y_down)
+
+
+class DepthPoints:
+    """Samples of depth images whose points lie between `HEIGHTS` above the floor."""
+
+    def __init__(self, source: DepthFrames) -> None:
+        domain, depth = source.domain, source.depth
+        rows, cols = (camera.sample_pixels(min(_SAMPLES, n), n) for n in depth.shape[1:])
+        raw = depth[:, rows[:, None], cols[None, :]]
+        self.source = source
+        self._rays = camera.rays(domain.depth, rows + np.float64(0.5), cols + np.float64(0.5))
+        self._metres = raw * np.float64(domain.depth_scale)
+        height = domain.camera_height + self._metres * self._rays.up
+        self._used = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)
+        self._used &= (height >= HEIGHTS[0]) & (height <= HEIGHTS[1])
+        self.frames = np.nonzero(self._used)[0]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def on_floor(
+        self, headings: Floats | None = None, flipped: bool = False, scale: float = 1.0
+    ) -> tuple[Floats, Floats]:
+        """x and y of the points, (m,) each, metres.
+
+        Other conventions than the declared ones: `headings` (n,) in radians, left and right
+        exchanged if `flipped`, depth multiplied by `scale`. The samples stay the same.
+        """
+        poses = self.source.poses.copy()
+        if headings is not None:
+            poses[:, 2] = headings
+        y_down = self.source.y_down != flipped
+        metres = self._metres if scale == 1.0 else self._metres * scale
+        x, y, _ = camera.to_floor(self._rays, metres, self.source.domain, poses, y_down)
+        return x[self._used], y[self._used]
+
+
+def pixels_on_map(
+    x: Floats, y: Floats, bounds: Bounds, y_down: bool, size: tuple[int, int]
+) -> NDArray[np.int64]:
+    """How many points fall on each pixel of an image of (height, width) that fills the bounds.
+
+    Its first row is the one of y0 if y grows downwards, else that of y1.
+    """
+    height, width = size
+    column = np.floor((x - bounds.x0) * (width / bounds.width)).astype(np.int64)
+    away = y - bounds.y0 if y_down else bounds.y1 - y
+    row = np.floor(away * (height / bounds.height)).astype(np.int64)
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    flat = row[inside] * width + column[inside]
+    return np.bincount(flat, minlength=height * width).reshape(size)
