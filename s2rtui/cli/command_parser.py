@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "precompute": "compute the missing predictions and heatmaps of runs",
     "tui": "open the terminal application on a store",
     "serve": "serve the application on a store to web browsers",
+    "models": "list the models of a store and how images become their input",
     "runs": "list the runs of a store with their accuracies and errors",
     "query": "list the instances that an expression selects",
     "sql": "run a read-only SQL query on the index of a store",

@@ -15,21 +15,28 @@ if TYPE_CHECKING:
     from s2rtools.adjustments import Adjustment
 
 
-def available_sliders(store: Store) -> tuple[tuple[Slider, ...], str]:
-    """The sliders that a store supports, and why the others are not available.
+def available_sliders(store: Store, run: str | None = None) -> tuple[tuple[Slider, ...], str]:
+    """The sliders that a store and the model of a run support, and why others are not available.
 
     Image adjustments apply to the real side, camera adjustments to the sim side if the data set has
     a renderer. Each translator has a slider of its strength on the side whose images it
-    translates, except the identity and those that failed a check of their content. Raises
-    ModuleNotFoundError if the tools are not installed.
+    translates, except the identity and those that failed a check of their content. Adjustments of
+    images that the model does not take are left out. Raises ModuleNotFoundError if the tools are
+    not installed.
     """
     from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
     from s2rtools.rendering import no_renderer_reason
 
+    channels = store.models[store.run(run).model].channels if run is not None else "rgbd"
     reason = (no_renderer_reason(store) or "").removeprefix(f"{store.path}: ")
+    if channels != "rgbd":
+        seen = {"rgb": "no depth", "depth": "no colours"}[channels]
+        reason = "; ".join(part for part in (f"the model takes {seen}", reason) if part)
     sliders: list[Slider] = []
     translators: list[Slider] = []
     for adjustment in ADJUSTMENTS.values():
+        if not adjustment.changes(channels):
+            continue
         side: Side = "sim" if adjustment.needs_renderer else "real"
         if isinstance(adjustment, TranslatorAdjustment):
             translators = [
@@ -75,7 +82,7 @@ def follow_run(context: SessionContext, state: State) -> State:
         return state
     if adjust.missing:
         return replace(state, adjust=replace(adjust, run=state.run))
-    return open_sliders(context, state, adjust.sliders, adjust.reason)
+    return open_sliders(context, state, *available_sliders(context.store, state.run))
 
 
 def choose_slider(context: SessionContext, state: State, steps: int) -> State:

@@ -437,18 +437,30 @@ class Store(IndexCatalog):
     ) -> NDArray[np.float32]:
         """One instance's heatmap (rows, columns); see the kind's record for the unit.
 
-        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`;
-        rgb or depth for `pixel_difference`. Occlusion gives its metres.
+        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`, as
+        far as the model has these channels; rgb or depth for `pixel_difference`. Occlusion gives
+        its metres.
         """
         self.check_instance(iid)
         return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
+
+    def default_mode(self, run: str, kind: str) -> str | None:
+        """The mode of a heatmap kind that is shown unless another one is named.
+
+        A model without depth or colours has only one mode of `occlusion`.
+        """
+        usual = DEFAULT_MODES.get(kind)
+        if kind in _PLANES or usual is None:
+            return usual
+        modes = [record.mode for record in self.array_kinds(run) if record.kind == kind]
+        return usual if usual in modes or not modes else modes[0]
 
     def heatmaps(
         self, run: str, kind: str, side: Side, start: int, stop: int, mode: str | None = None
     ) -> NDArray[np.float32]:
         """Heatmaps of iids [start, stop) as in `heatmap`, shape (n, rows, columns)."""
         planes = _PLANES.get(kind)
-        mode = mode or DEFAULT_MODES.get(kind)
+        mode = mode or self.default_mode(run, kind)
         stored_mode = None if planes else mode
         record, array = self.array(run, kind, side, stored_mode)
         block = np.asarray(stored_array.read_rows(array, start, stop), np.float32)
@@ -467,7 +479,7 @@ class Store(IndexCatalog):
         Shape (rows, columns); row 0 lies at the bounds' y0. NaN where no pixel fell. `aggregate`
         is mean, max, sum or count.
         """
-        records = self._records_of(run, f"map:{kind}", side, mode or DEFAULT_MODES.get(kind))
+        records = self._records_of(run, f"map:{kind}", side, mode or self.default_mode(run, kind))
         computed = {r.first_iid for r in self._records_of(run, "prediction", side, None)}
         if computed - {record.first_iid for record in records}:
             raise NotComputedError(_incomplete(run, kind))

@@ -45,7 +45,7 @@ class RunSaveController:
         if adjust is not None and not adjust.missing:
             return
         try:
-            sliders, reason = adjusting.available_sliders(session.store)
+            sliders, reason = adjusting.available_sliders(session.store, session.state.run)
         except ModuleNotFoundError as error:
             session.dispatch(adjusting.report_missing_package, str(error.name))
         else:

@@ -1,4 +1,4 @@
-"""`s2r model`: register a weights file or the pretrained models."""
+"""`s2r model`: register a weights file or the pretrained models; `s2r models` lists them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file", type=Path, help="state dict (.pt, .pth), .safetensors file or TorchScript module"
     )
     add.add_argument("--arch", required=True,
-                     help="architecture: posest or resposenet; with --trust also torchscript or "
-                     "module:factory")  # fmt: skip
+                     help="architecture: posest or resposenet; with --trust also torchscript, "
+                     "torch.export or module:factory")  # fmt: skip
+    add.add_argument("--input", type=Path, metavar="FILE.toml",
+                     help="how images become the input of the network: keys that differ from what "
+                     "the architecture declares (channels, size, mean, std ...)")  # fmt: skip
     add.add_argument("--store", type=Path, required=True, help="store folder")
     add.add_argument("--convention", metavar="HEADING[,FRAME]",
                      help="convention of the output: degrees, radians or cos_sin; "
@@ -39,9 +42,13 @@ def execute(options: argparse.Namespace) -> int:
 def _add(options: argparse.Namespace) -> None:
     from s2rtools.models.model_registration import add_model
 
-    add_model(options.store, options.name, options.file, options.arch, options.convention,
-              options.trust)  # fmt: skip
-    print(f"{options.store}: model {options.name} registered; next: `s2r run add`")
+    contract = add_model(options.store, options.name, options.file, options.arch,
+                         options.convention, options.trust, options.input)  # fmt: skip
+    height, width = contract.size
+    print(
+        f"{options.store}: model {options.name} registered (takes {contract.channels} of "
+        f"{height} x {width}); next: `s2r run add`"
+    )
 
 
 def _shipped(options: argparse.Namespace) -> None:

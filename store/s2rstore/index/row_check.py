@@ -24,6 +24,8 @@ MAX_COORDINATE = 1e6
 """Metres from the origin that bounds and rooms may reach."""
 MAX_IMAGE_SIZE = 16_384
 """Rows or columns of a stored frame, or of the input of a model."""
+MAX_INPUT_NUMBER = 1e9
+"""Numbers of an input contract: units, ranges, means."""
 MAX_TEXT = 1_000
 MAX_JSON = 100_000
 MAX_ROWS = {"trajectory": 100_000, "room": 4_096, "domain": 1_024, "model": 10_000, "run": 10_000,
@@ -224,10 +226,37 @@ def check_models(index: Path, rows: Sequence[Row]) -> list[Row]:
         contract = None
         if row["input"] is not None:
             contract = check.parsed("input", dict)
-            if contract.get("channels") not in CHANNELS:
-                check.refuse("input", f"channels is not one of {', '.join(CHANNELS)}")
+            _check_input(check, contract)
         checked.append({**row, "input": contract})
     return checked
+
+
+def _check_input(check: RowChecker, contract: Row) -> None:
+    """The values of an input contract have the types that readers rely on."""
+    if contract.get("channels") not in CHANNELS:
+        check.refuse("input", f"channels is not one of {', '.join(CHANNELS)}")
+    for key in ("rgb_interpolation", "depth_interpolation", "colour_order"):
+        if not isinstance(contract.get(key), str):
+            check.refuse("input", f"{key} is not a text")
+    for key, length in (("size", 2), ("mean", 3), ("std", 3), ("depth_range", 2)):
+        values = contract.get(key)
+        if (
+            not isinstance(values, list)
+            or len(values) != length
+            or not all(map(_is_input_number, values))
+        ):
+            check.refuse("input", f"{key} is not a list of {length} numbers")
+    for key in ("rgb_scale", "depth_unit", "depth_mean", "depth_std"):
+        if not _is_input_number(contract.get(key)):
+            check.refuse("input", f"{key} is not a number")
+    missing = contract.get("missing_depth")
+    if missing is not None and not _is_input_number(missing):
+        check.refuse("input", "missing_depth is not a number")
+
+
+def _is_input_number(value: Any) -> bool:
+    """Whether a value of JSON is a number that an input contract may have."""
+    return type(value) in (int, float) and abs(value) <= MAX_INPUT_NUMBER
 
 
 def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:

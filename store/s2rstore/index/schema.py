@@ -14,6 +14,11 @@ VERSION = 1
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
+IMAGE_SIZES = "image sizes"
+"""Value of `provenance.what`: `key` is a trajectory, `value` the rows and columns of its images as
+networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
+alone."""
+
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
 
@@ -348,7 +353,11 @@ TABLES: tuple[Table, ...] = (
         "provenance",
         "provenance: versions, seeds, training curves, command lines",
         "what key",
-        ("what", "VARCHAR", "dataset, model:NAME, run:NAME, translator:NAME, statistics, ..."),
+        (
+            "what",
+            "VARCHAR",
+            "dataset, model:NAME, run:NAME, translator:NAME, statistics, image sizes, ...",
+        ),
         ("key", "VARCHAR", "name of the figure"),
         ("value", "VARCHAR", "its value as text or JSON"),
     ),

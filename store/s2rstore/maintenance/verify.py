@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import duckdb
@@ -31,13 +32,15 @@ from s2rstore.maintenance.table_rules import (
     table_damages,
     uncomputed_parts,
 )
-from s2rstore.reader import Store
+from s2rstore.reader import SOURCE_IMAGES, Store
 
 _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
     OverflowError, RecursionError,
 )  # fmt: skip
 _MAX_NAMED = 3
+_RENDERED = "world"
+"""Provenance of a data set whose frames were rendered, not resized."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +233,7 @@ class _Verification:
             self._add(path, first_line(error))
 
     def _check_frames(self) -> None:
+        self._note_resized_frames()
         imaged = self.store.imaged_trajectories
         arrays = (
             (domain, name, image)
@@ -243,6 +247,38 @@ class _Verification:
             if not is_covered:
                 self.uncovered["the metadata of frames"] = None
             self._check_array(relative, partial(self.store.frames_array, *names), is_covered)
+        for domain, name in product(self.store.domains, sorted(self._trajectories_with_sources())):
+            for image, array in SOURCE_IMAGES.items():
+                relative = "/".join((layout.FRAMES, domain, name, array))
+                open_array = partial(self.store.source_array, domain, name, image)
+                if f"{relative}/{stored_array.METADATA}" in self.store.checksums:
+                    self._check_array(relative, open_array, True)
+
+    def _trajectories_with_sources(self) -> set[str]:
+        return {
+            trajectory.trajectory
+            for trajectory in self.store.trajectories
+            for domain in self.store.domains
+            if self.store.has_source_frames(domain, trajectory.trajectory)
+        }
+
+    def _note_resized_frames(self) -> None:
+        """Note the trajectories of which a release up to 0.2.0 kept resized frames alone."""
+        if not self.store.has_poses or self.store.provenance(_RENDERED):
+            return
+        known = self.store.provenance(schema.IMAGE_SIZES)
+        names = [t.trajectory for t in self.store.trajectories if t.trajectory not in known]
+        if not names:
+            return
+        more = len(names) - _MAX_NAMED
+        listed = ", ".join(names[:_MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+        size = f"{self.store.dataset.frame_height} x {self.store.dataset.frame_width}"
+        self.notes.append(
+            f"frames of {listed}: an earlier release kept no images of the source's size but those "
+            f"resized to {size} (RGB by area, depth by the nearest pixel); a network that resizes "
+            "otherwise, such as posest, sees other pixels than in its own program; ingest again to "
+            "compare it"
+        )
 
     def _check_arrays(self) -> None:
         """Check every array once; several runs may list one."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ Apply = Callable[[Rgb, Depth, Mask, float], Images]
 class Adjustment:
     """A change of one side's images, with one parameter in `lowest` .. `highest`.
 
-    `neutral` leaves every bit unchanged; `step` is the increment of a slider. Adjustments that
+    `neutral` leaves every bit unchanged; `step` is the increment of a slider; `image` is what it
+    changes. Adjustments that
     need a renderer are applied before image adjustments, regardless of their order in a chain.
     """
 
@@ -34,7 +35,12 @@ class Adjustment:
     unit: str
     description: str
     sides: tuple[Side, ...] = field(default=SIDES, kw_only=True)
+    image: Literal["rgb", "depth", "rgbd"] = field(default="rgbd", kw_only=True)
     needs_renderer: ClassVar[bool] = False
+
+    def changes(self, channels: str) -> bool:
+        """Whether it changes the input of a network with `rgb`, `depth` or `rgbd` channels."""
+        return "rgbd" in (self.image, channels) or self.image == channels
 
 
 @dataclass(frozen=True, slots=True)

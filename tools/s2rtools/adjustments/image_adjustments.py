@@ -60,20 +60,24 @@ def _black(rgb: Rgb, depth: Depth, valid: Mask, value: float) -> Images:
 
 
 BRIGHTNESS = ImageAdjustment(
-    "brightness", 0.0, 3.0, 1.0, 0.05, "factor", "every channel times the factor", _brightness
-)
+    "brightness", 0.0, 3.0, 1.0, 0.05, "factor", "every channel times the factor", _brightness,
+    image="rgb",
+)  # fmt: skip
 CONTRAST = ImageAdjustment(
-    "contrast", 0.0, 3.0, 1.0, 0.05, "factor", "spread around the image's mean", _contrast
-)
+    "contrast", 0.0, 3.0, 1.0, 0.05, "factor", "spread around the image's mean", _contrast,
+    image="rgb",
+)  # fmt: skip
 TEMPERATURE = ImageAdjustment(
-    "temperature", -1.0, 1.0, 0.0, 0.05, "warmth", "more red and less blue", _temperature
-)
+    "temperature", -1.0, 1.0, 0.0, 0.05, "warmth", "more red and less blue", _temperature,
+    image="rgb",
+)  # fmt: skip
 DEPTH_RANGE = ImageAdjustment(
-    "depth_range", 0.25, 4.0, 1.0, 0.05, "factor", "valid depth times the factor", _depth_range
-)
+    "depth_range", 0.25, 4.0, 1.0, 0.05, "factor", "valid depth times the factor", _depth_range,
+    image="depth",
+)  # fmt: skip
 DEPTH_BLUR = ImageAdjustment(
     "depth_blur", 0.0, 16.0, 0.0, 0.5, "px", "blur of the valid depth, sigma", _depth_blur,
-    in_pixels=True,
+    image="depth", in_pixels=True,
 )  # fmt: skip
 BLACK = ImageAdjustment(
     "black", 0.0, 1.0, 0.0, 0.05, "share", "share of RGB and depth removed", _black

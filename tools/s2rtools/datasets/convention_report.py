@@ -79,11 +79,11 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     rows = first_iid + np.array(_moving_rows(poses), dtype=np.int64)
     checks = []
     for domain in store.domains.values():
-        if domain.depth_raw_min > domain.depth_raw_max:
+        if not domain.has_depth:
             continue
         depth = [store.frames(domain.domain, row, row + 1, ("depth",))["depth"] for row in rows]
         frames = DepthFrames(
-            domain, np.concatenate(depth), poses[rows - first_iid], store.dataset.y_down
+            domain, np.concatenate(depth), store.poses(domain.domain)[rows], store.dataset.y_down
         )
         checks.append(check_conventions(frames))
     return checks

@@ -46,6 +46,11 @@ class StoredRow:
     def pose(self) -> tuple[float, float, float]:
         return self.record.x, self.record.y, self.record.heading
 
+    def pose_in(self, domain: str) -> tuple[float, float, float]:
+        """The pose of the frame of a domain, which in a loose pair is another one."""
+        own = self.record.frame_poses.get(domain)
+        return self.pose if own is None else (own.x, own.y, own.heading)
+
 
 def first_rows(stored: StoredRecords, count: int) -> list[StoredRow]:
     """At most `count` of the first stored instances, by trajectory name, in recording order."""
@@ -77,7 +82,7 @@ def read_depth(
             continue
         array = stored_array.open_read(root / folder, root)
         depth.append(array.rows(each.row, each.row + 1)[0])
-        poses.append(each.pose)
+        poses.append(each.pose_in(domain.domain))
     if not depth:
         return None
     return DepthFrames(domain, np.stack(depth), np.array(poses), scan.y_down)

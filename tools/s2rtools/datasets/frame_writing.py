@@ -196,6 +196,9 @@ class _Group:
             for name, image in images.items():
                 self._sources[domain][name].add(image)
         self.stored.add(row, frames)
+        for domain, frame in frames.items():
+            if domain not in self.stored.image_sizes:
+                self.stored.image_sizes[domain] = _image_sizes(frame, sources[domain])
 
     def remove(self) -> None:
         """Remove what was written."""
@@ -256,6 +259,18 @@ class _GrowingArray:
         shard = len(self._entries)
         file = array_writer.write_shard_of(self._root, self.folder, self._layout, shard, rows)
         self._entries.append(LedgerEntry("", file.path, file.bytes, file.sha256, len(rows)))
+
+
+def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
+    """Rows and columns of the images that networks see, by image."""
+    if source:
+        return {
+            image: list(source[name].shape[:2])
+            for image, name in SOURCE_IMAGES.items()
+            if name in source
+        }
+    images = {"rgb": frame.rgb, "depth": frame.depth}
+    return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
 
 
 def _depth_type(frame: DecodedFrame) -> str:

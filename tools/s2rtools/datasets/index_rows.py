@@ -81,6 +81,10 @@ def insert_instances(
                 },
             )
         iid += len(trajectory)
+    if scan.has_poses:
+        sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in stored]
+        rows = {"what": [schema.IMAGE_SIZES] * len(stored), "key": list(stored), "value": sizes}
+        draft.insert("provenance", rows)
     for domain in scan.domains:
         iid = first_iid
         for _, trajectory in sorted(stored.items()):

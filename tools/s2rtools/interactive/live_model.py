@@ -82,9 +82,15 @@ class LiveResult:
     def side(self, side: Side) -> LiveSide:
         return self.sim if side == "sim" else self.real
 
+    def default_mode(self, kind: str) -> str | None:
+        """As `Store.default_mode`, of the heatmaps computed so far."""
+        usual = DEFAULT_MODES.get(kind)
+        modes = [mode for name, _, mode in self.heat if name == kind]
+        return usual if usual in modes or not modes else modes[0]
+
     def heatmap(self, kind: str, side: Side, mode: str | None = None) -> NDArray[np.float32]:
         """A heatmap (rows, columns), as from `Store.heatmap`. RequestError if not computed."""
-        key = kind, side, mode or DEFAULT_MODES.get(kind)
+        key = kind, side, mode or self.default_mode(kind)
         if key not in self.heat:
             raise RequestError(f"heatmap {kind} {key[2] or ''}: not computed for these adjustments")
         return self.heat[key]
@@ -217,7 +223,7 @@ class LiveModel:
         heat = result.heatmap(kind, side, mode)
         dataset = self._store.dataset
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
-        ray = HEATMAP_KINDS[kind].ray(mode or DEFAULT_MODES.get(kind))
+        ray = HEATMAP_KINDS[kind].ray(mode or result.default_mode(kind))
         floor_heat = FloorHeat(
             this.domain, other.domain, dataset, side,
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
