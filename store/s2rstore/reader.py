@@ -31,6 +31,9 @@ DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": 
 SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
 """Arrays of images at the size of their source, where that is not the frame size."""
 
+LOOSE_METRES, LOOSE_DEGREES = 1e-3, 0.01
+"""Offsets of a pair up to which both images count as having one pose."""
+
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
 _EMBEDDING_BYTES = 512 * 2**20
@@ -135,13 +138,15 @@ class Store(IndexCatalog):
             float(column[iid])
             for column in (self.instances.pair_offset_m, self.instances.pair_offset_deg)
         )
-        return f"{metres:.2f} m, {degrees:.1f} degrees" if metres or degrees else ""
+        is_loose = metres > LOOSE_METRES or degrees > LOOSE_DEGREES
+        return f"{metres:.2f} m, {degrees:.1f} degrees" if is_loose else ""
 
     @cached_property
     def has_loose_pairs(self) -> bool:
         """Whether the images of some pair have different poses."""
         truth = self.instances
-        return bool(truth.pair_offset_m.any() or truth.pair_offset_deg.any())
+        is_far = truth.pair_offset_m > LOOSE_METRES
+        return bool((is_far | (truth.pair_offset_deg > LOOSE_DEGREES)).any())
 
     def require_depth(self, domains: Iterable[str], purpose: str) -> None:
         """Raise RequestError where one of the domains has no depth, which `purpose` needs."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
+from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, Room, Side
 
 FRAME_SIZE = (256, 256)
@@ -130,9 +131,8 @@ class InstanceRecord:
     def pair_offset(self) -> tuple[float, float]:
         """Largest distance, metres, and angle, degrees, of a frame's pose from the instance's."""
         metres = [math.hypot(p.x - self.x, p.y - self.y) for p in self.frame_poses.values()]
-        turns = [abs(math.degrees(p.heading - self.heading)) for p in self.frame_poses.values()]
-        degrees = [abs((turn + 180) % 360 - 180) for turn in turns]
-        return max(metres, default=0.0), max(degrees, default=0.0)
+        turns = [angles.distance(p.heading, self.heading) for p in self.frame_poses.values()]
+        return max(metres, default=0.0), math.degrees(max(turns, default=0.0))
 
 
 @dataclass(frozen=True, slots=True)

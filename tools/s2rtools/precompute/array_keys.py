@@ -36,7 +36,6 @@ class ArrayKeys:
 
     def __init__(self, hashes: InputHashes, run: Run, part: Part) -> None:
         self._store, self._hashes, self._run, self._part = hashes.store, hashes, run, part
-        self.run = run
         records = self._store.array_parts(run.run)
         self._published = {tuple(record.path.split("/")[:2]) for record in records}
 

@@ -53,7 +53,7 @@ def map_stages(
             heat += of_kind
             specs += [
                 _map_spec(spec, keys, forward.specs[0].key, side, mode, grid)
-                for side in _projected_sides(store, keys.run, kind)
+                for side in _projected_sides(store, store.run(forward.run), kind)
                 for spec in of_kind
                 if spec.side in (side, None)
                 for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
