@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import Domain, Intrinsics
@@ -12,6 +15,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import Backend
+from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.preprocessing import preprocess
 from tests.support import networks
@@ -55,6 +59,38 @@ def test_outputs_match_their_declaration(pair: PairBatch, name: str) -> None:
     repeated = kind.compute(pair)
     for key, values in maps.items():
         assert np.array_equal(values, repeated[key], equal_nan=True)
+
+
+def model_of(channels: str) -> LoadedModel:
+    """A small model that takes RGB or depth alone, normalised as for ImageNet."""
+    contract = InputContract(
+        channels, (36, 36), mean=(0.485, 0.456, 0.406), std=(0.229, 0.224, 0.225)
+    )
+    trunk = nn.Sequential(
+        nn.Conv2d(contract.width, 8, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2),
+        nn.Conv2d(8, 8, 3, padding=1), nn.ReLU(),
+    )  # fmt: skip
+    return replace(networks.small_model(trunk, 8, (36, 36)), registered=contract)
+
+
+@pytest.mark.parametrize("channels", ["rgb", "depth"])
+def test_models_without_depth_or_colours_have_all_heatmaps_of_what_they_take(
+    channels: str,
+) -> None:
+    pair = make_pair(model_of(channels))
+    for kind in HEATMAP_KINDS.values():
+        assert kind.suits(pair.model)
+        maps = kind.compute(pair)
+        declared = {(each.side, each.mode): each.shape for each in kind.outputs(pair.model)}
+        assert {key: values.shape[1:] for key, values in maps.items()} == declared
+    occlusion = HEATMAP_KINDS["occlusion"]
+    assert {each.mode for each in occlusion.outputs(pair.model)} == {channels}
+    x = pair.sim.x.clone()
+    x[..., :6, :6] = pair.real.x[..., :6, :6]
+    before, after = (pair.backend.forward_all(each.numpy()).pose for each in (pair.sim.x, x))
+    errors = [np.hypot(*(pose - TRUTH)[:, :2].T) for pose in (before, after)]
+    maps = occlusion.compute(pair)["sim", channels]
+    np.testing.assert_allclose(maps[:, 0, 0, 0], errors[1] - errors[0], atol=1e-5)
 
 
 def test_activation_is_gradient_times_features(pair: PairBatch) -> None:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from s2rstore.errors import RequestError
 from s2rtools.inference import Backend, MeasuredBackend, calibration, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.models.input_contract import InputContract
 from tests.support import networks
 
 
 def batch(model, n: int = 3) -> np.ndarray:
     rng = np.random.default_rng(0)
-    return (rng.random((n, 4, *model.network.input_size)) * 2 - 1).astype(np.float32)
+    return (rng.random((n, *model.contract.shape)) * 2 - 1).astype(np.float32)
 
 
 @pytest.mark.parametrize("architecture", ["posest", "resposenet"])
@@ -31,6 +34,19 @@ def test_folding_does_not_change_the_outputs(architecture: str) -> None:
     assert result.embedding.shape == (2, model.network.embedding_size)
     names = {type(module).__name__ for module in fold_batch_norm(model.network.trunk).modules()}
     assert "BatchNorm2d" not in names
+
+
+@pytest.mark.parametrize("name", ["torch-bfloat16", "openvino-float32"])
+def test_reduced_networks_take_the_channels_of_their_contract(name: str) -> None:
+    if name.startswith("openvino") and importlib.util.find_spec("openvino") is None:
+        pytest.skip("openvino is not installed")
+    trunk = nn.Sequential(nn.Conv2d(3, 8, 3, padding=1), nn.BatchNorm2d(8), nn.ReLU())
+    contract = InputContract("rgb", (20, 24))
+    model = replace(networks.small_model(trunk, 8, (20, 24)), registered=contract)
+    x = batch(model)
+    assert x.shape == (3, 3, 20, 24)
+    poses = open_backend(model, name).forward_all(x).pose
+    np.testing.assert_allclose(poses, Backend(model).forward_all(x).pose, atol=0.05)
 
 
 def test_torch_is_float32_and_deterministic() -> None:

@@ -215,7 +215,7 @@ class _Group:
             key = f"frames:{domain}:{self._name}"
             files = [
                 (image, shard, entry)
-                for image, each in [*arrays.items(), *self._sources[domain].items()]
+                for image, each in (arrays | self._sources[domain]).items()
                 for shard, entry in enumerate(each.finish())
             ]
             for image, shard, entry in sorted(files, key=lambda file: file[1]):

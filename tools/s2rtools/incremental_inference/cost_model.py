@@ -22,14 +22,14 @@ _FULL_BATCH, _LOCAL_PAIRS = 8, 8
 
 
 def local_cost(
-    graph: LocalGraph, shape: tuple[int, int, int], patches: Sequence[PixelRegion]
+    graph: LocalGraph, image: tuple[int, int, int], patches: Sequence[PixelRegion]
 ) -> float:
     """Estimated time of recomputing each patch of an image locally, relative to in full.
 
-    `shape` is that of the image: channels, rows and columns.
+    `image` is the shape of the image: channels, rows and columns.
     """
     with torch.inference_mode():
-        base = graph.compute_base(torch.zeros(1, *shape), sums=True)
+        base = graph.compute_base(torch.zeros(1, *image), sums=True)
     regions = [graph.affected_regions(patch, base) for patch in patches]
     batches = len({graph.batch_signature(affected) for affected in regions})
     full = local = 0.0

@@ -103,7 +103,7 @@ def _input_key(store: Store, run: Run) -> str:
     """Key of the model and of what it looks at: the choice holds for these."""
     model = store.models[run.model]
     sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
-    facts = {"model": model.sha256, "convention": model.convention, "sides": sides}
+    facts: dict[str, Any] = {"model": model.sha256, "convention": model.convention, "sides": sides}
     if model.input is not None:
         facts["input"] = model.input
     return content_key(facts)

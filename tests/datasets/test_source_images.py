@@ -1,0 +1,159 @@
+"""Images at the size of their source, which networks see, beside the frames of a store."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import check, verify
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.append import append
+from s2rtools.datasets.build import build
+from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.scan import DecodedFrame, InputIssue, ScanOptions
+from s2rtools.models import build_network
+from s2rtools.models.model_registration import pack_weights, register_model
+from s2rtools.precompute.frame_reader import read_pairs
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_registration import insert_run
+from tests.support import pairs
+from tests.support.silent_reporter import SilentReporter
+
+FRAME = (32, 32)
+SOURCE = pairs.HEIGHT, pairs.WIDTH
+
+
+def scan_of(folder: Path, *trajectories: str, frame: tuple[int, int] = FRAME):
+    options = ScanOptions(trajectories, folder / "calibration.toml", frame)
+    return IMPORTERS["sim2realviz"](folder, options)
+
+
+def ingested(folder: Path, store: Path, *trajectories: str, frame=FRAME) -> Path:
+    build(scan_of(folder, *trajectories, frame=frame), store, "", False, lambda steps: None)
+    return store
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    pairs.sim2realviz(folder, 5, ("a", "b"))
+    return folder
+
+
+def test_images_are_kept_as_the_files_hold_them(data: Path, tmp_path: Path) -> None:
+    path = ingested(data, tmp_path / "s.s2r")
+    with s2rstore.open(path) as store:
+        assert store.source_size("sim", 0) == {"rgb": list(SOURCE), "depth": list(SOURCE)}
+        files = store.execute("SELECT rgb_path, depth_path FROM frame WHERE domain = 'real'")
+        ((first, images), (second, others)) = store.source_frames("real", 3, 7)
+        assert (first, second, len(images["rgb"]), len(others["depth"])) == (3, 5, 2, 2)
+        rgb = np.concatenate([images["rgb"], others["rgb"]])
+        for row, (rgb_file, depth_file) in enumerate(files[3:7]):
+            expected = cv2.imread(str(data / rgb_file))[..., ::-1]
+            np.testing.assert_array_equal(rgb[row], expected)
+            depth = cv2.imread(str(data / depth_file), cv2.IMREAD_UNCHANGED)
+            stored = (images if row < 2 else others)["depth"][row % 2]
+            np.testing.assert_array_equal(stored, depth)
+            small = cv2.resize(expected, FRAME, interpolation=cv2.INTER_AREA)
+            np.testing.assert_array_equal(store.frame(3 + row, "real").rgb, small)
+    assert check(path) == dataclasses.replace(check(path), damages=(), notes=())
+
+
+def test_frames_of_the_size_of_their_source_are_stored_once(data: Path, tmp_path: Path) -> None:
+    path = ingested(data, tmp_path / "s.s2r", frame=SOURCE)
+    assert not list(path.glob("frames.zarr/*/*/source_*"))
+    with s2rstore.open(path) as store:
+        assert store.source_size("sim", 0) is None
+        ((_, block), _) = store.source_frames("sim", 0, 10)
+        np.testing.assert_array_equal(block["rgb"], store.frames("sim", 0, 5)["rgb"])
+    assert check(path).notes == ()
+
+
+def test_damage_of_source_images_is_found(data: Path, tmp_path: Path) -> None:
+    path = ingested(data, tmp_path / "s.s2r")
+    (shard,) = path.glob("frames.zarr/sim/a/source_rgb/c.*")
+    content = bytearray(shard.read_bytes())
+    content[40] ^= 1
+    shard.write_bytes(content)
+    assert [damage.where for damage in verify(path)] == [shard.relative_to(path).as_posix()]
+    shard.unlink()
+    assert [damage.what for damage in verify(path)] == ["missing"]
+
+
+@pytest.fixture
+def earlier(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store of one trajectory as release 0.2.0 wrote it: frames and model without more facts."""
+    decode = ImageFiles.decode
+
+    def without_source(*arguments: object) -> DecodedFrame | InputIssue:
+        frame = decode(*arguments)
+        assert isinstance(frame, DecodedFrame)
+        return dataclasses.replace(frame, source=None)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ImageFiles, "decode", without_source)
+        path = ingested(data, tmp_path / "s.s2r", "a")
+    network = build_network("resposenet").eval()
+    with edit(path) as draft:
+        draft.delete("provenance", what="image sizes")
+        register_model(path, draft, "m", pack_weights(network), network.convention)
+        draft.update("model", {"model": "m"}, {"input": None})
+        insert_run(draft, "r", "m", ("sim", "real"))
+    return path
+
+
+def test_stores_of_earlier_releases_open_with_a_note(earlier: Path) -> None:
+    report = check(earlier)
+    assert report.damages == ()
+    (note,) = (note for note in report.notes if "resized" in note)
+    assert "frames of a: " in note
+    assert "32 x 32" in note
+
+
+def test_an_appended_trajectory_is_seen_at_its_own_size(earlier: Path, data: Path) -> None:
+    """Instances of both kinds are computed, and those of the first keep their arrays."""
+    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("occlusion",)))
+    with s2rstore.open(earlier) as store:
+        before = {record.path for record in store.array_kinds("r") if record.kind == "occlusion"}
+    append(scan_of(data), earlier, "", False, lambda steps: None)
+    precompute(earlier, SilentReporter(), [], PrecomputeOptions(("occlusion",)))
+    with s2rstore.open(earlier) as store:
+        parts = [record for record in store.array_parts("r") if record.kind == "occlusion"]
+        assert before < {record.path for record in parts}
+        assert (store.source_size("sim", 4), store.source_size("sim", 5)) != (None, None)
+        sizes = [images["rgb"].shape[1:3] for _, images in store.source_frames("sim", 0, 10)]
+        assert sizes == [FRAME, SOURCE]
+        model = build_network("resposenet")
+        batches = read_pairs(store, store.run("r"), model.contract, 0, 10, 10)
+        x = np.concatenate([frames["sim"].x for _, frames in batches])
+        ((_, _), (_, images)) = store.source_frames("sim", 4, 6)
+        large = cv2.resize(images["rgb"][0], (128, 128), interpolation=cv2.INTER_LINEAR)
+        np.testing.assert_allclose(x[5, :3], large.transpose(2, 0, 1) / 127.5 - 1, atol=1e-6)
+    notes = [note for note in check(earlier).notes if "resized" in note]
+    assert "frames of a: " in notes[0]
+
+
+def test_adjustments_apply_before_the_images_are_resized(data: Path, tmp_path: Path) -> None:
+    path = ingested(data, tmp_path / "s.s2r")
+    network = build_network("resposenet").eval()
+    chain = [{"name": "brightness", "value": 2.5}, {"name": "depth_blur", "value": 1.0}]
+    with edit(path) as draft:
+        register_model(path, draft, "m", pack_weights(network), network.convention)
+        insert_run(draft, "r", "m", ("sim", "real"), {"sim": [], "real": chain})
+    with s2rstore.open(path) as store:
+        ((_, pair),) = read_pairs(store, store.run("r"), network.contract, 0, 2, 2)
+        ((_, images),) = store.source_frames("real", 0, 2)
+        bright = np.clip(np.rint(np.arange(256) * 2.5), 0, 255).astype(np.uint8)[images["rgb"]]
+        large = [cv2.resize(each, (128, 128), interpolation=cv2.INTER_LINEAR) for each in bright]
+        expected = np.moveaxis(np.stack(large) / 127.5 - 1, -1, 1)
+        np.testing.assert_allclose(pair["real"].x[:, :3], expected, atol=1e-6)
+        small = [cv2.resize(each, FRAME, interpolation=cv2.INTER_AREA) for each in bright]
+        np.testing.assert_array_equal(pair["real"].rgb, small)
+        assert pair["real"].depth.shape == (2, *FRAME)
+        assert (pair["sim"].depth == store.frames("sim", 0, 2)["depth"]).all()

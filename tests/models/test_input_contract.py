@@ -1,0 +1,175 @@
+"""Input contracts: files that override them, the check of a forward pass, and stored models."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from torch import nn
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rtools.models import build_network
+from s2rtools.models.input_contract import InputContract, contract_of, read_override
+from s2rtools.models.load_model import load_model, model_outline
+from s2rtools.models.model_registration import add_model, read_weights
+from s2rtui.cli.main import main
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+
+def toml(folder: Path, text: str) -> Path:
+    file = folder / "net.toml"
+    file.write_text(text)
+    return file
+
+
+def rgb_network(size: int = 24) -> nn.Module:
+    """A network of three channels and one size."""
+    torch.manual_seed(0)
+    cells = (size // 4) ** 2
+    return nn.Sequential(
+        nn.Conv2d(3, 4, 4, stride=4), nn.ReLU(), nn.Flatten(), nn.Linear(4 * cells, 3)
+    )
+
+
+def script(folder: Path, network: nn.Module, shape: tuple[int, int, int]) -> Path:
+    file = folder / "net.pt"
+    torch.jit.save(torch.jit.trace(network.eval(), torch.zeros(1, *shape)), str(file))
+    return file
+
+
+def test_the_keys_of_a_file_override_the_declared_contract(tmp_path: Path) -> None:
+    declared = build_network("posest").contract
+    assert (declared.rgb_interpolation, declared.depth_interpolation) == ("bilinear", "bilinear")
+    file = toml(tmp_path, "size = [120, 160]\nmissing_depth = 9.5\ncolour_order = 'bgr'\n")
+    expected = replace(declared, size=(120, 160), missing_depth=9.5, colour_order="bgr")
+    assert read_override(file).applied(declared) == expected
+    file = toml(tmp_path, "missing_depth = 'keep'\n")
+    assert read_override(file).applied(expected).missing_depth is None
+
+
+def test_a_unit_resets_mean_and_deviation(tmp_path: Path) -> None:
+    file = toml(tmp_path, "depth_unit = 0.001\nrgb_scale = 255\nstd = [2, 3, 4]\n")
+    contract = read_override(file).applied(InputContract())
+    assert (contract.depth_unit, contract.depth_mean, contract.depth_std) == (0.001, 0.0, 1.0)
+    assert (contract.mean, contract.std) == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
+
+
+def test_a_contract_is_written_as_the_file_that_gives_it(tmp_path: Path) -> None:
+    contract = InputContract("rgb", (8, 9), "bicubic", mean=(0.1, 0.2, 0.3), missing_depth=None)
+    other = InputContract("depth", depth_range=(0.5, 4.0), missing_depth=2.0, depth_std=0.25)
+    for each in (contract, other):
+        file = toml(tmp_path, each.to_toml())
+        assert read_override(file).applied(InputContract(size=(1, 1))) == each
+
+
+WRONG = {
+    'channels = "rgbx"': "net.toml: channels: expected one of rgb, depth, rgbd, got 'rgbx'",
+    "chanels = 'rgb'": "net.toml: chanels: unknown key; did you mean channels",
+    "size = [224]": r"net.toml: size: expected a list of length 2, got 1",
+    "size = [0, 8]": "size.* >= 1, got 0",
+    "size = [8, 4096]": "size.* <= 2048, got 4096",
+    "std = [1, 0, 1]": "std",
+    "mean = [1, nan, 1]": "mean.*finite",
+    "depth_range = [3, 1]": "depth_range: expected the nearest and the farthest",
+    "missing_depth = 'far'": "missing_depth: expected metres or \"keep\", got 'far'",
+    "rgb_interpolation = 'lanczos'": "rgb_interpolation: expected one of nearest, ",
+    "size = ": "net.toml: ",
+}
+
+
+@pytest.mark.parametrize("text", list(WRONG))
+def test_a_wrong_key_or_value_is_named(tmp_path: Path, text: str) -> None:
+    with pytest.raises(RequestError, match=WRONG[text]) as error:
+        read_override(toml(tmp_path, text))
+    assert "\n" not in str(error.value)
+
+
+def refusal(tmp_path: Path, network: nn.Module, shape: tuple[int, int, int], text: str) -> str:
+    file = script(tmp_path, network, shape)
+    with pytest.raises(RequestError) as error:
+        read_weights(file, "torchscript", True, read_override(toml(tmp_path, text)))
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_wrong_channels_name_the_key_to_set(tmp_path: Path) -> None:
+    said = refusal(tmp_path, rgb_network(), (3, 24, 24), "size = [24, 24]")
+    assert "expected 3 channels, got 4" in said
+    assert said.endswith(f'set channels = "rgb" in {tmp_path / "net.toml"}')
+
+
+def test_a_wrong_size_names_the_key_to_set(tmp_path: Path) -> None:
+    said = refusal(tmp_path, rgb_network(64), (3, 64, 64), "channels = 'rgb'\nsize = [48, 48]")
+    assert "expected images of 64 x 64, got 48 x 48; set size = [64, 64]" in said
+
+
+def test_an_output_without_a_pose_is_refused(tmp_path: Path) -> None:
+    network = nn.Sequential(nn.Flatten(), nn.Linear(3 * 64, 7))
+    said = refusal(tmp_path, network, (3, 8, 8), "channels = 'rgb'\nsize = [8, 8]")
+    assert "expected an output of (1, 3) or (1, 4), got (1, 7)" in said
+
+
+def test_a_built_in_network_is_checked_too(tmp_path: Path) -> None:
+    torch.save(build_network("resposenet").state_dict(), tmp_path / "w.pth")
+    override = read_override(toml(tmp_path, "channels = 'rgb'"))
+    with pytest.raises(RequestError, match='expected 4 channels, got 3; set channels = "rgbd"'):
+        read_weights(tmp_path / "w.pth", "resposenet", override=override)
+
+
+def test_a_registered_contract_is_stored_listed_and_loaded(
+    store_copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = script(tmp_path, rgb_network(), (3, 24, 24))
+    given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees,habitat'\n")
+    add_model(store_copy, "rgb", file, "torchscript", None, True, given)
+    expected = InputContract("rgb", (24, 24))
+    with s2rstore.open(store_copy) as store:
+        assert store.models["rgb"].channels == "rgb"
+        model = load_model(store, "rgb", trust=True)
+        assert model.contract == model.network.contract == expected
+        assert (model.convention.heading, model.convention.frame) == ("degrees", "habitat")
+    assert main(["models", str(store_copy), "--json"]) == 0
+    listed = {row["model"]: row for row in json.loads(capsys.readouterr().out)}
+    assert listed["rgb"]["input"] == json.loads(expected.to_json())
+    assert main(["models", str(store_copy)]) == 0
+    assert "rgb mean 0.5,0.5,0.5 std 0.5,0.5,0.5" in capsys.readouterr().out
+
+
+def test_a_convention_is_given_once(store_copy: Path, tmp_path: Path) -> None:
+    file = script(tmp_path, rgb_network(), (3, 24, 24))
+    given = toml(tmp_path, "channels = 'rgb'\nsize = [24, 24]\nconvention = 'degrees'\n")
+    with pytest.raises(RequestError, match=r"--convention: .*net\.toml names one, too"):
+        add_model(store_copy, "rgb", file, "torchscript", "degrees", True, given)
+
+
+def test_models_of_earlier_releases_keep_their_input(store_copy: Path, tmp_path: Path) -> None:
+    torch.save(build_network("posest").state_dict(), tmp_path / "w.pth")
+    add_model(store_copy, "old", tmp_path / "w.pth", "posest", None, False)
+    with edit(store_copy) as draft:
+        draft.update("model", {"model": "old"}, {"input": None})
+    with s2rstore.open(store_copy) as store:
+        contract = contract_of(store.models["old"], "store")
+        assert contract == InputContract(size=(256, 256))
+        assert model_outline(store, "old").contract == contract
+        assert store.models["old"].channels == "rgbd"
+
+
+@pytest.mark.parametrize(
+    "change", [{"channels": "grey"}, {"mean": [1, 2]}, {"depth_unit": "m"}, {"size": None}]
+)
+def test_a_damaged_contract_is_refused(
+    store_copy: Path, tmp_path: Path, change: dict[str, object]
+) -> None:
+    torch.save(build_network("resposenet").state_dict(), tmp_path / "w.pth")
+    add_model(store_copy, "m", tmp_path / "w.pth", "resposenet", None, False)
+    stored = json.loads(InputContract(size=(128, 128)).to_json()) | change
+    with edit(store_copy) as draft:
+        draft.update("model", {"model": "m"}, {"input": json.dumps(stored)})
+    with pytest.raises(RequestError, match=f"table model: input of 'm': {next(iter(change))}"):
+        s2rstore.open(store_copy)
