@@ -39,7 +39,11 @@ def rows_by_trajectory(store: Path) -> dict[str, object]:
                 "SELECT trajectory, seq, frame.* EXCLUDE (iid) FROM frame JOIN instance USING "
                 "(iid) ORDER BY trajectory, seq, domain"
             ),
-            "checksums": dict(opened.checksums),
+            "checksums": {
+                file: digest
+                for file, digest in opened.checksums.items()
+                if not file.startswith("assets/")
+            },
         }
         for domain in opened.domains:
             images = opened.frames(domain, 0, len(opened.instances))

@@ -118,7 +118,7 @@ def test_bounds_rooms_and_floor_plan_of_the_store_are_kept_and_others_reported(
     assert kinds(other) == {"other bounds": 1, "other rooms": 1, "other floor plan": 1}
     with s2rstore.open(store) as opened:
         assert (opened.dataset.bounds, opened.rooms) == (dataset.bounds, rooms)
-        assert opened.dataset.floor_plan is None
+        assert opened.dataset.floor_plan == dataset.floor_plan
         truth = opened.instances
         assert (truth.room[:N] == truth.room[N : 2 * N]).all()
         recorded = json.loads(opened.provenance("dataset")["append:1"])["problems"]

@@ -47,7 +47,7 @@ def frames(side: str) -> DepthFrames:
     poses = data.poses["traj1"][:CHECKED]
     views = data.views(side, poses, np.arange(len(poses)))  # type: ignore[arg-type]
     domain = world_scan(count=COUNT).domains[side]
-    return DepthFrames(domain, data.raw_depth(views), np.asarray(poses, np.float64), True)
+    return DepthFrames.of(domain, data.raw_depth(views), np.asarray(poses, np.float64), True)
 
 
 def wrongly_declared(source: DepthFrames, error: Convention) -> DepthFrames:
@@ -55,7 +55,8 @@ def wrongly_declared(source: DepthFrames, error: Convention) -> DepthFrames:
     poses = source.poses.copy()
     poses[:, 2] = angles.wrap(error.sign * poses[:, 2] + error.quarters * np.pi / 2)
     domain = replace(source.domain, depth_scale=source.domain.depth_scale * error.scale)
-    return DepthFrames(domain, source.depth, poses, source.y_down != error.flipped)
+    y_down = source.y_down != error.flipped
+    return replace(source, domain=domain, poses=poses, y_down=y_down)
 
 
 def undone(error: Convention) -> Convention:
@@ -90,7 +91,7 @@ def test_conventions_are_distinct_and_have_their_own_names() -> None:
 
 def test_few_frames_decide_nothing() -> None:
     source = frames("sim")
-    few = DepthFrames(source.domain, source.depth[:12], source.poses[:12], True)
+    few = replace(source, raw=source.raw[:12], poses=source.poses[:12])
     check = check_conventions(wrongly_declared(few, Convention(quarters=1)))
     assert check.verdict == "not decided"
     assert check.text == f"sim not decided (12 frames, {check.points} points)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,8 @@ from s2rtools.datasets.floor_plans import (
     occupancy_grid,
     placed_plan,
 )
+from tests.datasets.helpers import scan_of
+from tests.support import pairs
 
 GRID = """# a map
 image: map.pgm
@@ -147,3 +150,59 @@ def test_large_plans_are_averaged(tmp_path: Path) -> None:
     assert image.shape == (1056, 1056, 3)
     assert image[500, 100, 0] == 254
     assert abs(int(image[500, 800, 0]) - 127) < 20
+
+
+def header_of(folder: Path, plan: str, bounds: bool = True) -> Path:
+    """A CSV manifest whose configuration has a floor plan."""
+    path = pairs.manifest(folder, n=2)
+    text = pairs.HEADER
+    if not bounds:
+        text = text.replace("[bounds]\nx0 = 0.0\ny0 = 0.0\nx1 = 8.0\ny1 = 6.0\n", "")
+    path.with_suffix(".toml").write_text(plan + "\n" + text if "[" not in plan else text + plan)
+    return path
+
+
+TABLE = '[floor_plan]\nimage = "plan.png"\npoints = [[0, 0, 0, 0], [120, 80, 6.0, 4.0]]\n'
+
+
+@pytest.mark.parametrize("plan", ['floor_plan = "map.yaml"', TABLE])
+def test_placed_plan_of_a_configuration_fills_its_bounds_or_defines_them(
+    tmp_path: Path, plan: str
+) -> None:
+    path = header_of(tmp_path, plan)
+    pixels = np.full((80, 120), 254, np.uint8)
+    write_grid(tmp_path, pixels)
+    cv2.imwrite(str(tmp_path / "plan.png"), pixels)
+    scan = scan_of("csv", path)
+    assert scan.bounds == Bounds(0.0, 0.0, 8.0, 6.0)
+    assert isinstance(scan.floor_plan, np.ndarray)
+    assert scan.floor_plan.shape == (792, 1056, 3)
+    header_of(tmp_path, plan, bounds=False)
+    own = Bounds(-2.0, -1.0, 4.0, 3.0) if "yaml" in plan else Bounds(0.0, 0.0, 6.0, 4.0)
+    assert astuple(scan_of("csv", path).bounds) == pytest.approx(astuple(own))
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [('floor_plan = "none.yaml"', r"none\.yaml"),
+     ('floor_plan = "../map.yaml"', r"floor_plan: '\.\./map\.yaml'"),
+     ('[floor_plan]\nimage = "plan.png"\npoints = [[0, 0, 0, 0]]\n', "two points"),
+     ('[floor_plan]\nimage = "plan.png"\n', r"floor_plan\.points: missing"),
+     ('[floor_plan]\nimage = "no.png"\npoints = [[0, 0, 0, 0], [9, 9, 1, 1]]\n', r"no\.png"),
+     ("floor_plan = 3", "floor_plan"), ("", "bounds: missing")],
+)  # fmt: skip
+def test_unusable_plans_of_a_configuration_are_refused(
+    tmp_path: Path, plan: str, message: str
+) -> None:
+    path = header_of(tmp_path, plan, bounds=False)
+    with pytest.raises(RequestError, match=message) as error:
+        scan_of("csv", path)
+    assert "\n" not in str(error.value)
+
+
+def test_image_of_a_grid_outside_the_folder_is_refused(tmp_path: Path) -> None:
+    path = header_of(tmp_path / "data", 'floor_plan = "map.yaml"')
+    grid = write_grid(tmp_path / "data", np.full((8, 8), 254, np.uint8))
+    grid.write_text(grid.read_text().replace("map.pgm", "/etc/hostname"))
+    with pytest.raises(RequestError, match="--allow-outside"):
+        scan_of("csv", path)

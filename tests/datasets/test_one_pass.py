@@ -115,7 +115,7 @@ def test_the_most_common_depth_type_is_kept_wherever_the_others_are(
                 small = cv2.resize(depth, SIZE, interpolation=cv2.INTER_NEAREST_EXACT)
                 assert np.array_equal(opened.frame(iid, domain).depth, small)
     assert {path.name for path in store.iterdir()} == {
-        "CURRENT.json", "frames.zarr", "index", "ledger",
+        "CURRENT.json", "assets", "frames.zarr", "index", "ledger",
     }  # fmt: skip
 
 

@@ -156,8 +156,8 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
 
 
 def _append(scan: Any, options: argparse.Namespace) -> int:
+    from s2rtools.datasets import convention_report
     from s2rtools.datasets.append import append
-    from s2rtools.datasets.convention_report import check_stored, doubts, report_line
 
     try:
         with reporter() as progress:
@@ -172,15 +172,15 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         return 0
     with s2rstore.open(options.store) as store:
         count, runs = len(store.instances), any(run.key for run in store.runs.values())
-        checks = check_stored(store, store.parts[-1].first_iid)
+        checks = convention_report.check_stored(store, store.parts[-1].first_iid)
     trajectories = ", ".join(f"{name} ({number})" for name, number in added.items())
     print(
         f"{options.store}: {sum(added.values())} instances added, now {count}; "
         f"new trajectories {trajectories}"
     )
     if checks:
-        print(printable(report_line(checks)))
-        scan.issues += doubts(checks)
+        print(printable(convention_report.line(checks)))
+        scan.issues += convention_report.doubts(checks)
     if runs:
         command = f"s2r precompute {shlex.quote(str(options.store))}"
         print(f"`{command}` computes the runs for the new instances")

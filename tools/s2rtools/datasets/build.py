@@ -16,8 +16,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.index.transaction import edit
-from s2rtools.datasets.convention_report import check_ingested
-from s2rtools.datasets.convention_report import report_line as convention_line
+from s2rtools.datasets import convention_report
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.floor_plans import plan_from_depth
 from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
@@ -56,17 +55,22 @@ def build(
     try:
         folder.mkdir(parents=True)
         stored = write_frames(scan, folder, progress)
-        if scan.floor_plan is None and scan.has_poses:
-            scan.floor_plan = plan_from_depth(scan, stored, folder)
         plan = floor_plan_image(scan)
+        drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
+        plan = plan if drawn is None else drawn.image
         name = None if plan is None else _write_floor_plan(plan, folder)
-        if checks := check_ingested(scan, stored, folder, plan):
-            report_line(convention_line(checks))
+        checks = convention_report.check_ingested(scan, stored, folder, plan)
+        if checks:
+            report_line(convention_report.line(checks))
         refuse_unusable(scan, strict)
         if scan.drives:
             scan.drives(folder / layout.DRIVES)
         with edit(folder) as draft:
             write_index(draft, scan, stored, name, command)
+            draft.set_provenance(convention_report.PROVENANCE, convention_report.facts(checks))
+            if drawn is not None:
+                facts = {"drawn_from": f"depth of {drawn.domain}", "frames": drawn.frames}
+                draft.set_provenance("floor_plan", facts)
             draft.record_checksums(unlisted_checksums(folder))
         folder.rename(target)
         atomic_writes.sync_path(target.parent)

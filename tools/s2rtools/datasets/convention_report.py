@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -23,15 +25,16 @@ from s2rtools.datasets.convention_check import (
 from s2rtools.datasets.depth_frames import (
     DepthFrames,
     DepthPoints,
-    first_rows,
     pixels_on_map,
     read_depth,
+    stored_rows,
 )
 from s2rtools.datasets.scan import InputIssue, Scan
 from s2rtools.datasets.stored_instances import StoredRecords
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
+Row = TypeVar("Row")
 
 PICTURE = f"{layout.ASSETS}/conventions.png"
 PROVENANCE = "conventions"
@@ -49,44 +52,45 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 def check_ingested(
     scan: Scan, stored: StoredRecords, root: Path, plan: Image | None
 ) -> list[ConventionCheck]:
-    """Check the frames below `root`, which become a store, and add the result to it.
+    """Check the frames below `root`, which become a store, and draw what was compared.
 
-    `plan` (h, w, 3) BGR fills the bounds. Writes `PICTURE` and the section `PROVENANCE` of the
-    scan, and adds an issue for each domain whose declared conventions are doubtful.
+    `plan` (h, w, 3) BGR fills the bounds. Writes `PICTURE`, and adds an issue to the scan for each
+    domain whose declared conventions are doubtful. Empty without poses or depth.
     """
     if not scan.has_poses:
         return []
-    searched = first_rows(stored, _MAX_SEARCHED)
-    rows = [searched[row] for row in _moving_rows(np.array([each.pose for each in searched]))]
+    rows = _moving(islice(stored_rows(stored), _MAX_SEARCHED), lambda each: each.pose)
     read = (read_depth(scan, domain, rows, root) for domain in scan.domains.values())
     compared = [frames for frames in read if frames is not None]
     checks = [check_conventions(frames) for frames in compared]
-    if not checks:
-        return []
-    picture = draw(compared, checks, scan.bounds, plan)
-    atomic_writes.write(root, PICTURE, cv2.imencode(".png", picture)[1].tobytes())
-    scan.provenance[PROVENANCE] = {
-        check.domain: {**check.facts(), "picture": PICTURE} for check in checks
-    }
-    scan.issues += doubts(checks)
+    if checks:
+        picture = draw(compared, checks, scan.bounds, plan)
+        atomic_writes.write(root, PICTURE, cv2.imencode(".png", picture)[1].tobytes())
+        scan.issues += doubts(checks)
     return checks
 
 
 def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     """Check the frames of a store from an iid on."""
+    if not store.has_poses:
+        return []
     truth = store.instances
-    poses = np.stack([truth.x, truth.y, truth.heading], axis=1)[first_iid:]
-    rows = first_iid + np.array(_moving_rows(poses), dtype=np.int64)
+    poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+    rows = _moving(range(first_iid, len(poses))[:_MAX_SEARCHED], lambda iid: poses[iid])
     checks = []
     for domain in store.domains.values():
-        if not domain.has_depth:
-            continue
-        depth = [store.frames(domain.domain, row, row + 1, ("depth",))["depth"] for row in rows]
-        frames = DepthFrames(
-            domain, np.concatenate(depth), store.poses(domain.domain)[rows], store.dataset.y_down
-        )
-        checks.append(check_conventions(frames))
+        if domain.has_depth:
+            depth = [store.frames(domain.domain, i, i + 1, ("depth",))["depth"][0] for i in rows]
+            frames = DepthFrames.of(
+                domain, depth, store.poses(domain.domain)[rows], store.dataset.y_down
+            )
+            checks.append(check_conventions(frames))
     return checks
+
+
+def facts(checks: Sequence[ConventionCheck]) -> dict[str, dict[str, Any]]:
+    """The figures of each domain, for section `PROVENANCE` of a store's provenance."""
+    return {check.domain: {**check.facts(), "picture": PICTURE} for check in checks}
 
 
 def doubts(checks: Sequence[ConventionCheck]) -> list[InputIssue]:
@@ -104,24 +108,26 @@ def doubts(checks: Sequence[ConventionCheck]) -> list[InputIssue]:
     ]
 
 
-def report_line(checks: Sequence[ConventionCheck]) -> str:
+def line(checks: Sequence[ConventionCheck]) -> str:
     """All results in one line."""
     return f"headings, handedness and depth scale: {', '.join(check.text for check in checks)}"
 
 
-def _moving_rows(poses: Floats) -> list[int]:
-    """The first rows of poses (n, 3) that differ from the one chosen before."""
-    rows: list[int] = []
-    for row in range(min(len(poses), _MAX_SEARCHED)):
-        if len(rows) == MAX_FRAMES:
-            break
-        last = poses[rows[-1]] if rows else None
+def _moving(rows: Iterable[Row], pose: Callable[[Row], Sequence[float] | Floats]) -> list[Row]:
+    """The first `MAX_FRAMES` rows whose pose is apart from that of the row chosen before."""
+    chosen: list[Row] = []
+    last: Sequence[float] | Floats | None = None
+    for row in rows:
+        here = pose(row)
         if last is None or (
-            np.hypot(*(poses[row, :2] - last[:2])) >= _MOVED
-            or angles.distance(poses[row, 2], last[2]) >= _TURNED
+            np.hypot(here[0] - last[0], here[1] - last[1]) >= _MOVED
+            or angles.distance(here[2], last[2]) >= _TURNED
         ):
-            rows.append(row)
-    return rows
+            chosen.append(row)
+            last = here
+            if len(chosen) == MAX_FRAMES:
+                break
+    return chosen
 
 
 def draw(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,16 +22,37 @@ Floats = NDArray[np.float64]
 
 _SAMPLES = 48
 """Depth pixels along each axis of a frame."""
+_BLOCK = 64
+"""Records that are made together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthFrames:
-    """Raw depth (n, h, w) of a domain at poses (n, 3): x, y in metres and heading in radians."""
+    """Samples of depth images of a domain.
+
+    `raw` (n, r, c) are the raw values of images of (height, width) `size` at `r` by `c` pixels that
+    are evenly spread. `poses` (n, 3) are x, y in metres and heading in radians.
+    """
 
     domain: Domain
-    depth: NDArray[Any]
+    raw: NDArray[Any]
+    size: tuple[int, int]
     poses: Floats
     y_down: bool
+
+    @classmethod
+    def of(
+        cls, domain: Domain, depth: Sequence[NDArray[Any]], poses: Floats, y_down: bool
+    ) -> DepthFrames:
+        """Samples of images (n, h, w) of one size; at least one."""
+        raw = np.stack([image[sampled_grid(image.shape)] for image in depth])
+        return cls(domain, raw, depth[0].shape, poses, y_down)
+
+
+def sampled_grid(size: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows (r, 1) and columns (1, c) of the sampled pixels of images of (height, width)."""
+    rows, cols = (camera.sample_pixels(min(_SAMPLES, extent), extent) for extent in size)
+    return rows[:, None], cols[None, :]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,51 +73,50 @@ class StoredRow:
         return self.pose if own is None else (own.x, own.y, own.heading)
 
 
-def first_rows(stored: StoredRecords, count: int) -> list[StoredRow]:
-    """At most `count` of the first stored instances, by trajectory name, in recording order."""
-    rows: list[StoredRow] = []
+def stored_rows(stored: StoredRecords) -> Iterator[StoredRow]:
+    """All stored instances, by trajectory name, in recording order."""
     for name in sorted(stored):
-        records = stored[name].records(0, count - len(rows))
-        rows += [StoredRow(name, row, record) for row, record in enumerate(records)]
-    return rows
+        for start in range(0, len(stored[name]), _BLOCK):
+            records = stored[name].records(start, start + _BLOCK)
+            for row, record in enumerate(records, start):
+                yield StoredRow(name, row, record)
 
 
-def spread_rows(stored: StoredRecords, count: int) -> list[StoredRow]:
-    """About `count` of all stored instances, evenly spread."""
+def spread_rows(stored: StoredRecords, count: int) -> Iterator[StoredRow]:
+    """At most `count` of all stored instances and one more per trajectory, evenly spread."""
     step = max(1, -(-sum(map(len, stored.values())) // count))
-    return [
-        StoredRow(name, row, stored[name].records(row, row + 1)[0])
-        for name in sorted(stored)
-        for row in range(0, len(stored[name]), step)
-    ]
+    for name in sorted(stored):
+        for row in range(0, len(stored[name]), step):
+            yield StoredRow(name, row, stored[name].records(row, row + 1)[0])
 
 
 def read_depth(
     scan: Scan, domain: Domain, rows: Iterable[StoredRow], root: Path
 ) -> DepthFrames | None:
     """The depth of instances whose frames lie below `root`; None for a domain without depth."""
-    depth, poses = [], []
+    raw, poses = [], []
+    size = 0, 0
     for each in rows:
         folder = f"{layout.FRAMES}/{domain.domain}/{each.trajectory}/depth"
         if safe_files.kind(root, folder) is None:
             continue
-        array = stored_array.open_read(root / folder, root)
-        depth.append(array.rows(each.row, each.row + 1)[0])
+        image = stored_array.open_read(root / folder, root).rows(each.row, each.row + 1)[0]
+        size = image.shape
+        raw.append(image[sampled_grid(size)])
         poses.append(each.pose_in(domain.domain))
-    if not depth:
+    if not raw:
         return None
-    return DepthFrames(domain, np.stack(depth), np.array(poses), scan.y_down)
+    return DepthFrames(domain, np.stack(raw), size, np.array(poses), scan.y_down)
 
 
 class DepthPoints:
     """Samples of depth images whose points lie between `HEIGHTS` above the floor."""
 
     def __init__(self, source: DepthFrames) -> None:
-        domain, depth = source.domain, source.depth
-        rows, cols = (camera.sample_pixels(min(_SAMPLES, n), n) for n in depth.shape[1:])
-        raw = depth[:, rows[:, None], cols[None, :]]
+        domain, raw = source.domain, source.raw
+        rows, cols = (part.ravel() + np.float64(0.5) for part in sampled_grid(source.size))
         self.source = source
-        self._rays = camera.rays(domain.depth, rows + np.float64(0.5), cols + np.float64(0.5))
+        self._rays = camera.rays(domain.depth, rows, cols)
         self._metres = raw * np.float64(domain.depth_scale)
         height = domain.camera_height + self._metres * self._rays.up
         self._used = (raw >= domain.depth_raw_min) & (raw <= domain.depth_raw_max)

@@ -19,6 +19,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
@@ -45,7 +46,7 @@ _OCCUPIED, _FREE = 40, 254
 """Grey values of occupied and free cells."""
 _LONGER_SIDE = 1056
 """Pixels of a resampled plan."""
-_DRAWN_FRAMES = 400
+_DRAWN_FRAMES, _DRAWN_TOGETHER = 400, 25
 _DRAWN_CELL = 0.05
 """Metres of a pixel of a plan that is drawn from depth, or more if it would be too large."""
 _MAX_YAML_BYTES = 65_536
@@ -256,33 +257,42 @@ def _read_rgb(path: Path) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
-def plan_from_depth(scan: Scan, stored: StoredRecords, root: Path) -> NDArray[np.uint8] | None:
-    """A plan (h, w, 3) RGB that fills the bounds, drawn from depth images below `root`.
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnPlan:
+    """A plan (h, w, 3) uint8 BGR that was drawn from depth images of a domain."""
+
+    image: NDArray[np.uint8]
+    domain: str
+    frames: int
+
+
+def plan_from_depth(scan: Scan, stored: StoredRecords, root: Path) -> DrawnPlan | None:
+    """A plan that fills the bounds, drawn from depth images below `root`.
 
     A cell is the darker, the more points between 0.1 and 2 m above the floor fall on it. The domain
     is the first simulated one with depth, whose poses are exact, else the first one. None without
-    depth, or where nothing lies on the map. Adds section `floor_plan` to the scan's provenance.
+    poses or depth, or where nothing lies on the map.
     """
-    rows = spread_rows(stored, _DRAWN_FRAMES)
+    bounds = scan.bounds
     for domain in sorted(scan.domains.values(), key=lambda each: each.kind != "sim"):
-        frames = read_depth(scan, domain, rows, root)
-        if frames is None:
-            continue
-        x, y = DepthPoints(frames).on_floor()
-        bounds = scan.bounds
-        size = round(bounds.height / _DRAWN_CELL), round(bounds.width / _DRAWN_CELL)
-        scale = min(1.0, _LONGER_SIDE / max(*size, 1))
-        size = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
-        counts = pixels_on_map(x, y, bounds, scan.y_down, size)
+        if not scan.has_poses:
+            break
+        metres = max(_DRAWN_CELL, max(bounds.width, bounds.height) / _LONGER_SIDE)
+        size = max(1, round(bounds.height / metres)), max(1, round(bounds.width / metres))
+        counts, used = np.zeros(size, np.int64), 0
+        remaining = spread_rows(stored, _DRAWN_FRAMES)
+        while rows := list(islice(remaining, _DRAWN_TOGETHER)):
+            if (frames := read_depth(scan, domain, rows, root)) is not None:
+                x, y = DepthPoints(frames).on_floor()
+                counts += pixels_on_map(x, y, bounds, scan.y_down, size)
+                used += len(frames.poses)
         if counts.any():
-            facts = {"drawn_from": f"depth of {domain.domain}", "frames": len(frames.poses)}
-            scan.provenance["floor_plan"] = facts
-            return _shaded(counts)
+            return DrawnPlan(_shaded(counts), domain.domain, used)
     return None
 
 
 def _shaded(counts: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """An image (h, w, 3) of counts (h, w) that are not all 0."""
+    """An image (h, w, 3), the same in RGB and BGR, of counts (h, w) that are not all 0."""
     dark = np.minimum(1.0, counts / np.percentile(counts[counts > 0], 90))
     grey = np.round(_FREE + (_OCCUPIED - _FREE) * np.sqrt(dark)).astype(np.uint8)
     return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB), dtype=np.uint8)

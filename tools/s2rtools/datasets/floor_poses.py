@@ -135,37 +135,45 @@ def project_to_floor(recording: Recording, options: FloorOptions | None = None) 
         for name, trajectory in recording.trajectories.items()
     }
     poses = {name: _on_floor(each) for name, each in cameras.items()}
-    for name, each in poses.items():
-        without = np.flatnonzero(np.isnan(each[:, 2]))
-        files = (recording.trajectories[name].frames[row].rgb.name for row in without)
-        issues += [
-            InputIssue("no heading", file, "the camera looks straight up or down") for file in files
-        ]
+    issues += _without_heading(recording, poses)
     everything = np.concatenate(list(cameras.values()))
-    headings = np.concatenate(list(poses.values()))[:, 2]
-    pitch, tilt = _tilt(everything, headings)
-    low, middle, high = np.percentile(everything[:, 2, 3], [5, 50, 95])
-    camera_height = math.nan if math.isnan(ground) else float(middle)
-    height_text = "height unknown" if math.isnan(ground) else f"{camera_height:.3f} m above it"
-    report = [
-        f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
-        f"camera {height_text} ({high - low:.3f} m between the 5th and the 95th percentile), "
-        f"pitch {math.degrees(pitch):.2f} degrees, tilt {math.degrees(np.median(tilt)):.2f} "
-        f"degrees in the median, at most {math.degrees(tilt.max()):.2f}",
-    ]
-    if np.median(tilt) > _TILT_MEDIAN or tilt.max() > _TILT_MAX:
-        detail = (
-            f"tilt {math.degrees(np.median(tilt)):.1f} degrees in the median, at most "
-            f"{math.degrees(tilt.max()):.1f}; roll and changes of pitch are not on the floor plan"
-        )
+    pitch, tilt = _tilt(everything, np.concatenate(list(poses.values()))[:, 2])
+    low, middle, high = (float(each) for each in np.percentile(everything[:, 2, 3], [5, 50, 95]))
+    camera_height = math.nan if math.isnan(ground) else middle
+    tilt_median, tilt_max = float(np.median(tilt)), float(tilt.max())
+    tilt_text = (
+        f"tilt {math.degrees(tilt_median):.1f} degrees in the median, at most "
+        f"{math.degrees(tilt_max):.1f}"
+    )
+    if tilt_median > _TILT_MEDIAN or tilt_max > _TILT_MAX:
+        detail = f"{tilt_text}; roll and changes of pitch are not on the floor plan"
         issues.append(InputIssue("camera not level", recording.name, detail))
     if not recording.is_metric and unit == 1.0:
         detail = "the layout leaves it open; give metres_per_unit"
         issues.append(InputIssue("scale of the world not known", recording.name, detail))
+    height_text = "height unknown" if math.isnan(ground) else f"{camera_height:.3f} m above it"
+    report = (
+        f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
+        f"camera {height_text} ({high - low:.3f} m between the 5th and the 95th percentile), "
+        f"pitch {math.degrees(pitch):.2f} degrees, {tilt_text}",
+    )
     return FloorPoses(
-        poses, cameras, world_to_floor, up, camera_height, float(high - low), pitch,
-        float(np.median(tilt)), float(tilt.max()), tuple(report), issues,
+        poses, cameras, world_to_floor, up, camera_height, high - low, pitch, tilt_median,
+        tilt_max, report, issues,
     )  # fmt: skip
+
+
+def _without_heading(recording: Recording, poses: dict[str, Floats]) -> list[InputIssue]:
+    """An issue for each frame that looks straight up or down."""
+    return [
+        InputIssue(
+            "no heading",
+            recording.trajectories[name].frames[int(row)].rgb.name,
+            "the camera looks straight up or down",
+        )
+        for name, each in poses.items()
+        for row in np.flatnonzero(np.isnan(each[:, 2]))
+    ]
 
 
 def _up(
