@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
+
+from s2rtools.datasets.scan import InputIssue
 
 MAX_NORM_ERROR = 1e-2
 """Deviation from 1 of a quaternion's norm that rounding in a text file explains."""
@@ -39,6 +43,27 @@ def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
         proper &= np.linalg.det(np.nan_to_num(rotations)) > 0
         near = np.abs(poses[:, :3, 3]).max(axis=1) <= MAX_COORDINATE
     return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
+
+
+def checked_poses(
+    poses: NDArray[np.float64], place: Callable[[int], str]
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], list[InputIssue]]:
+    """The usable ones of poses (N, 4, 4) with exact rotations, and an issue for each other.
+
+    Gives a mask (N,) and the poses that it selects; `place(row)` names the file in an issue.
+    """
+    good = usable_poses(poses)
+    issues = [
+        InputIssue(
+            "unusable pose",
+            place(int(row)),
+            "its rotation is not orthonormal"
+            if np.isfinite(poses[row]).all() and np.abs(poses[row, :3, 3]).max() <= MAX_COORDINATE
+            else f"not finite numbers up to {MAX_COORDINATE:,.0f}",
+        )
+        for row in np.flatnonzero(~good)
+    ]
+    return good, orthonormal(poses[good]), issues
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:

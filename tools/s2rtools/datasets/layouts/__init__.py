@@ -11,10 +11,13 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtools.datasets.layouts import nerfstudio
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
-LAYOUTS: dict[str, Layout] = {}
+LAYOUTS: dict[str, Layout] = {
+    "nerfstudio": nerfstudio.LAYOUT,
+}
 
 
 def layout_names() -> list[str]:

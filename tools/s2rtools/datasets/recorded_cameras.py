@@ -1,0 +1,74 @@
+"""The camera of a recording whose files state one for each image, or several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+
+from s2rstore.errors import RequestError
+from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.datasets.recording import PinholeCamera
+
+MEDIAN = "median"
+"""Value of the option `camera` for the median of all cameras, which must have one image size."""
+_MOST_NAMED = 8
+"""Cameras that a message lists."""
+
+
+def check_camera(camera: PinholeCamera, where: object) -> PinholeCamera:
+    """The camera. Raises RequestError, beginning with `where`, unless it can have made an image."""
+    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
+    if not np.isfinite(numbers).all() or min(camera.fx, camera.fy) <= 0:
+        raise RequestError(f"{where}: focal lengths must be larger than 0, and all values finite")
+    if min(camera.width, camera.height) < 1 or camera.width * camera.height > MAX_PIXELS:
+        size = f"{camera.width}x{camera.height}"
+        raise RequestError(f"{where}: {size} pixels; 1 to {MAX_PIXELS:,} are read")
+    return camera
+
+
+def choose_camera(
+    cameras: Mapping[str, PinholeCamera], images: Sequence[str], option: str | None, where: Path
+) -> tuple[PinholeCamera, frozenset[str], str]:
+    """The camera of a recording, the names of those whose images it stands for, and a remark.
+
+    `images` names the camera of each image. The option names one camera, or is `MEDIAN`: then the
+    remark states how far a camera is from the median. By default all cameras must be equal. Raises
+    RequestError, which lists the cameras, if there are several or the option names none.
+    """
+    used = {name: cameras[name] for name in dict.fromkeys(images)}
+    if option is not None and option != MEDIAN:
+        if option not in used:
+            raise RequestError(f"{where}: no images of camera {option!r} ({_listed(used, images)})")
+        return used[option], frozenset((option,)), ""
+    first = next(iter(used.values()))
+    if all(camera == first for camera in used.values()):
+        return first, frozenset(used), ""
+    kinds = {
+        (each.width, each.height, each.is_fisheye, len(each.distortion)) for each in used.values()
+    }
+    if option is None or len(kinds) > 1:
+        advice = "choose one with option camera=NAME"
+        if len(kinds) == 1:
+            advice += f", or their median with camera={MEDIAN}"
+        raise RequestError(f"{where}: {len(used)} cameras ({_listed(used, images)}); {advice}")
+    values = np.array([(*astuple(each)[2:6], *each.distortion) for each in used.values()])
+    fx, fy, cx, cy, *distortion = np.median(values, axis=0).tolist()
+    camera = PinholeCamera(
+        first.width, first.height, fx, fy, cx, cy, tuple(distortion), first.is_fisheye
+    )
+    spread = np.abs(values - np.median(values, axis=0)).max(axis=0)
+    focal, centre = spread[:2].max(), spread[2:4].max()
+    remark = f"median of {len(used)} cameras; focal lengths differ by at most {focal:.2f} pixels, "
+    return camera, frozenset(used), remark + f"centres by {centre:.2f}"
+
+
+def _listed(cameras: Mapping[str, PinholeCamera], images: Sequence[str]) -> str:
+    texts = [
+        f"{name}: {camera.width}x{camera.height}, fx {camera.fx:.1f}, {images.count(name)} images"
+        for name, camera in list(cameras.items())[:_MOST_NAMED]
+    ]
+    more = len(cameras) - len(texts)
+    return "; ".join(texts) + (f"; and {more} more" if more else "")
