@@ -38,7 +38,8 @@ def choose_camera(
     remark states how far a camera is from the median. By default all cameras must be equal. Raises
     RequestError, which lists the cameras, if there are several or the option names none.
     """
-    used = {name: cameras[name] for name in dict.fromkeys(images)}
+    present = frozenset(images)
+    used = {name: camera for name, camera in cameras.items() if name in present}
     if option is not None and option != MEDIAN:
         if option not in used:
             raise RequestError(f"{where}: no images of camera {option!r} ({_listed(used, images)})")

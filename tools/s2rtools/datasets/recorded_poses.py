@@ -53,16 +53,8 @@ def checked_poses(
     Gives a mask (N,) and the poses that it selects; `place(row)` names the file in an issue.
     """
     good = usable_poses(poses)
-    issues = [
-        InputIssue(
-            "unusable pose",
-            place(int(row)),
-            "its rotation is not orthonormal"
-            if np.isfinite(poses[row]).all() and np.abs(poses[row, :3, 3]).max() <= MAX_COORDINATE
-            else f"not finite numbers up to {MAX_COORDINATE:,.0f}",
-        )
-        for row in np.flatnonzero(~good)
-    ]
+    detail = "its position is not finite, or its rotation is not normalised"
+    issues = [InputIssue("unusable pose", place(int(row)), detail) for row in np.flatnonzero(~good)]
     return good, orthonormal(poses[good]), issues
 
 
