@@ -11,11 +11,12 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.layouts import colmap, nerfstudio
+from s2rtools.datasets.layouts import bag, colmap, nerfstudio
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
 LAYOUTS: dict[str, Layout] = {
+    "bag": bag.LAYOUT,
     "colmap": colmap.LAYOUT,
     "nerfstudio": nerfstudio.LAYOUT,
 }
