@@ -131,9 +131,7 @@ class BagFile:
         )  # fmt: skip
         self.add(topic, kind, time + LATENCY, message)
 
-    def transform(
-        self, topic: str, time: int, parent: str, child: str, pose: np.ndarray
-    ) -> None:
+    def transform(self, topic: str, time: int, parent: str, child: str, pose: np.ndarray) -> None:
         translation = self.make("geometry_msgs/msg/Vector3", **axes(pose[:3, 3]))
         inner = self.make(
             "geometry_msgs/msg/Transform", translation=translation, rotation=self._rotation(pose)
