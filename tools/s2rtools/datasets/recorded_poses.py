@@ -41,6 +41,21 @@ def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
 
 
+def pose_defect(pose: NDArray[np.float64]) -> str:
+    """Why `usable_poses` refuses a pose (4, 4)."""
+    rotation = pose[:3, :3]
+    if not np.isfinite(pose).all():
+        return "its values are not finite"
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not error <= MAX_ROTATION_ERROR:
+        return f"its rotation is not orthonormal (R^T R deviates from 1 by {error:.3g})"
+    if np.linalg.det(rotation) <= 0:
+        return "its rotation mirrors"
+    distance = float(np.abs(pose[:3, 3]).max())
+    return f"{distance:,.0f} m from the origin; at most {MAX_COORDINATE:,.0f} m are read"
+
+
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Usable poses (N, 4, 4) with exact rotations, the nearest ones in the Frobenius norm."""
     result = poses.copy()
@@ -86,6 +101,31 @@ def poses_at(
             result[between, axis, 3] = np.interp(
                 times[between], known_times, known_poses[:, axis, 3]
             )
+    return result
+
+
+def poses_near(
+    times: NDArray[np.float64],
+    known_times: NDArray[np.float64],
+    known_poses: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) at `times`, from known poses within `tolerance` seconds; arguments as above.
+
+    Where the known poses before and after a time are both within the tolerance, the pose is
+    interpolated. Where only one is, that pose is taken as it is. NaN where none is.
+    """
+    result = np.full((len(times), 4, 4), np.nan)
+    rows = nearest_times(times, known_times, tolerance)
+    near = rows >= 0
+    result[near] = known_poses[rows[near]]
+    right = np.searchsorted(known_times, times)
+    inside = (right > 0) & (right < len(known_times))
+    between = np.zeros(len(times), dtype=bool)
+    before, after = known_times[right[inside] - 1], known_times[right[inside]]
+    inner = times[inside]
+    between[inside] = (inner - before <= tolerance) & (after - inner <= tolerance)
+    result[between] = poses_at(times[between], known_times, known_poses, 2 * tolerance)
     return result
 
 

@@ -11,10 +11,18 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtools.datasets.layouts import csv_poses, euroc, kitti, scannet, seven_scenes, tum
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
-LAYOUTS: dict[str, Layout] = {}
+LAYOUTS: dict[str, Layout] = {
+    "7scenes": seven_scenes.LAYOUT,
+    "csv": csv_poses.LAYOUT,
+    "euroc": euroc.LAYOUT,
+    "kitti": kitti.LAYOUT,
+    "scannet": scannet.LAYOUT,
+    "tum": tum.LAYOUT,
+}
 
 
 def layout_names() -> list[str]:
