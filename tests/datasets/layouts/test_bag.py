@@ -307,7 +307,7 @@ def test_fisheye_cameras_and_stated_intrinsics(tmp_path: Path, scene: Walk) -> N
     camera = read("bag", bag.path).camera
     assert camera.is_fisheye
     assert camera.distortion == (0.1, 0.2, 0.3, 0.4)
-    stated = read("bag", bag.path, ReadOptions({"intrinsics": "20,21,11.5,7.5"})).camera
+    stated = read("bag", bag.path, ReadOptions({"camera": "20,21,11.5,7.5"})).camera
     assert (stated.fx, stated.fy, stated.cx, stated.cy) == (20.0, 21.0, 12.0, 8.0)
     assert (stated.width, stated.height) == (WIDTH, HEIGHT)
 
@@ -341,7 +341,7 @@ def test_what_a_bag_lacks_is_named(tmp_path: Path, scene: Walk) -> None:
     time = nanoseconds(scene)[0]
     steps = (
         ("no topic with RGB images", lambda bag: bag.image(RGB, time, scene.rgb[0], "rgb8")),
-        ("no topic with CameraInfo; set intrin", lambda bag: bag.info(INFO, time)),
+        ("no topic with CameraInfo; set camera=", lambda bag: bag.info(INFO, time)),
         ("no topic with poses", lambda bag: bag.pose("/pose", time, scene.poses[0])),
     )
     for number, (message, _) in enumerate(steps):
@@ -403,9 +403,9 @@ def test_images_without_pose_or_depth_are_reported(tmp_path: Path, scene: Walk) 
         elif row == 5:
             rotation.w += 0.5
     recording = read("bag", bag.write())
-    expected = {"missing depth": 1, "no pose": 3, "unusable pose": 1}
+    expected = {"no depth image": 1, "no pose": 3, "bad pose": 1}
     assert kinds(recording) == expected
-    (bad,) = [issue for issue in recording.issues if issue.kind == "unusable pose"]
+    (bad,) = [issue for issue in recording.issues if issue.kind == "bad pose"]
     assert bad.detail.startswith("3 of 8, first at 17")
     assert_poses(recording, scene.poses[[0, 2, 6, 7]])
     frame = recording.trajectories["one"].frames[2]

@@ -139,7 +139,7 @@ def test_a_scale_makes_poses_metric_and_depth_has_the_names_of_images(
     assert_poses(recording, scaled)
     assert recording.is_metric
     assert recording.depth_scale == 0.0002
-    assert kinds(recording) == {"missing depth": 1}
+    assert kinds(recording) == {"no depth image": 1}
     frame = recording.trajectories["model"].frames[2]
     assert frame.depth is not None
     np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[3])
@@ -152,8 +152,8 @@ def test_several_cameras_are_named_and_one_can_be_chosen(tmp_path: Path, scene: 
     with pytest.raises(RequestError, match=r"2 cameras \(1: 24x16, fx 20.0, 4 images; 7: .*="):
         read("colmap", tmp_path)
     with pytest.raises(RequestError, match="no images of camera '9'"):
-        read("colmap", tmp_path, ReadOptions({"camera": "9"}))
-    recording = read("colmap", tmp_path, ReadOptions({"camera": "1"}))
+        read("colmap", tmp_path, ReadOptions({"camera_id": "9"}))
+    recording = read("colmap", tmp_path, ReadOptions({"camera_id": "1"}))
     assert_poses(recording, scene.poses[::3])
 
 
@@ -183,7 +183,7 @@ def test_bad_images_are_reported_and_the_others_are_read(tmp_path: Path, scene: 
     write_images(tmp_path / "images", scene)
     (tmp_path / "images" / names(scene)[-1]).unlink()
     recording = read("colmap", tmp_path)
-    assert kinds(recording) == {"missing image": 1, "unusable pose": 2}
+    assert kinds(recording) == {"missing image": 1, "bad pose": 2}
     assert_poses(recording, scene.poses[2:-1])
 
 

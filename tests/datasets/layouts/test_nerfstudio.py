@@ -129,12 +129,14 @@ def test_several_cameras_are_listed_and_one_or_their_median_can_be_chosen(tmp_pa
     for row, frame in enumerate(document["frames"]):
         frame["fl_x"] = 20.0 + (row % 3)
     rewrite(tmp_path, document)
-    with pytest.raises(RequestError, match=r"3 cameras \(1: 24x16, fx 20.0, 2 images; .*camera="):
+    with pytest.raises(
+        RequestError, match=r"3 cameras \(1: 24x16, fx 20.0, 2 images; .*camera_id="
+    ):
         read("nerfstudio", tmp_path)
-    second = read("nerfstudio", tmp_path, ReadOptions({"camera": "2"}))
+    second = read("nerfstudio", tmp_path, ReadOptions({"camera_id": "2"}))
     assert second.camera.fx == 21.0
     assert_poses(second, scene.poses[1::3])
-    median = read("nerfstudio", tmp_path, ReadOptions({"camera": "median"}))
+    median = read("nerfstudio", tmp_path, ReadOptions({"camera_id": "median"}))
     assert median.camera.fx == 21.0
     assert len(median.trajectories[tmp_path.name].frames) == len(scene)
     assert kinds(median) == {"several cameras": 1}
@@ -151,7 +153,7 @@ def test_bad_frames_are_reported_and_the_others_are_read(tmp_path: Path) -> None
     whole = (tmp_path / "images/004.png").read_bytes()
     (tmp_path / "images/004.png").write_bytes(whole[:-30])
     recording = read("nerfstudio", tmp_path)
-    assert kinds(recording) == {"missing image": 1, "missing depth": 1, "unusable pose": 2}
+    assert kinds(recording) == {"missing image": 1, "no depth image": 1, "bad pose": 2}
     assert_poses(recording, scene.poses[4:])
     (trajectory,) = recording.trajectories.values()
     cut = trajectory.frames[0].rgb.read()
@@ -188,12 +190,12 @@ def test_the_orientation_that_a_photo_states_is_ignored(tmp_path: Path) -> None:
     [
         ({"frames": 3}, "frames"),
         ({"camera_model": "EQUIRECTANGULAR"}, "camera_model 'EQUIRECTANGULAR' is not read"),
-        ({"fl_x": -1.0}, "focal lengths must be larger than 0"),
+        ({"fl_x": -1.0}, "fx is -1; expected 0 < fx"),
         ({"fl_x": None, "fl_y": None}, "no fl_x and no camera_angle_x"),
         ({"k4": 0.1}, "k4 is read for OPENCV_FISHEYE only"),
-        ({"w": 1e6, "h": 1e6}, "pixels; 1 to"),
+        ({"w": 1e6, "h": 1e6}, "pixels; at most"),
         ({"applied_transform": [[0.0] * 4] * 3}, "applied_transform must be a rotation"),
-        ({"frames": []}, "no frame has its images"),
+        ({"frames": []}, "no usable image of layout nerfstudio"),
     ],
 )
 def test_what_cannot_be_read_ends_in_one_line(tmp_path: Path, keys: dict, message: str) -> None:

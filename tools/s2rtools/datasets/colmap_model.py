@@ -20,8 +20,8 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import open_regular, read_bytes, read_text
-from s2rtools.datasets.recorded_cameras import check_camera
 from s2rtools.datasets.recording import PinholeCamera
+from s2rtools.datasets.stated_cameras import checked
 
 _MODELS = (
     ("SIMPLE_PINHOLE", "f cx cy"),
@@ -121,10 +121,10 @@ class _Camera:
             values.get("fy", values.get("f", math.nan)),
             values["cx"],
             values["cy"],
-            distortion if any(distortion) else (),
+            distortion if any(distortion) or is_fisheye else (),
             is_fisheye,
         )
-        return check_camera(camera, self.where)
+        return checked(camera, self.where)
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, _Camera]]:

@@ -9,24 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.datasets.recording import PinholeCamera
 
+CAMERA_ID = "camera_id"
+"""Name of the option."""
 MEDIAN = "median"
-"""Value of the option `camera` for the median of all cameras, which must have one image size."""
+"""Value of the option `camera_id` for the median of all cameras, which must have one image size."""
 _MOST_NAMED = 8
 """Cameras that a message lists."""
-
-
-def check_camera(camera: PinholeCamera, where: object) -> PinholeCamera:
-    """The camera. Raises RequestError, beginning with `where`, unless it can have made an image."""
-    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
-    if not np.isfinite(numbers).all() or min(camera.fx, camera.fy) <= 0:
-        raise RequestError(f"{where}: focal lengths must be larger than 0, and all values finite")
-    if min(camera.width, camera.height) < 1 or camera.width * camera.height > MAX_PIXELS:
-        size = f"{camera.width}x{camera.height}"
-        raise RequestError(f"{where}: {size} pixels; 1 to {MAX_PIXELS:,} are read")
-    return camera
 
 
 def choose_camera(
@@ -51,9 +41,9 @@ def choose_camera(
         (each.width, each.height, each.is_fisheye, len(each.distortion)) for each in used.values()
     }
     if option is None or len(kinds) > 1:
-        advice = "choose one with option camera=NAME"
+        advice = "choose one with option camera_id=NAME"
         if len(kinds) == 1:
-            advice += f", or their median with camera={MEDIAN}"
+            advice += f", or their median with camera_id={MEDIAN}"
         raise RequestError(f"{where}: {len(used)} cameras ({_listed(used, images)}); {advice}")
     values = np.array([(*astuple(each)[2:6], *each.distortion) for each in used.values()])
     fx, fy, cx, cy, *distortion = np.median(values, axis=0).tolist()

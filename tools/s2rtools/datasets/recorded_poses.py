@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
-
-from s2rtools.datasets.scan import InputIssue
 
 MAX_NORM_ERROR = 1e-2
 """Deviation from 1 of a quaternion's norm that rounding in a text file explains."""
@@ -45,17 +41,19 @@ def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
 
 
-def checked_poses(
-    poses: NDArray[np.float64], place: Callable[[int], str]
-) -> tuple[NDArray[np.bool_], NDArray[np.float64], list[InputIssue]]:
-    """The usable ones of poses (N, 4, 4) with exact rotations, and an issue for each other.
-
-    Gives a mask (N,) and the poses that it selects; `place(row)` names the file in an issue.
-    """
-    good = usable_poses(poses)
-    detail = "its position is not finite, or its rotation is not normalised"
-    issues = [InputIssue("unusable pose", place(int(row)), detail) for row in np.flatnonzero(~good)]
-    return good, orthonormal(poses[good]), issues
+def pose_defect(pose: NDArray[np.float64]) -> str:
+    """Why `usable_poses` refuses a pose (4, 4)."""
+    rotation = pose[:3, :3]
+    if not np.isfinite(pose).all():
+        return "its values are not finite"
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not error <= MAX_ROTATION_ERROR:
+        return f"its rotation is not orthonormal (R^T R deviates from 1 by {error:.3g})"
+    if np.linalg.det(rotation) <= 0:
+        return "its rotation mirrors"
+    distance = float(np.abs(pose[:3, 3]).max())
+    return f"{distance:,.0f} m from the origin; at most {MAX_COORDINATE:,.0f} m are read"
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,6 +104,31 @@ def poses_at(
     return result
 
 
+def poses_near(
+    times: NDArray[np.float64],
+    known_times: NDArray[np.float64],
+    known_poses: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) at `times`, from known poses within `tolerance` seconds; arguments as above.
+
+    Where the known poses before and after a time are both within the tolerance, the pose is
+    interpolated. Where only one is, that pose is taken as it is. NaN where none is.
+    """
+    result = np.full((len(times), 4, 4), np.nan)
+    rows = nearest_times(times, known_times, tolerance)
+    near = rows >= 0
+    result[near] = known_poses[rows[near]]
+    right = np.searchsorted(known_times, times)
+    inside = (right > 0) & (right < len(known_times))
+    between = np.zeros(len(times), dtype=bool)
+    before, after = known_times[right[inside] - 1], known_times[right[inside]]
+    inner = times[inside]
+    between[inside] = (inner - before <= tolerance) & (after - inner <= tolerance)
+    result[between] = poses_at(times[between], known_times, known_poses, 2 * tolerance)
+    return result
+
+
 def nearest_times(
     times: NDArray[np.float64], known_times: NDArray[np.float64], tolerance: float
 ) -> NDArray[np.intp]:
@@ -123,6 +146,20 @@ def nearest_times(
         np.minimum(right, len(known_times) - 1),
     )
     return np.where(np.abs(known_times[rows] - times) <= tolerance, rows, -1)
+
+
+def mutual_nearest(
+    times: NDArray[np.float64], known_times: NDArray[np.float64], tolerance: float
+) -> NDArray[np.intp]:
+    """As `nearest_times`, but one to one: each time must be the nearest of the known one, too.
+
+    Both arrays ascend.
+    """
+    rows = nearest_times(times, known_times, tolerance)
+    if not len(known_times):
+        return rows
+    back = nearest_times(known_times, times, tolerance)
+    return np.where((rows >= 0) & (back[rows] == np.arange(len(times))), rows, -1)
 
 
 def _is_nearer_left(

@@ -6,7 +6,7 @@ A recording is one side of a data set. `s2r ingest pairs` pairs the images of tw
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.scan import InputIssue, ScanOptions
+from s2rtools.datasets.scan import InputIssue
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +127,6 @@ class ReadOptions:
     values: Mapping[str, str] = field(default_factory=dict)
     trajectories: tuple[str, ...] = ()
     allow_outside: bool = False
-
-    def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
-        """The requested trajectories, all by default. Raises RequestError for unknown names."""
-        return ScanOptions(trajectories=self.trajectories).choose_trajectories(known, where)
 
     def positive(self, name: str, default: float) -> float:
         """The number that an option states. Raises RequestError unless it is larger than 0."""

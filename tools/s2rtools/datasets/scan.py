@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -44,12 +44,22 @@ class ScanOptions:
     folders: Mapping[Side, Path] = field(default_factory=dict)
 
     def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
-        """The requested trajectories, all by default. Raises RequestError for unknown names."""
-        names = list(known)
-        for name in self.trajectories:
-            if name not in names:
-                raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
-        return [checked_name(name, "trajectory") for name in self.trajectories or names]
+        """See `choose_trajectories`."""
+        return choose_trajectories(self.trajectories, known, where)
+
+
+def choose_trajectories(
+    requested: Collection[str], known: Iterable[str], where: object
+) -> list[str]:
+    """The requested trajectories, all of `known` by default.
+
+    Raises RequestError for unknown names, and for names that a trajectory cannot have.
+    """
+    names = list(known)
+    for name in requested:
+        if name not in names:
+            raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
+    return [checked_name(name, "trajectory") for name in requested or names]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

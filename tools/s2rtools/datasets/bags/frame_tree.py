@@ -49,7 +49,7 @@ class PoseLog:
                 f"{len(bad)} of {len(good)}, first at {stamps[bad[0]]} ns: "
                 "not finite, or a quaternion that is not normalised"
             )
-            issues.append(InputIssue("unusable pose", name, detail))
+            issues.append(InputIssue("bad pose", name, detail))
         stamps, poses = stamps[good], poses[good]
         late = int((np.diff(stamps) < 0).sum())
         if late:

@@ -9,8 +9,8 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rtools.datasets.bags.image_messages import COMPRESSED, IMAGE, declared
 from s2rtools.datasets.bags.messages import BagMessages
-from s2rtools.datasets.recorded_cameras import check_camera
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions
+from s2rtools.datasets.stated_cameras import checked
 
 INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -26,8 +26,6 @@ NONE = "none"
 _STATIC = "tf_static"
 _FISHEYES = ("equidistant", "fisheye")
 _PINHOLES = ("", "plumb_bob", "rational_polynomial", "none")
-_COUNTS = (0, 4, 5, 8, 12, 14)
-"""Numbers of distortion coefficients that OpenCV takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +58,7 @@ def choose_topics(bag: BagMessages, options: ReadOptions) -> Topics:
     depth = _one(bag, options, "depth", depths, "depth images", images, may_lack=True)
     infos = [topic for topic, kind in bag.types.items() if kind == INFO]
     info = None
-    if "intrinsics" not in options.values:
+    if "camera" not in options.values:
         beside = _info_beside(rgb, infos)
         known = infos if "info" in options.values or beside is None else [beside]
         info = _one(bag, options, "info", known, "CameraInfo", infos)
@@ -88,14 +86,14 @@ def camera_of(message: Any, where: str, is_rectified: bool) -> PinholeCamera:
     k, p, d = (_field(message, name) for name in "kpd")
     fx, fy, cx, cy = (p[0], p[5], p[2], p[6]) if is_rectified else (k[0], k[4], k[2], k[5])
     if not fx > 0:
-        raise RequestError(f"{where}: the camera is not calibrated; set intrinsics=fx,fy,cx,cy")
+        raise RequestError(f"{where}: the camera is not calibrated; set camera=fx,fy,cx,cy")
     model = message.distortion_model
     distortion = () if is_rectified or not any(d) else tuple(d)
     if distortion and model not in _PINHOLES + _FISHEYES:
         raise RequestError(f"{where}: distortion model {model[:40]!r} is not read; rectify images")
     is_fisheye = model in _FISHEYES and not is_rectified
-    if len(distortion) not in ((0, 4) if is_fisheye else _COUNTS):
-        raise RequestError(f"{where}: {len(distortion)} distortion coefficients of model {model!r}")
+    if is_fisheye and not distortion:
+        distortion = (0.0, 0.0, 0.0, 0.0)
     roi = message.roi
     columns, rows = max(1, int(message.binning_x)), max(1, int(message.binning_y))
     camera = PinholeCamera(
@@ -108,20 +106,7 @@ def camera_of(message: Any, where: str, is_rectified: bool) -> PinholeCamera:
         distortion,
         is_fisheye,
     )
-    return check_camera(camera, where)
-
-
-def stated_camera(text: str, size: tuple[int, int]) -> PinholeCamera:
-    """The camera of the option `intrinsics` in ROS's convention, for images of (height, width)."""
-    where = f"option intrinsics={text}"
-    try:
-        fx, fy, cx, cy, *distortion = (float(part) for part in text.split(","))
-    except ValueError:
-        raise RequestError(f"{where}: must be fx,fy,cx,cy, then perhaps k1,k2,p1,p2,k3") from None
-    if len(distortion) not in _COUNTS:
-        raise RequestError(f"{where}: {len(distortion)} distortion coefficients; give 4, 5 or 8")
-    camera = PinholeCamera(size[1], size[0], fx, fy, cx + 0.5, cy + 0.5, tuple(distortion))
-    return check_camera(camera, where)
+    return checked(camera, where)
 
 
 def _one(
@@ -147,7 +132,7 @@ def _one(
     if not candidates:
         if may_lack:
             return None
-        remedy = "; set intrinsics=fx,fy,cx,cy" if name == "info" else ""
+        remedy = "; set camera=fx,fy,cx,cy" if name == "info" else ""
         raise RequestError(f"{bag.path}: no topic with {what}{remedy}")
     names = ", ".join(sorted(candidates))
     raise RequestError(f"{bag.path}: several topics with {what}; choose one of {names} ({name}=)")

@@ -25,11 +25,17 @@ from s2rtools.datasets.bags.topics import (
     camera_of,
     choose_topics,
     is_static,
-    stated_camera,
 )
 from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.recorded_files import trajectory_name
-from s2rtools.datasets.recorded_poses import checked_poses, nearest_times, poses_at
+from s2rtools.datasets.numeric_rows import report_unusable
+from s2rtools.datasets.recorded_folders import (
+    existing_folder,
+    folder_name,
+    report_none_near,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recorded_poses import mutual_nearest, orthonormal, poses_at
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -38,7 +44,8 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
@@ -59,10 +66,11 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
     """
     bags = _bags(path)
     parts = [
-        (name, _BagPart(bags[name], options)) for name in options.choose_trajectories(bags, path)
+        (name, _BagPart(bags[name], options))
+        for name in choose_trajectories(options.trajectories, bags, path)
     ]
     first = parts[0][1]
-    recording = Recording("bag", trajectory_name(path), path, first.camera, first.depth_camera)
+    recording = Recording("bag", folder_name(path), path, first.camera, first.depth_camera)
     recording.depth_scale = options.positive(_SCALE, 0.001)
     for name, part in parts:
         if (part.camera, part.depth_camera) != (first.camera, first.depth_camera):
@@ -72,9 +80,7 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
         recording.provenance[name] = part.facts
         if len(trajectory.frames):
             recording.trajectories[name] = trajectory
-    if not recording.trajectories:
-        reason = recording.issues[-1]
-        raise RequestError(f"{path}: no image is usable ({reason.kind}: {reason.detail})")
+    require_frames("bag", path, recording.trajectories, recording.issues)
     if all(part.world in _LEVEL_WORLDS for _, part in parts):
         recording.up = (0.0, 0.0, 1.0)
     return recording
@@ -146,9 +152,9 @@ class _BagPart:
     def _cameras(self) -> tuple[PinholeCamera, PinholeCamera | None]:
         """The cameras of RGB and depth, None where that is the same."""
         info, depth_info = self.topics.info, self.topics.depth_info
-        if info is None:
-            camera = stated_camera(self._options.values["intrinsics"], self._rgb.common_size())
-        else:
+        camera = camera_option(self._options, "camera", self._rgb.common_size())
+        if camera is None:
+            assert info is not None
             camera = self._camera_of(info, self._infos[info])
         self._check_size(self._rgb, camera)
         if self._depth is None:
@@ -185,12 +191,13 @@ class _BagPart:
             for row in np.flatnonzero(missing)
         ]
         rows, depth_rows, poses = rows[~missing], depth_rows[~missing], poses[~missing]
-        good, poses, bad = checked_poses(poses, lambda row: self._rgb.name(int(rows[row])))
-        self.issues += bad
+        good = report_unusable(poses, lambda row: self._rgb.name(int(rows[row])), self.issues)
         depth_camera = self.depth_camera or self.camera
         sizes = tuple((each.height, each.width) for each in (self.camera, depth_camera))
         frames = _frames(self._rgb, self._depth, rows[good], depth_rows[good], sizes)
-        return RecordedTrajectory(frames, poses, self._rgb.times[rows[good]] * 1e-9)
+        return RecordedTrajectory(
+            frames, orthonormal(poses[good]), self._rgb.times[rows[good]] * 1e-9
+        )
 
     def _associated(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of RGB images and of the depth images nearest in time, one to one."""
@@ -200,14 +207,13 @@ class _BagPart:
         tolerance = self._options.positive("tolerance", _TOLERANCE)
         origin = self._rgb.times[0]
         times, depth_times = ((index.times - origin) * 1e-9 for index in (self._rgb, self._depth))
-        nearest = nearest_times(times, depth_times, tolerance)
-        back = nearest_times(depth_times, times, tolerance)
-        paired = (nearest >= 0) & (back[nearest] == np.arange(count))
-        self.issues += [
-            InputIssue("missing depth", self._rgb.name(int(row)), f"none within {tolerance} s")
-            for row in np.flatnonzero(~paired)
-        ]
-        return np.flatnonzero(paired), nearest[paired]
+        partners = mutual_nearest(times, depth_times, tolerance)
+        lonely = np.flatnonzero(partners < 0)
+        names = [self._rgb.name(row) for row in lonely.tolist()]
+        report_none_near(
+            "no depth image", names, times[lonely], depth_times, tolerance, self.issues
+        )
+        return np.flatnonzero(partners >= 0), partners[partners >= 0]
 
     def _poses(self, seconds: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
         """Poses (N, 4, 4) of the camera at times since `origin`; NaN where there are none."""
@@ -278,14 +284,18 @@ def _frames(
 def _bags(path: Path) -> dict[str, Path]:
     """The bags that a path stands for, by the names of their trajectories."""
     if not path.is_dir() or (path / "metadata.yaml").is_file():
-        return {trajectory_name(path): path}
-    found = list(_bags_in(path))
-    bags = {trajectory_name(each): each for each in found}
+        return {trajectory_name(_stem(path)): path}
+    found = list(_bags_in(existing_folder(path)))
+    bags = {trajectory_name(_stem(each)): each for each in found}
     if not bags:
         raise RequestError(f"{path}: no bag in it ({', '.join(_SUFFIXES)} or metadata.yaml)")
     if len(bags) < len(found):
         raise RequestError(f"{path}: two bags would be trajectories of one name; rename one")
     return bags
+
+
+def _stem(path: Path) -> str:
+    return folder_name(path) if path.is_dir() else path.stem
 
 
 def _bags_in(folder: Path) -> Iterator[Path]:
@@ -301,7 +311,7 @@ LAYOUT = Layout(
         "rgb": "topic of the RGB images",
         "depth": "topic of the depth images, or `none`",
         "info": "topic of the RGB camera's CameraInfo",
-        "intrinsics": "fx,fy,cx,cy[,k1,k2,p1,p2,k3] instead of CameraInfo, pixel centres at 0",
+        "camera": f"instead of CameraInfo: {CAMERA_OPTION}",
         "pose": "topic of the poses, or `tf` for the transforms",
         "body": "frame that the poses are of, by default child_frame_id or the camera's",
         "frame": "frame of the camera, by default that of the RGB images",

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -17,12 +16,14 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.colmap_model import ModelImage, holds_model, read_model
+from s2rtools.datasets.numeric_rows import report_unusable
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_cameras import choose_camera
-from s2rtools.datasets.recorded_files import frames_of_files, trajectory_name
-from s2rtools.datasets.recorded_poses import checked_poses, poses_from_quaternions
+from s2rtools.datasets.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recorded_files import FrameFiles
+from s2rtools.datasets.recorded_folders import folder_name, require_frames, trajectory_name
+from s2rtools.datasets.recorded_poses import orthonormal, poses_from_quaternions
 from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
 
 _MODEL_FOLDERS = (".", "sparse", "colmap/sparse")
 _LEVELS = 4
@@ -43,9 +44,9 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
     containment = PathContainment(root, options.allow_outside)
     named = {str(number): camera for number, camera in model.cameras.items()}
     camera, chosen, remark = choose_camera(
-        named, [str(image.camera) for image in model.images], options.values.get("camera"), folder
+        named, [str(image.camera) for image in model.images], options.values.get(CAMERA_ID), folder
     )
-    recording = Recording("colmap", trajectory_name(path), root, camera)
+    recording = Recording("colmap", folder_name(path), root, camera)
     if remark:
         recording.issues.append(InputIssue("several cameras", str(folder), remark))
     scale = options.positive("scale", 1.0)
@@ -62,10 +63,10 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
             continue
         depth_name = depth.name_for(image.name)
         if depth.folder is not None and depth_name is None:
-            recording.issues.append(InputIssue("missing depth", image.name, str(depth.folder)))
+            recording.issues.append(InputIssue("no depth image", image.name, str(depth.folder)))
             continue
         parent = str(PurePosixPath(image.name).parent)
-        name = trajectory_name(path if parent == "." else Path(parent.replace("/", "_")))
+        name = trajectory_name(folder_name(path) if parent == "." else parent)
         if folders.setdefault(name, parent) != parent:
             raise RequestError(
                 f"{root}: folders {folders[name]!r} and {parent!r} would both be trajectory {name}"
@@ -73,18 +74,11 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
         by_trajectory.setdefault(name, []).append((image, depth_name))
     if not by_trajectory:
         raise RequestError(f"{root}: none of the model's images; name their folder, images=FOLDER")
-    for name in options.choose_trajectories(by_trajectory, folder):
-        names = [(image.name, depth_name) for image, depth_name in by_trajectory[name]]
-        poses = _poses([image for image, _ in by_trajectory[name]], scale)
-        good, poses, bad = checked_poses(poses, partial(_name, names))
-        recording.issues += bad
-        names = [names[row] for row in np.flatnonzero(good)]
-        if names:
-            frames = frames_of_files(root, names, (camera.height, camera.width))
-            times = np.full(len(names), np.nan)
-            recording.trajectories[name] = RecordedTrajectory(frames, poses, times)
-    if not recording.trajectories:
-        raise RequestError(f"{folder}: no image has a usable pose")
+    for name in choose_trajectories(options.trajectories, by_trajectory, folder):
+        trajectory = _trajectory(by_trajectory[name], recording, scale)
+        if len(trajectory.frames):
+            recording.trajectories[name] = trajectory
+    require_frames("colmap", path, recording.trajectories, recording.issues)
     recording.outside_folders = containment.outside_folders
     recording.provenance = {
         "model": str(folder),
@@ -94,15 +88,28 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
     return recording
 
 
-def _name(names: list[tuple[str, str | None]], row: int) -> str:
-    return names[row][0]
+def _trajectory(
+    images: list[tuple[ModelImage, str | None]], recording: Recording, scale: float
+) -> RecordedTrajectory:
+    """The images with usable poses; the others are reported."""
+    files = FrameFiles(recording.root)
+    files.size = recording.camera.height, recording.camera.width
+    for image, depth_name in images:
+        files.append(image.name, depth_name)
+    w, x, y, z = np.array([image.quaternion for image, _ in images]).T
+    quaternions = np.column_stack([x, y, z, w])
+    translations = np.array([image.translation for image, _ in images])
+    poses = _poses(translations, quaternions, scale)
+    usable = report_unusable(poses, lambda row: images[row][0].name, recording.issues, quaternions)
+    frames = files.chosen(np.flatnonzero(usable).tolist())
+    return RecordedTrajectory(frames, orthonormal(poses[usable]), np.full(len(frames), np.nan))
 
 
-def _poses(images: list[ModelImage], scale: float) -> NDArray[np.float64]:
+def _poses(
+    translations: NDArray[np.float64], quaternions: NDArray[np.float64], scale: float
+) -> NDArray[np.float64]:
     """Poses (N, 4, 4) from the camera to the world, positions times `scale`; NaN if unusable."""
-    w, x, y, z = np.array([image.quaternion for image in images]).T
-    translations = np.array([image.translation for image in images])
-    poses = poses_from_quaternions(translations, np.column_stack([x, y, z, w]))
+    poses = poses_from_quaternions(translations, quaternions)
     inverse = np.swapaxes(poses[:, :3, :3], 1, 2).copy()
     poses[:, :3, 3] = -scale * np.einsum("nij,nj->ni", inverse, translations)
     poses[:, :3, :3] = inverse
@@ -184,6 +191,6 @@ LAYOUT = Layout(
         "images": "folder of the images, by default the folder `images` beside the model",
         "depth": "folder of depth images with the names of the images",
         "depth_scale": "metres per unit of depth, by default 0.001",
-        "camera": "number of the camera whose images are read, if there are several, or `median`",
+        CAMERA_ID: "number of the camera whose images are read, if there are several, or `median`",
     },
 )

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -25,10 +24,16 @@ from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.common.image_files import SUFFIXES
 from s2rtools.datasets.image_decoding import declared_size
+from s2rtools.datasets.numeric_rows import report_unusable
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_cameras import check_camera, choose_camera
-from s2rtools.datasets.recorded_files import frames_of_files, trajectory_name
-from s2rtools.datasets.recorded_poses import checked_poses
+from s2rtools.datasets.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recorded_files import FrameFiles
+from s2rtools.datasets.recorded_folders import (
+    folder_name,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recorded_poses import orthonormal
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -36,7 +41,8 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.scan import InputIssue
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.stated_cameras import checked
 
 _MAX_BYTES = 256 << 20
 """Bytes of a file; a frame has about 700."""
@@ -90,7 +96,7 @@ class _Frames:
         self.path = path
         self.document = decode_json(read_bytes(path, _MAX_BYTES), _Document, str(path))
         self.numbers: list[int] = []
-        self.names: list[tuple[str, str | None]] = []
+        self.files = FrameFiles(containment.folder)
         self.cameras: list[PinholeCamera] = []
         self.issues: list[InputIssue] = []
         self.has_depth = any(_depth_name(frame) for frame in self.document.frames)
@@ -111,12 +117,12 @@ class _Frames:
                 found = containment.resolve(name, where) if name else None
                 if found is None or not found.is_file():
                     detail = name or "no depth_file_path"
-                    self.issues.append(InputIssue("missing depth", frame.file_path, detail))
+                    self.issues.append(InputIssue("no depth image", frame.file_path, detail))
                     continue
                 depth = found
             camera = _camera(_Values(frame, self.document, where), rgb, sizes, where)
             self.numbers.append(number)
-            self.names.append((relative(rgb), None if depth is None else relative(depth)))
+            self.files.append(relative(rgb), None if depth is None else relative(depth))
             self.cameras.append(camera)
 
     def poses(self, scale: float) -> NDArray[np.float64]:
@@ -140,11 +146,12 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
     Each of several files is a trajectory. Raises RequestError if a file is missing or damaged, has
     cameras that the option does not choose from, or no usable frame.
     """
-    files = {trajectory_name(path): path} if path.is_file() else _files_in(path)
+    files = {trajectory_name(path.stem): path} if path.is_file() else _files_in(path)
     root = path.parent if path.is_file() else path
     containment = PathContainment(root, options.allow_outside)
     found = {
-        name: _Frames(files[name], containment) for name in options.choose_trajectories(files, path)
+        name: _Frames(files[name], containment)
+        for name in choose_trajectories(options.trajectories, files, path)
     }
     issues = [issue for frames in found.values() for issue in frames.issues]
     names: dict[PinholeCamera, str] = {}
@@ -154,13 +161,13 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
         for camera in frames.cameras
     ]
     if not images:
-        raise RequestError(f"{path}: no frame has its images" + _first(issues))
+        require_frames("nerfstudio", path, {}, issues)
     by_name = {name: camera for camera, name in names.items()}
-    camera, chosen, remark = choose_camera(by_name, images, options.values.get("camera"), path)
+    camera, used, remark = choose_camera(by_name, images, options.values.get(CAMERA_ID), path)
     if remark:
         issues.append(InputIssue("several cameras", path.name, remark))
     scale = options.positive("scale", 1.0)
-    recording = Recording("nerfstudio", trajectory_name(path), root, camera, issues=issues)
+    recording = Recording("nerfstudio", folder_name(root), root, camera, issues=issues)
     recording.is_metric = "scale" in options.values
     recording.outside_folders = containment.outside_folders
     units = {_depth_unit(frames.document) for frames in found.values() if frames.has_depth}
@@ -168,30 +175,24 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
         raise RequestError(f"{path}: its files have different units of depth; set depth_scale")
     recording.depth_scale = options.positive("depth_scale", max(units, default=1e-3) * scale)
     for name, frames in found.items():
-        rows = [row for row, each in enumerate(frames.cameras) if names[each] in chosen]
-        trajectory = _trajectory(frames, rows, scale, camera, containment, issues)
-        if trajectory.frames:
+        rows = [row for row, each in enumerate(frames.cameras) if names[each] in used]
+        frames.files.size = camera.height, camera.width
+        trajectory = _trajectory(frames, rows, scale, issues)
+        if len(trajectory.frames):
             recording.trajectories[name] = trajectory
-    if not recording.trajectories:
-        raise RequestError(f"{path}: no frame has a usable pose" + _first(issues))
+    require_frames("nerfstudio", path, recording.trajectories, issues)
     recording.provenance = {"cameras": remark or "one", "world_units_to_metres": scale}
     return recording
 
 
 def _trajectory(
-    frames: _Frames,
-    rows: list[int],
-    scale: float,
-    camera: PinholeCamera,
-    containment: PathContainment,
-    issues: list[InputIssue],
+    frames: _Frames, rows: list[int], scale: float, issues: list[InputIssue]
 ) -> RecordedTrajectory:
+    """The frames of the rows that have usable poses; the others are reported."""
     poses = frames.poses(scale)[rows]
-    good, poses, bad = checked_poses(poses, lambda row: frames.names[rows[row]][0])
-    issues += bad
-    names = [frames.names[row] for row, usable in zip(rows, good, strict=True) if usable]
-    images = frames_of_files(containment.folder, names, (camera.height, camera.width))
-    return RecordedTrajectory(images, poses, np.full(len(names), np.nan))
+    usable = report_unusable(poses, lambda row: frames.files[rows[row]].rgb.name, issues)
+    kept = frames.files.chosen(rows[row] for row in np.flatnonzero(usable))
+    return RecordedTrajectory(kept, orthonormal(poses[usable]), np.full(len(kept), np.nan))
 
 
 class _Values:
@@ -221,7 +222,7 @@ class _Values:
             self.number(name) or 0.0 for name in ("k1", "k2", "k3", "k4", "p1", "p2")
         )
         if self.is_fisheye():
-            return (k1, k2, k3, k4) if any((k1, k2, k3, k4)) else ()
+            return k1, k2, k3, k4
         if k4:
             raise RequestError(f"{self._where}: k4 is read for OPENCV_FISHEYE only")
         return (k1, k2, p1, p2, k3) if any((k1, k2, p1, p2, k3)) else ()
@@ -255,7 +256,7 @@ def _camera(
     camera = PinholeCamera(
         int(width), int(height), fl_x, fl_y, cx, cy, values.distortion(), values.is_fisheye()
     )
-    return check_camera(camera, where)
+    return checked(camera, where)
 
 
 def _focal(pixels: float, angle: float | None) -> float | None:
@@ -300,8 +301,11 @@ def _existing(path: Path, containment: PathContainment, where: str) -> Path | No
 
 def _files_in(folder: Path) -> dict[str, Path]:
     if (folder / "transforms.json").is_file():
-        return {trajectory_name(folder): folder / "transforms.json"}
-    files = {path.stem.removeprefix("transforms_"): path for path in _split_files(folder)}
+        return {trajectory_name(folder_name(folder)): folder / "transforms.json"}
+    files = {
+        trajectory_name(path.stem.removeprefix("transforms_")): path
+        for path in _split_files(folder)
+    }
     if not files:
         raise RequestError(f"{folder}: no transforms.json in it")
     return files
@@ -313,16 +317,12 @@ def _split_files(folder: Path) -> Iterator[Path]:
     yield from sorted(folder.glob("transforms_*.json"))
 
 
-def _first(issues: list[InputIssue]) -> str:
-    return f" ({issues[0].kind}: {issues[0].file})" if issues else ""
-
-
 LAYOUT = Layout(
     read_nerfstudio,
     "transforms.json of nerfstudio and instant-ngp",
     {
         "scale": "metres per unit of the world; without it, poses are not metric",
         "depth_scale": "metres per unit of depth, instead of the file's",
-        "camera": "the camera whose images are read, if there are several, or `median`",
+        CAMERA_ID: "the camera whose images are read, if there are several, or `median`",
     },
 )
