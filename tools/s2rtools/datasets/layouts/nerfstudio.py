@@ -29,6 +29,7 @@ from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.recorded_cameras import CAMERA_ID, choose_camera
 from s2rtools.datasets.recorded_files import FrameFiles
 from s2rtools.datasets.recorded_folders import (
+    existing_folder,
     folder_name,
     require_frames,
     trajectory_name,
@@ -302,19 +303,10 @@ def _existing(path: Path, containment: PathContainment, where: str) -> Path | No
 def _files_in(folder: Path) -> dict[str, Path]:
     if (folder / "transforms.json").is_file():
         return {trajectory_name(folder_name(folder)): folder / "transforms.json"}
-    files = {
-        trajectory_name(path.stem.removeprefix("transforms_")): path
-        for path in _split_files(folder)
-    }
-    if not files:
+    found = sorted(existing_folder(folder).glob("transforms_*.json"))
+    if not found:
         raise RequestError(f"{folder}: no transforms.json in it")
-    return files
-
-
-def _split_files(folder: Path) -> Iterator[Path]:
-    if not folder.is_dir():
-        raise RequestError(f"{folder}: no such file or folder")
-    yield from sorted(folder.glob("transforms_*.json"))
+    return {trajectory_name(path.stem.removeprefix("transforms_")): path for path in found}
 
 
 LAYOUT = Layout(
