@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.numeric_rows import read_matrix
+from s2rtools.datasets.numeric_rows import read_matrix, report_unusable
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file
-from s2rtools.datasets.recorded_poses import orthonormal, pose_defect, usable_poses
+from s2rtools.datasets.recorded_poses import orthonormal
 from s2rtools.datasets.recording import RecordedTrajectory
 from s2rtools.datasets.scan import InputIssue
 
@@ -41,7 +42,7 @@ def read_frames(
     Each pose file holds a matrix (4, 4) from the camera's axes to the world's, metres. Others are
     left out and reported.
     """
-    frames, numbers, poses = FrameFiles(root), array("q"), array("d")
+    frames, numbers, values = FrameFiles(root), array("q"), array("d")
     for kind, folder, listed in (
         ("image", files.rgb_folder, files.rgb),
         ("image", files.depth_folder, files.depth),
@@ -54,22 +55,21 @@ def read_frames(
         if depth is None or pose is None:
             issues.append(InputIssue("no depth image" if depth is None else "no pose", rgb))
             continue
-        depth, pose = f"{files.depth_folder}{depth}", f"{files.pose_folder}{pose}"
-        found = [find_file(containment, each, str(root), issues) for each in (rgb, depth)]
-        if not all(found):
-            continue
-        matrix = _read_pose(containment, pose, root, issues)
-        if matrix is not None:
+        depth = f"{files.depth_folder}{depth}"
+        found = [find_file(containment, name, str(root), issues) for name in (rgb, depth)]
+        matrix = _read_pose(containment, f"{files.pose_folder}{pose}", root, issues)
+        if all(found) and matrix is not None:
             frames.append(rgb, depth)
-            poses.extend(matrix.ravel().tolist())
+            values.extend(matrix.ravel().tolist())
             numbers.append(number)
-    _report_without_rgb(files, issues)
-    count = len(frames)
-    return RecordedTrajectory(
-        frames.chosen(range(count)),
-        orthonormal(np.asarray(poses).reshape(-1, 4, 4)),
-        np.full(count, np.nan),
-    )
+    issues += [
+        InputIssue("no RGB image", f"{files.depth_folder}{files.depth.name(number)}")
+        for number in np.setdiff1d(files.depth.numbers, files.rgb.numbers).tolist()
+    ]
+    poses = np.asarray(values).reshape(-1, 4, 4)
+    kept = np.flatnonzero(_usable(poses, files, numbers, issues))
+    times = np.full(len(kept), np.nan)
+    return RecordedTrajectory(frames.chosen(kept.tolist()), orthonormal(poses[kept]), times)
 
 
 def _read_pose(
@@ -77,20 +77,29 @@ def _read_pose(
 ) -> NDArray[np.float64] | None:
     path = containment.resolve(name, str(root))
     try:
-        pose = read_matrix(path, 4, 4)
+        return read_matrix(path, 4, 4)
     except RequestError as error:
         issues.append(InputIssue("bad pose", name, str(error).removeprefix(f"{path}: ")))
         return None
-    if usable_poses(pose[None])[0]:
-        return pose
-    if np.isneginf(pose).any():
-        issues.append(InputIssue("no pose", name, "-inf: the recording lost its track here"))
-    else:
-        issues.append(InputIssue("bad pose", name, pose_defect(pose)))
-    return None
 
 
-def _report_without_rgb(files: NumberedFrames, issues: list[InputIssue]) -> None:
-    for number in np.setdiff1d(files.depth.numbers, files.rgb.numbers).tolist():
-        name = f"{files.depth_folder}{files.depth.name(number)}"
-        issues.append(InputIssue("no RGB image", name))
+def _usable(
+    poses: NDArray[np.float64],
+    files: NumberedFrames,
+    numbers: Sequence[int],
+    issues: list[InputIssue],
+) -> NDArray[np.bool_]:
+    """(N,): which poses are usable; the others are reported. One of -inf is none at all."""
+
+    def place(row: int) -> str:
+        return f"{files.pose_folder}{files.pose.name(numbers[row])}"
+
+    lost = np.isneginf(poses).any(axis=(1, 2))
+    issues += [
+        InputIssue("no pose", place(row), "-inf: the recording lost its track here")
+        for row in np.flatnonzero(lost).tolist()
+    ]
+    usable = np.zeros(len(poses), dtype=bool)
+    rows = np.flatnonzero(~lost)
+    usable[rows] = report_unusable(poses[rows], lambda row: place(rows[row]), issues)
+    return usable

@@ -53,7 +53,8 @@ def pose_defect(pose: NDArray[np.float64]) -> str:
     if np.linalg.det(rotation) <= 0:
         return "its rotation mirrors"
     distance = float(np.abs(pose[:3, 3]).max())
-    return f"{distance:,.0f} m from the origin; at most {MAX_COORDINATE:,.0f} m are read"
+    limit = f"at most {MAX_COORDINATE:,.0f} m are read; subtract an offset"
+    return f"{distance:,.0f} m from the origin; {limit}"
 
 
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
