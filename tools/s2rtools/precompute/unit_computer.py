@@ -61,10 +61,11 @@ class UnitComputer:
         if unit.stage.name == "frames":
             frames = RunFrames(self._store, run, renderers=self._renderers)
             return rendered_frames.render_frames(frames, unit)
-        if run.model not in self._backends:
-            model = load_model(self._store, run.model, self._trust)
-            self._backends = {run.model: self._run_backends.open(model, self._threads)}
-        return network_outputs.compute_outputs(self._store, run, *self._backends[run.model], unit)
+        name = run.network(unit.stage.name)
+        if name not in self._backends:
+            model = load_model(self._store, name, self._trust)
+            self._backends = {name: self._run_backends.open(model, self._threads)}
+        return network_outputs.compute_outputs(self._store, run, *self._backends[name], unit)
 
 
 def encoded(
