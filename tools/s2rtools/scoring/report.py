@@ -57,7 +57,9 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         reporter.advance(1)
         evaluated = []
         for run in map(store.run, runs):
-            backend = open_backend(load_model(store, run.network("scoring"), settings.trust), "torch")
+            backend = open_backend(
+                load_model(store, run.network("scoring"), settings.trust), "torch"
+            )
             evaluated.append((run, backend))
         table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()

@@ -56,10 +56,11 @@ def feature_source(store: Store, run: str, description: Path | None) -> FeatureS
         rows = [stored_array.read_rows(array, a, b)[chosen] for a, b, chosen in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
 
-    is_imported = record.model is None
+    if record.model is None:
+        return FeatureSource(read, {"features": "imported embedding", "key": str(record.key)})
     identity: dict[str, str | int | float] = {
-        "features": "imported embedding" if is_imported else "embedding",
-        "features_sha256": str(record.key) if record.model is None else store.models[record.model].sha256,
+        "features": "embedding",
+        "features_sha256": store.models[record.model].sha256,
         "precision": record.precision or "",
     }
     return FeatureSource(read, identity)
