@@ -324,7 +324,7 @@ class Store(IndexCatalog):
         if self.run(run).is_imported:
             if kind.removeprefix("map:") in NETWORK_KINDS:
                 raise NotComputedError(needs_network(run, kind.removeprefix("map:")))
-            if kind in EMBEDDING_KINDS:
+            if kind in EMBEDDING_KINDS and not any(r.kind == "embedding" for r in records):
                 message = f"run {run!r}: imported without embeddings, which {kind} needs"
                 raise NotComputedError(f"{message}; add --embeddings to `s2r run import`")
         message = f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`"

@@ -139,10 +139,10 @@ class Coverage:
 
     @property
     def summary(self) -> str:
-        """`computed for 40 of 45 instances`; empty unless that is partial."""
+        """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty."""
         verb = "imported" if self.is_imported else "computed"
         text = f"{verb} for {self.computed} of {self.instances} instances"
-        return text if self.is_partial else ""
+        return text if self.is_partial else "imported" * self.is_imported
 
     @property
     def note(self) -> str:
@@ -233,6 +233,11 @@ class Run:
     def is_imported(self) -> bool:
         """Whether its predictions were imported, so that there is no network to run."""
         return self.model is None
+
+    @property
+    def embedding_command(self) -> str:
+        """The command that gives the run embeddings."""
+        return "`s2r run import --embeddings`" if self.is_imported else "`s2r precompute`"
 
     def network(self, purpose: str) -> str:
         """The name of its model. Raises RequestError for imported predictions.

@@ -75,7 +75,7 @@ class VisualAxis(Axis):
         store, run = evidence.store, evidence.run
         reason = instance_selection.uncomputed_reason(evidence)
         if reason is None and not any(r.kind == "embedding" for r in store.array_kinds(run)):
-            reason = f"run {run!r} has no embeddings; run `s2r precompute`"
+            reason = f"run {run!r} has no embeddings; {store.run(run).embedding_command} makes them"
         return reason
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
