@@ -36,8 +36,11 @@ def read_columns(
                 raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
             described = connection.execute(f"DESCRIBE SELECT * FROM {table}").fetchall()
             types = {str(name): str(kind) for name, kind, *_ in described}
-            values = {name: _number(name, types[name]) for name in types if name in numbers}
-            values |= {name: _text(name) for name in types if name in texts}
+            values = {
+                name: _number(name, kind) if name in numbers else _text(name)
+                for name, kind in types.items()
+                if name in numbers or name in texts
+            }
             if not values:
                 return {}
             listed = ", ".join(f'{value} AS "{name}"' for name, value in values.items())

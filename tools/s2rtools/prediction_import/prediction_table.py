@@ -79,26 +79,21 @@ def read_table(path: Path) -> PredictionTable:
 
 def _read_csv(path: Path) -> PredictionTable:
     lines = array("q")
-    numbers: dict[str, array[float]] = {}
-    texts: dict[str, list[str]] = {}
-    names: tuple[str, ...] | None = None
+    columns: dict[str, array[float] | list[str]] = {}
     for line, row in read_rows(path, COLUMNS):
-        if names is None:
-            names = tuple(row)
-            numbers = {name: array("d") for name in names if name in NUMBERS}
-            texts = {name: [] for name in names if name in TEXTS}
+        if not columns:
+            columns = {name: array("d") if name in NUMBERS else [] for name in row}
         lines.append(line)
-        for name, values in numbers.items():
-            values.append(parse_float(row[name]))
-        for name, strings in texts.items():
-            strings.append(row[name])
-    return _table(
-        path,
-        np.array(lines, dtype=np.int64),
-        {name: np.array(values) for name, values in numbers.items()},
-        {name: np.array(strings, dtype=object) for name, strings in texts.items()},
-        "line",
-    )
+        for name, values in columns.items():
+            if isinstance(values, list):
+                values.append(row[name])
+            else:
+                values.append(parse_float(row[name]))
+    arrays = {
+        name: np.array(values, dtype=object if isinstance(values, list) else np.float64)
+        for name, values in columns.items()
+    }
+    return _table(path, np.array(lines, dtype=np.int64), arrays, "line")
 
 
 def _read_parquet(path: Path) -> PredictionTable:
@@ -107,8 +102,7 @@ def _read_parquet(path: Path) -> PredictionTable:
     return _table(
         path,
         np.arange(1, count + 1),
-        {name: values for name, values in columns.items() if name in NUMBERS},
-        {name: values for name, values in columns.items() if name in TEXTS},
+        columns,
         "row",
     )
 
@@ -116,23 +110,21 @@ def _read_parquet(path: Path) -> PredictionTable:
 def _table(
     path: Path,
     lines: NDArray[np.int64],
-    numbers: Mapping[str, NDArray[np.float64]],
-    texts: Mapping[str, NDArray[Any]],
+    columns: Mapping[str, NDArray[Any]],
     lines_are: str,
 ) -> PredictionTable:
     """The table with the names of `COLUMNS`'s values. Raises RequestError for repeated ones."""
-    names = [*numbers, *texts]
     by_meaning: dict[str, str] = {}
-    for name in names:
+    for name in columns:
         other = by_meaning.setdefault(COLUMNS[name], name)
         if other != name:
             raise RequestError(f"{path}: columns {other} and {name} mean the same; remove one")
     return PredictionTable(
         path,
         lines,
-        {NUMBERS[name]: values for name, values in numbers.items()},
-        {TEXTS[name]: values for name, values in texts.items()},
-        tuple(names),
+        {NUMBERS[name]: values for name, values in columns.items() if name in NUMBERS},
+        {TEXTS[name]: values for name, values in columns.items() if name in TEXTS},
+        tuple(columns),
         lines_are,
     )
 
