@@ -69,7 +69,11 @@ _RULES = (
         "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
     ),
     ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
-    ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
+    (
+        "run",
+        "model without a row in model",
+        "model IS NOT NULL AND model NOT IN (SELECT model FROM model)",
+    ),
     *(
         (
             name,
