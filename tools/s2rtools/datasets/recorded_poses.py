@@ -12,6 +12,8 @@ MAX_ROTATION_ERROR = 1e-2
 """Largest element of R^T R - 1 that rounding in a text file explains."""
 MAX_COORDINATE = 1e6
 """Metres."""
+FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
 
 
 def poses_from_quaternions(

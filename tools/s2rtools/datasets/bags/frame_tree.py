@@ -56,7 +56,7 @@ class PoseLog:
             detail = f"{late} of {len(stamps)} before the one in front of them; sorted"
             issues.append(InputIssue("unordered stamps", name, detail))
         stamps, first = np.unique(stamps, return_index=True)
-        return np.asarray((stamps - origin) * 1e-9), poses[first], issues
+        return (stamps - origin).astype(np.float64) * 1e-9, poses[first], issues
 
 
 class FrameTree:
