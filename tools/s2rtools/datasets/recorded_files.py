@@ -1,4 +1,7 @@
-"""Images of a recording that lie in files: found, listed by number, and read."""
+"""Images of a recording that lie in files: found, listed by number, and read.
+
+The orientation that an image file states is ignored, because intrinsics are those of its pixels.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +29,19 @@ from s2rtools.datasets.scan import InputIssue
 _MOST_DIGITS = 18
 """Digits of a number in a file name; it fits into 64 bits."""
 _MAX_BYTES = 8 * MAX_PIXELS + MAX_METADATA_BYTES
+_COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 @dataclass(frozen=True, slots=True)
 class RgbImageFile:
-    """A colour image in a file; `name` is its path relative to the recording."""
+    """A colour image in a file; `name` is its path relative to the recording.
+
+    Images of another `size` (height, width) are reported instead of read, if it is given.
+    """
 
     path: Path
     name: str
+    size: tuple[int, int] | None = None
 
     @property
     def pixels(self) -> int:
@@ -44,15 +52,16 @@ class RgbImageFile:
         return _checksum(self.path)
 
     def read(self) -> SourceImage | InputIssue:
-        return _read(self.path, self.name, cv2.IMREAD_COLOR_RGB)
+        return _read(self.path, self.name, _COLOUR, self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class DepthImageFile:
-    """A depth image in a file, one channel of 8 or 16 bits; `name` as in `RgbImageFile`."""
+    """A depth image in a file, one channel of 8 or 16 bits; the rest as in `RgbImageFile`."""
 
     path: Path
     name: str
+    size: tuple[int, int] | None = None
 
     @property
     def pixels(self) -> int:
@@ -63,7 +72,7 @@ class DepthImageFile:
         return _checksum(self.path)
 
     def read(self) -> SourceImage | InputIssue:
-        image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED)
+        image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)
         if isinstance(image, InputIssue):
             return image
         if image.pixels.ndim != 2 or image.pixels.dtype not in (np.uint8, np.uint16):
@@ -76,10 +85,12 @@ class DepthImageFile:
 class FrameFiles:
     """Names of the images of frames relative to a folder, in a temporary file.
 
-    A frame takes 8 bytes of memory.
+    A frame takes 8 bytes of memory. RGB images of another `size` (height, width) are reported
+    instead of read, if it is set.
     """
 
     def __init__(self, root: Path) -> None:
+        self.size: tuple[int, int] | None = None
         self._root = root
         self._names = RowFile()
 
@@ -93,7 +104,7 @@ class FrameFiles:
     def __getitem__(self, number: int) -> RecordedFrame:
         rgb, depth = self._names[number]
         return RecordedFrame(
-            RgbImageFile(self._root / rgb, rgb),
+            RgbImageFile(self._root / rgb, rgb, self.size),
             None if depth is None else DepthImageFile(self._root / depth, depth),
         )
 
@@ -192,12 +203,14 @@ def _checksum(path: Path) -> str | None:
         return None
 
 
-def _read(path: Path, name: str, mode: int) -> SourceImage | InputIssue:
+def _read(
+    path: Path, name: str, mode: int, size: tuple[int, int] | None
+) -> SourceImage | InputIssue:
     try:
         content = read_bytes(path, _MAX_BYTES)
     except RequestError as error:
         return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
-    decoded = decode_image(content, name, mode)
+    decoded = decode_image(content, name, mode, size)
     if isinstance(decoded, InputIssue):
         return decoded
     return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])

@@ -152,6 +152,20 @@ def nearest_times(
     return np.where(np.abs(known_times[rows] - times) <= tolerance, rows, -1)
 
 
+def mutual_nearest(
+    times: NDArray[np.float64], known_times: NDArray[np.float64], tolerance: float
+) -> NDArray[np.intp]:
+    """As `nearest_times`, but one to one: each time must be the nearest of the known one, too.
+
+    Both arrays ascend.
+    """
+    rows = nearest_times(times, known_times, tolerance)
+    if not len(known_times):
+        return rows
+    back = nearest_times(known_times, times, tolerance)
+    return np.where((rows >= 0) & (back[rows] == np.arange(len(times))), rows, -1)
+
+
 def _is_nearer_left(
     times: NDArray[np.float64], known_times: NDArray[np.float64], right: NDArray[np.intp]
 ) -> NDArray[np.bool_]:

@@ -11,15 +11,28 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.layouts import csv_poses, euroc, kitti, scannet, seven_scenes, tum
+from s2rtools.datasets.layouts import (
+    bag,
+    colmap,
+    csv_poses,
+    euroc,
+    kitti,
+    nerfstudio,
+    scannet,
+    seven_scenes,
+    tum,
+)
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
 LAYOUTS: dict[str, Layout] = {
     "7scenes": seven_scenes.LAYOUT,
+    "bag": bag.LAYOUT,
+    "colmap": colmap.LAYOUT,
     "csv": csv_poses.LAYOUT,
     "euroc": euroc.LAYOUT,
     "kitti": kitti.LAYOUT,
+    "nerfstudio": nerfstudio.LAYOUT,
     "scannet": scannet.LAYOUT,
     "tum": tum.LAYOUT,
 }

@@ -39,7 +39,7 @@ from s2rtools.datasets.recorded_folders import (
     trajectory_name,
 )
 from s2rtools.datasets.recorded_poses import (
-    nearest_times,
+    mutual_nearest,
     orthonormal,
     poses_from_quaternions,
     poses_near,
@@ -103,7 +103,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     known_times, known_poses = _known_poses(truth, issues)
 
     times = rgb.times
-    depth_rows = _partners(times, depth.times)
+    depth_rows = mutual_nearest(times, depth.times, _LIMIT)
     poses = poses_near(times, known_times, known_poses, _LIMIT)
     posed = np.isfinite(poses).all(axis=(1, 2))
     for kind, missing, known in (
@@ -160,14 +160,6 @@ def _known_poses(
     kept = truth.chosen(rows)
     order = in_time_order(kept, issues)
     return kept.values[order, 0], poses[rows[order]]
-
-
-def _partners(times: NDArray[np.float64], depth_times: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The depth image of each RGB image, -1 for none: each is the other's nearest in time."""
-    rows = nearest_times(times, depth_times, _LIMIT)
-    back = nearest_times(depth_times, times, _LIMIT)
-    mutual = (rows >= 0) & (back[rows] == np.arange(len(times))) if len(depth_times) else rows >= 0
-    return np.where(mutual, rows, -1)
 
 
 def _camera(
