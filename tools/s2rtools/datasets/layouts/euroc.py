@@ -117,7 +117,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     poses = poses_at(times[order], known_times, body_poses, MAX_GAP, max_hold=0)
     posed = np.isfinite(poses).all(axis=(1, 2))
     names = [f"mav0/{camera}/data/{images.file_name(row)}" for row in order[~posed].tolist()]
-    report_none_near("no pose", names, times[order[~posed]], known_times, _RULE, issues)
+    report_none_near("no pose", names, times[order[~posed]], known_times, MAX_GAP, issues, _RULE)
 
     files, kept = FrameFiles(folder), []
     for number in np.flatnonzero(posed).tolist():

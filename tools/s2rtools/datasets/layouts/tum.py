@@ -112,7 +112,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     ):
         rows = np.flatnonzero(missing)
         names = [rgb.name(row) for row in rows.tolist()]
-        report_none_near(kind, names, times[rows], known, "none within 20 ms", issues)
+        report_none_near(kind, names, times[rows], known, TOLERANCE, issues)
     usable = np.flatnonzero(posed & (depth_rows >= 0))
     files = FrameFiles(folder)
     for row in usable.tolist():
