@@ -44,21 +44,22 @@ class ScanOptions:
     folders: Mapping[Side, Path] = field(default_factory=dict)
 
     def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
-        """See `choose_trajectories`."""
-        return choose_trajectories(self.trajectories, known, where)
+        """See `choose_trajectories`; messages name the argument `--trajectory`."""
+        return choose_trajectories(self.trajectories, known, where, "--trajectory")
 
 
 def choose_trajectories(
-    requested: Collection[str], known: Iterable[str], where: object
+    requested: Collection[str], known: Iterable[str], where: object, argument: str = "trajectory"
 ) -> list[str]:
     """The requested trajectories, all of `known` by default.
 
-    Raises RequestError for unknown names, and for names that a trajectory cannot have.
+    Raises RequestError, naming the `argument`, for unknown names, and for names that a trajectory
+    cannot have.
     """
     names = list(known)
     for name in requested:
         if name not in names:
-            raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
+            raise RequestError(f"{argument} {name}: not in {where} (has: {', '.join(names)})")
     return [checked_name(name, "trajectory") for name in requested or names]
 
 

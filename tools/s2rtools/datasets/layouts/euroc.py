@@ -152,7 +152,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
 def _choice(options: ReadOptions, name: str, default: str) -> str:
     value = options.values.get(name, default)
     if not _NAME.fullmatch(value):
-        raise RequestError(f"--option {name}={value}: use letters, digits and _")
+        raise RequestError(f"option {name}={value}: use letters, digits and _")
     return value
 
 
