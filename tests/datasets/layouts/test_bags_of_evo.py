@@ -1,6 +1,6 @@
 """Poses of evo's public bags, as evo itself reads them.
 
-`S2R_EVO_DATA` names the folder `test` of evo's source distribution.
+`S2R_EVO_DATA` names the folder `test/data` of evo's source package.
 """
 
 from __future__ import annotations
@@ -21,19 +21,18 @@ from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.bags.topics import is_static
 
 TOPICS = (
-    ("data/ROS_example.bag", "groundtruth"),
-    ("data/ROS_example.bag", "ORB-SLAM"),
-    ("data/ROS_example.bag", "S-PTAM"),
-    ("demos/2026-04-06-16-53-32.bag", "/fr2_desk_ORB"),
-    ("data/nav2_turtlebot.mcap", "/odom"),
-    ("data/nav2_turtlebot.mcap", "/amcl_pose"),
+    ("ROS_example.bag", "groundtruth"),
+    ("ROS_example.bag", "ORB-SLAM"),
+    ("ROS_example.bag", "S-PTAM"),
+    ("nav2_turtlebot.mcap", "/odom"),
+    ("nav2_turtlebot.mcap", "/amcl_pose"),
 )
 
 
 @pytest.fixture
 def folder() -> Path:
     if not os.environ.get("S2R_EVO_DATA"):
-        pytest.skip("S2R_EVO_DATA does not name the folder `test` of evo's source distribution")
+        pytest.skip("S2R_EVO_DATA does not name the folder `test/data` of evo's source package")
     return Path(os.environ["S2R_EVO_DATA"])
 
 
@@ -52,7 +51,7 @@ def test_poses_are_those_that_evo_reads(folder: Path, name: str, topic: str) -> 
 
 
 def test_the_chain_of_a_turtlebots_camera_is_found(folder: Path) -> None:
-    path = folder / "data/nav2_turtlebot.mcap"
+    path = folder / "nav2_turtlebot.mcap"
     bag, tree = BagMessages(path), FrameTree(path)
     for topic, _, message in bag.all_of(("/tf", "/tf_static")):
         tree.add(message, is_static(topic))
@@ -63,4 +62,4 @@ def test_the_chain_of_a_turtlebots_camera_is_found(folder: Path) -> None:
 
 def test_bags_without_images_end_in_one_line(folder: Path) -> None:
     with pytest.raises(RequestError, match=r"nav2_turtlebot\.mcap: no topic with RGB images"):
-        read("bag", folder / "data/nav2_turtlebot.mcap")
+        read("bag", folder / "nav2_turtlebot.mcap")

@@ -60,14 +60,16 @@ def report_none_near(
     known_times: NDArray[np.float64],
     tolerance: float,
     issues: list[InputIssue],
+    rule: str = "",
 ) -> None:
     """Report images without a pose or depth image near their `times` (N,), seconds.
 
-    `known_times` (K,) are those of all poses or depth images, ascending.
+    `known_times` (K,) are those of all poses or depth images, ascending. `rule` is what none of
+    them fulfils, by default to be within `tolerance` seconds.
     """
     rows = nearest_times(times, known_times, np.inf)
     for name, time, row in zip(names, times.tolist(), rows.tolist(), strict=True):
-        detail = f"none within {tolerance * 1000:g} ms"
+        detail = rule or f"none within {tolerance * 1000:g} ms"
         if row >= 0:
             detail += f"; the nearest is {abs(time - known_times[row]):.3f} s away"
         issues.append(InputIssue(kind, name, detail))

@@ -73,13 +73,16 @@ def poses_at(
     known_times: NDArray[np.float64],
     known_poses: NDArray[np.float64],
     max_gap: float,
+    max_hold: float | None = None,
 ) -> NDArray[np.float64]:
     """Poses (N, 4, 4) at `times` (N,) seconds; `known_times` (K,) ascend, at their poses (K, 4, 4).
 
     Positions are interpolated linearly and rotations along the shortest arc (slerp). A time within
-    `max_gap` / 2 before the first or behind the last known one takes that pose. NaN at other times
-    and between known poses that are more than `max_gap` seconds apart.
+    `max_hold` seconds, by default `max_gap` / 2, before the first or behind the last known one
+    takes that pose. NaN at other times and between known poses that are more than `max_gap` seconds
+    apart.
     """
+    max_hold = max_gap / 2 if max_hold is None else max_hold
     result = np.full((len(times), 4, 4), np.nan)
     if not len(known_times):
         return result
@@ -93,7 +96,7 @@ def poses_at(
     inside = (right > 0) & (right < len(known_times))
     gap = np.where(inside, known_times[exact] - known_times[np.maximum(right - 1, 0)], np.inf)
     distance = np.abs(known_times[nearest] - times)
-    alone = (distance == 0) | (~inside & (distance <= max_gap / 2))
+    alone = (distance == 0) | (~inside & (distance <= max_hold))
     result[alone] = known_poses[nearest[alone]]
     between = inside & ~alone & (gap <= max_gap)
     if between.any():

@@ -61,7 +61,7 @@ def camera_option(options: ReadOptions, name: str, size: tuple[int, int]) -> Pin
     text = options.values.get(name)
     if text is None:
         return None
-    form = f"--option {name}={text}: expected fx,fy,cx,cy or fx,fy,cx,cy,width,height"
+    form = f"option {name}={text}: expected fx,fy,cx,cy or fx,fy,cx,cy,width,height"
     try:
         values = [float(field) for field in text.split(",")]
     except ValueError:

@@ -10,7 +10,8 @@ Kalibr, whose convention is OpenCV's: the centre of the first pixel is 0.
 in a world whose z points up; option `poses` names another folder of that form, such as `vicon0`.
 The `T_BS` of its `sensor.yaml` is the pose of the tracked sensor in the body's axes. Poses at the
 times of the images are interpolated between rows that are at most 100 ms apart; rows come with
-200 Hz in EuRoC. Images are grey, and there is no depth.
+200 Hz in EuRoC. Images before the first row or behind the last one have no pose. Images are grey,
+and there is no depth.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ from s2rtools.datasets.stated_cameras import checked, opencv_camera
 
 MAX_GAP = 0.1
 """Seconds between two poses that are interpolated."""
+_RULE = "not between two poses at most 100 ms apart"
 _NANOSECONDS = 1e9
 _TRUTH = "state_groundtruth_estimate0"
 _RADIAL = ("radial-tangential", "radtan", "plumb_bob")
@@ -112,10 +114,10 @@ def read(path: Path, options: ReadOptions) -> Recording:
     images = read_stamped_names(containment.resolve(listed, str(folder)), listed, issues, ",")
     order = in_time_order(images, issues)
     times = images.times / _NANOSECONDS
-    poses = poses_at(times[order], known_times, body_poses, MAX_GAP)
+    poses = poses_at(times[order], known_times, body_poses, MAX_GAP, max_hold=0)
     posed = np.isfinite(poses).all(axis=(1, 2))
     names = [f"mav0/{camera}/data/{images.file_name(row)}" for row in order[~posed].tolist()]
-    report_none_near("no pose", names, times[order[~posed]], known_times, MAX_GAP / 2, issues)
+    report_none_near("no pose", names, times[order[~posed]], known_times, MAX_GAP, issues, _RULE)
 
     files, kept = FrameFiles(folder), []
     for number in np.flatnonzero(posed).tolist():
@@ -150,7 +152,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
 def _choice(options: ReadOptions, name: str, default: str) -> str:
     value = options.values.get(name, default)
     if not _NAME.fullmatch(value):
-        raise RequestError(f"--option {name}={value}: use letters, digits and _")
+        raise RequestError(f"option {name}={value}: use letters, digits and _")
     return value
 
 

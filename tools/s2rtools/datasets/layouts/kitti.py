@@ -76,7 +76,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     ]
     camera = options.values.get("camera") or _first_camera(folder / "sequences" / chosen[0])
     if camera not in _CAMERAS:
-        raise RequestError(f"--option camera={camera}: choose from {', '.join(sorted(_CAMERAS))}")
+        raise RequestError(f"option camera={camera}: choose from {', '.join(sorted(_CAMERAS))}")
     sequences = {}
     for name in chosen:
         sequence = _read_sequence(folder, name, camera, containment, issues)

@@ -109,7 +109,7 @@ def _is_sequence(path: Path) -> bool:
 def _listed(folder: Path, split: str, containment: PathContainment) -> set[str]:
     """The names of the sequences of a split."""
     if split not in _SPLITS:
-        raise RequestError(f"--option split={split}: choose from {', '.join(_SPLITS)}")
+        raise RequestError(f"option split={split}: choose from {', '.join(_SPLITS)}")
     path = containment.resolve(_SPLITS[split], str(folder))
     names = set()
     for number, line in read_lines(path):
