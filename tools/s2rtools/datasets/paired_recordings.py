@@ -33,7 +33,7 @@ from s2rtools.datasets.recording_pairs import (
     paired,
     unmatched_images,
 )
-from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 
 MARGIN = 2.0
 """Metres of the map around the outermost poses, where no calibration file states the bounds."""
@@ -180,14 +180,11 @@ def _empty_scan(
     if options.calibration is not None:
         config = DatasetConfig(options.calibration, name=real.recording.name, y_down=False)
         containment = PathContainment(config.path.parent, options.allow_outside)
-        scan = config.empty_scan(root, options.frame, containment)
-        if plan := config.table.floor_plan:
-            file = containment.resolve(plan, f"{config.path}: floor_plan")
-            if file.is_file():
-                scan.floor_plan = file
-            else:
-                scan.issues.append(InputIssue("missing floor plan", plan))
-        return scan
+        if config.table.y_down:
+            raise RequestError(
+                f"{config.path}: y_down = true; on the floor of recordings y grows upwards"
+            )
+        return config.empty_scan(root, options.frame, containment)
     places = np.concatenate([sim.poses[pairing.sim, :2], real.poses[pairing.real, :2]])
     (x0, y0), (x1, y1) = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
     bounds = Bounds(float(x0), float(y0), float(x1), float(y1))

@@ -46,12 +46,8 @@ class ScanOptions:
     folders: Mapping[Side, Path] = field(default_factory=dict)
 
     def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
-        """The requested trajectories, all by default. Raises RequestError for unknown names."""
-        names = list(known)
-        for name in self.trajectories:
-            if name not in names:
-                raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
-        return [checked_name(name, "trajectory") for name in self.trajectories or names]
+        """See `choose_trajectories`; messages name the argument `--trajectory`."""
+        return choose_trajectories(self.trajectories, known, where, "--trajectory")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,3 +185,18 @@ class Scan:
             return path.relative_to(self.root).as_posix()
         except ValueError:
             return path.as_posix()
+
+
+def choose_trajectories(
+    requested: Sequence[str], known: Iterable[str], where: object, argument: str = "trajectory"
+) -> list[str]:
+    """The requested trajectories, all of `known` by default.
+
+    Raises RequestError, naming the `argument`, for unknown names, and for names that a trajectory
+    cannot have.
+    """
+    names = list(known)
+    for name in requested:
+        if name not in names:
+            raise RequestError(f"{argument} {name}: not in {where} (has: {', '.join(names)})")
+    return [checked_name(name, "trajectory") for name in requested or names]

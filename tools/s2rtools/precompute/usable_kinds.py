@@ -27,7 +27,7 @@ def usable_kinds(
     does not have.
     """
     without = domains_without_depth(store, run)
-    if store.models[run.model].channels != "rgb":
+    if run.model is not None and store.models[run.model].channels != "rgb":
         store.require_depth(without, f"model {run.model}")
     usable = [kind for kind in kinds if not (without and HEATMAP_KINDS[kind].aligned)]
     if without:

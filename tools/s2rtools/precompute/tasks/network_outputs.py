@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -70,14 +70,9 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(
-            part,
-            kind,
-            model,
-            backends,
-            has_depth,
-            *keys.heatmap(kind, backends.kind_facts(kind), rendered),
-        )
+        described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
+        key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
+        heatmaps = heatmap_specs(part, kind, *described, *key_of_kind, has_depth)
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -96,13 +91,19 @@ def _described(
     return known[key]
 
 
-def _kind_specs(
-    part: Part, name: str, model: LoadedModel, backends: RunBackends, has_depth: bool, key: str,
+def heatmap_specs(
+    part: Part,
+    name: str,
+    outputs: Sequence[OutputSpec],
+    attributes: Mapping[str, str],
+    key: str,
     is_shared: bool,
-) -> list[ArraySpec]:  # fmt: skip
-    """The arrays of a kind; without depth those of modes that compare depth are left out."""
-    kind = HEATMAP_KINDS[name]
-    outputs, attributes = _described(kind, model, backends.differences or "float32")
+    has_depth: bool,
+) -> list[ArraySpec]:
+    """The arrays of a heatmap kind in a part, for its `outputs`.
+
+    Without depth on both sides, those of modes that compare depth are left out.
+    """
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(attributes.items())),
