@@ -227,6 +227,7 @@ def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets import IMPORTERS
+    from s2rtools.datasets.layouts import LAYOUTS
     from s2rtools.heatmaps import HEATMAP_KINDS
     from s2rtools.models import ARCHITECTURES
     from s2rtools.motion_logs.drives import READERS
@@ -262,6 +263,7 @@ def registries_page() -> str:
     ]
     others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
         ("Importers", "`s2r ingest NAME ...`", IMPORTERS),
+        ("Layouts of recordings", "`s2r ingest pairs --sim NAME:PATH ...`", LAYOUTS),
         ("Architectures", "`s2r model add ... --arch NAME`", ARCHITECTURES),
         ("Training recipes", "`s2r train --recipe NAME`", RECIPES),
         ("Translation methods", "`s2r translate fit NAME ...`", METHODS),

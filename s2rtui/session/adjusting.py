@@ -27,7 +27,8 @@ def available_sliders(store: Store, run: str | None = None) -> tuple[tuple[Slide
     from s2rtools.adjustments import ADJUSTMENTS, TranslatorAdjustment
     from s2rtools.rendering import no_renderer_reason
 
-    channels = store.models[store.run(run).model].channels if run is not None else "rgbd"
+    model = None if run is None else store.run(run).model
+    channels = "rgbd" if model is None else store.models[model].channels
     reason = (no_renderer_reason(store) or "").removeprefix(f"{store.path}: ")
     if channels != "rgbd":
         seen = {"rgb": "no depth", "depth": "no colours"}[channels]

@@ -13,7 +13,7 @@ from s2rstore.errors import NotComputedError
 from s2rstore.geometry.floor_grid import FloorHeat, Ray
 from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, Run, Side
+from s2rstore.records import NO_RUN, SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
@@ -104,6 +104,10 @@ def selection_grid(
     An empty kind projects every pixel without a heatmap. `report_share` gets the share that is done
     and returns False to stop.
     """
+    record = store.run(run)
+    surfaces = store.provenance_object(f"run:{run}", "surfaces")
+    sides = SIDES if heat.kind in surfaces else (heat.side,)
+    store.require_depth(map(record.domain, sides), "heat on the map")
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
         if not heat.kind:
@@ -111,7 +115,7 @@ def selection_grid(
         else:
             span = block.start, block.stop
             values = store.heatmaps(run, heat.kind, heat.side, *span, heat.mode)[chosen]
-        _project(store, store.run(run), heat, values, chosen, block, grid)
+        _project(store, record, heat, values, chosen, block, grid)
         if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
@@ -154,7 +158,6 @@ def _project(
     grid: MapGrid,
 ) -> None:
     """Add the heat of the chosen instances of a block to the grid, as precompute does."""
-    truth = store.instances
     domain, other = (run_domain(store, run, side) for side in _ORDER[heat.side])
     recorded = store.provenance_object(f"run:{run.run}", "surfaces")
     rig_offset, ray = store.rig_offset(run.sim_domain, run.real_domain), ray_of(heat)
@@ -167,7 +170,7 @@ def _project(
         return np.asarray(read["depth"][chosen])
 
     near, far = _ORDER[heat.side]
-    poses = np.stack([truth.x[block], truth.y[block], truth.heading[block]], axis=1)[chosen]
+    poses = store.poses(run.domain(near))[block][chosen]
     other_depth = depth(far) if floor_heat.needs_other else None
     samples = floor_heat.samples(depth(near), other_depth, poses, grid)
     grid.add(*samples.values(values, ray))

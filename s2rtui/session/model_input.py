@@ -25,7 +25,7 @@ _SHORT = 18
 class ModelInput:
     """rgb (H, W, 3) uint8, depth (H, W) metres with NaN where invalid, and their adjustments.
 
-    Without frames in the store, rgb has shape (0, 0, 3) and depth is None.
+    Without frames in the store, rgb has shape (0, 0, 3). Without depth, depth is None.
     `title` names a domain other than the side's usual one and short adjustments; `notes` hold
     adjustments that are too long for it. `original` is the RGB image before the adjustments, None
     where no translator is among them.
@@ -48,12 +48,15 @@ def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     images = [step for step in chain if step["name"] not in NAMES]
     adjusted = _adjusted(frame, domain, images, store.path) if images else frame
     shown = adjusted or frame
-    metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
+    depth = None
+    if domain.has_depth:
+        metres = np.where(shown.valid, shown.depth * np.float32(domain.depth_scale), np.nan)
+        depth = metres.astype(np.float32)
     usual = "" if domain.domain == side and not chain else domain.domain
     title, notes = _title_and_notes(usual, side, chain, "" if adjusted else "before ")
     is_translated = adjusted is not None and any("sha256" in step for step in images)
     original = frame.rgb if is_translated else None
-    return ModelInput(shown.rgb, metres.astype(np.float32), title, notes, original)
+    return ModelInput(shown.rgb, depth, title, notes, original)
 
 
 def stored_image(store: Store, side: Side, iid: int) -> ModelInput:

@@ -21,15 +21,22 @@ from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side, needs_network
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
 """The default mode of each heatmap kind that has modes."""
+NETWORK_KINDS = frozenset({"activation", "feature_distance", "harmonised_distance", "occlusion"})
+"""The heatmap kinds that need a network, so that a run of imported predictions has none."""
+EMBEDDING_KINDS = frozenset({"embedding", "pca", "umap", "neighbour_distance"})
+"""Arrays that are made of embeddings."""
 
 SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
 """Arrays of images at the size of their source, where that is not the frame size."""
+
+LOOSE_METRES, LOOSE_DEGREES = 1e-3, 0.01
+"""Offsets of a pair up to which both images count as having one pose."""
 
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
@@ -96,7 +103,60 @@ class Store(IndexCatalog):
     def instances(self) -> InstanceColumns:
         """Ground truth, aligned by iid; each column is loaded at its first use."""
         names = tuple(trajectory.trajectory for trajectory in self.trajectories)
-        return column_loader.load_instances(self._column_loader, names, self.stored_rooms)
+        missing = self.missing_columns("instance")
+        return column_loader.load_instances(self._column_loader, names, self.stored_rooms, missing)
+
+    def poses(self, domain: str) -> NDArray[np.float64]:
+        """The true poses of a domain's frames: x, y in metres and heading in radians, (N, 3).
+
+        They are those of the instances, apart from frames of loose pairs, which have their own.
+        """
+        self.domain(domain)
+        return self._columns.get(("poses", domain), lambda: self._read_poses(domain))
+
+    def _read_poses(self, domain: str) -> NDArray[np.float64]:
+        truth = self.instances
+        poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        if self.has_own_poses(domain):
+            query = "SELECT iid, {} AS value FROM frame_pose WHERE domain = ?"
+            for place, name in enumerate(("x", "y", "heading")):
+                own = self._column_loader.column(query.format(name), [domain])
+                poses[:, place] = np.where(np.isnan(own), poses[:, place], own)
+        return poses
+
+    def has_own_poses(self, domain: str, start: int = 0, stop: int | None = None) -> bool:
+        """Whether frames of iids [start, stop) have other poses than their instances."""
+        if not self.has_table("frame_pose"):
+            return False
+        query = """
+            SELECT 1 FROM frame_pose f JOIN instance i USING (iid)
+            WHERE domain = ? AND iid >= ? AND iid < ?
+            AND (f.x <> i.x OR f.y <> i.y OR f.heading <> i.heading) LIMIT 1
+        """
+        end = len(self.instances) if stop is None else stop
+        return bool(self.execute(query, [domain, start, end]))
+
+    def pair_offset(self, iid: int) -> str:
+        """`0.23 m, 4.1 degrees` between both images of a pair; empty for one pose."""
+        metres, degrees = (
+            float(column[iid])
+            for column in (self.instances.pair_offset_m, self.instances.pair_offset_deg)
+        )
+        is_loose = metres > LOOSE_METRES or degrees > LOOSE_DEGREES
+        return f"{metres:.2f} m, {degrees:.1f} degrees" if is_loose else ""
+
+    @cached_property
+    def has_loose_pairs(self) -> bool:
+        """Whether the images of some pair have different poses."""
+        truth = self.instances
+        is_far = truth.pair_offset_m > LOOSE_METRES
+        return bool((is_far | (truth.pair_offset_deg > LOOSE_DEGREES)).any())
+
+    def require_depth(self, domains: Iterable[str], purpose: str) -> None:
+        """Raise RequestError where one of the domains has no depth, which `purpose` needs."""
+        for domain in domains:
+            if not self.domain(domain).has_depth:
+                raise RequestError(f"{self.path}: domain {domain} has no depth; {purpose} needs it")
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
@@ -119,14 +179,18 @@ class Store(IndexCatalog):
     def coverage(self, run: str) -> Coverage:
         """For how many instances a run is computed; for all in a store of one part.
 
-        Nothing needs to be computed for `NO_RUN`. Raises RequestError for an unknown run.
+        Of imported predictions, how many instances have one on both sides. Nothing needs to be
+        computed for `NO_RUN`. Raises RequestError for an unknown run.
         """
         with self._lock:
             if run not in self._coverages:
                 total = computed = self.parts[-1].stop
-                if run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
+                is_imported = run != NO_RUN and self.run(run).is_imported
+                if is_imported:
+                    computed = self._imported_count(run)
+                elif run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
                     computed = self._computed_count(run)
-                self._coverages[run] = Coverage(run, computed, total)
+                self._coverages[run] = Coverage(run, computed, total, is_imported)
             return self._coverages[run]
 
     def _computed_count(self, run: str) -> int:
@@ -135,6 +199,12 @@ class Store(IndexCatalog):
         if records:
             return sum(record.shape[0] for record in records if record.side == "sim")
         query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
+        return int(self.execute(query, [run])[0][0])
+
+    def _imported_count(self, run: str) -> int:
+        """The instances with a predicted position on both sides."""
+        query = """SELECT count(*) FROM (SELECT iid FROM prediction WHERE run = ? AND x IS NOT NULL
+                   GROUP BY iid HAVING count(DISTINCT side) = 2)"""
         return int(self.execute(query, [run])[0][0])
 
     def drop_run_columns(self, run: str) -> None:
@@ -172,10 +242,10 @@ class Store(IndexCatalog):
     ) -> dict[str, NDArray[Any]]:
         """The images of iids [start, stop): rgb (n, H, W, 3) uint8, depth (n, H, W) raw values.
 
-        In a data set without poses depth is 0, which is not valid. Raises RequestError where the
-        domain does not image a trajectory of these instances.
+        Without depth it is 0, which is not valid. Raises RequestError where the domain does not
+        image a trajectory of these instances.
         """
-        self.domain(domain)
+        has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
         for trajectory, first in self._first_iids.items():
             count = self._counts[trajectory]
@@ -183,7 +253,7 @@ class Store(IndexCatalog):
             if low < high:
                 self._check_images(domain, trajectory)
                 for image in images:
-                    if image == "depth" and not self.has_poses:
+                    if image == "depth" and not has_depth:
                         size = self.dataset.frame_height, self.dataset.frame_width
                         parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
                         continue
@@ -201,7 +271,8 @@ class Store(IndexCatalog):
         block.
 
         All images of one kind in a block have one size; RGB and depth may have different ones.
-        Where a store holds none of that size, the images are those of `frames`.
+        Where a store holds none of that size, the images are those of `frames`. Without depth it
+        is 0, in images of the size of RGB.
         """
         self.domain(domain)
         for trajectory, first in self._first_iids.items():
@@ -211,8 +282,18 @@ class Store(IndexCatalog):
             if not self.has_source_frames(domain, trajectory):
                 yield low, self.frames(domain, low, high, images)
                 continue
-            arrays = {image: self.source_array(domain, trajectory, image) for image in images}
-            yield low, {k: each.rows(low - first, high - first) for k, each in arrays.items()}
+            stored = self._stored_images(domain, images)
+            arrays = {image: self.source_array(domain, trajectory, image) for image in stored}
+            block = {k: each.rows(low - first, high - first) for k, each in arrays.items()}
+            if len(stored) < len(images):
+                height, width = self.source_array(domain, trajectory, "rgb").shape[1:3]
+                block["depth"] = np.zeros((high - low, height, width), dtype=np.uint8)
+            yield low, block
+
+    def _stored_images(self, domain: str, images: Iterable[str]) -> list[str]:
+        """The images of a domain that are stored: without `depth` where it has none."""
+        has_depth = self.domain(domain).has_depth
+        return [image for image in images if has_depth or image != "depth"]
 
     def has_source_frames(self, domain: str, trajectory: str) -> bool:
         """Whether the store holds images of the size of their source besides the frames."""
@@ -233,7 +314,8 @@ class Store(IndexCatalog):
             if first <= iid < first + self._counts[trajectory]:
                 if not self.has_source_frames(domain, trajectory):
                     return None
-                arrays = {i: self.source_array(domain, trajectory, i) for i in SOURCE_IMAGES}
+                stored = self._stored_images(domain, SOURCE_IMAGES)
+                arrays = {i: self.source_array(domain, trajectory, i) for i in stored}
                 return {image: list(array.shape[1:3]) for image, array in arrays.items()}
         return None
 
@@ -366,6 +448,12 @@ class Store(IndexCatalog):
             return sorted(found, key=lambda record: record.first_iid)
         known = ", ".join(sorted({record.kind for record in records})) or "nothing"
         requested = " ".join(part for part in (kind, side, mode) if part)
+        if self.run(run).is_imported:
+            if kind.removeprefix("map:") in NETWORK_KINDS:
+                raise NotComputedError(needs_network(run, kind.removeprefix("map:")))
+            if kind in EMBEDDING_KINDS and not any(r.kind == "embedding" for r in records):
+                message = f"run {run!r}: imported without embeddings, which {kind} needs"
+                raise NotComputedError(f"{message}; add --embeddings to `s2r run import`")
         message = f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`"
         raise NotComputedError(message)
 

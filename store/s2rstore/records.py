@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
+
+from s2rstore.errors import RequestError
 
 Side = Literal["sim", "real"]
 SIDES: tuple[Side, Side] = ("sim", "real")
@@ -98,7 +100,8 @@ class Domain:
     """One source of images of every instance, with its cameras.
 
     In a data set without poses it images some trajectories only; figures of cameras and depth are
-    NaN, and the range of valid depth is empty (1 .. 0).
+    NaN, and the range of valid depth is empty (1 .. 0). Without depth (`has_depth` false) this
+    holds for the figures of depth.
 
     `camera_height` (metres above the floor) and `forward_offset` (metres ahead of the pose,
     negative behind it) hold for both cameras. Metres = raw depth value * `depth_scale`; a raw
@@ -116,15 +119,27 @@ class Domain:
     depth_raw_min: int
     depth_raw_max: int
     sources: dict[str, str] = field(default_factory=dict)
+    has_depth: bool = True
+
+    def facts(self) -> dict[str, Any]:
+        """The fields as plain values for a hash; `has_depth` only where it is false."""
+        facts = asdict(self)
+        if self.has_depth:
+            del facts["has_depth"]
+        return facts
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """For how many of a store's instances a run is computed; appended ones may be missing."""
+    """For how many of a store's instances a run is computed; appended ones may be missing.
+
+    Of a run whose predictions were imported, how many instances have one on both sides.
+    """
 
     run: str
     computed: int
     instances: int
+    is_imported: bool = False
 
     @property
     def is_partial(self) -> bool:
@@ -133,14 +148,17 @@ class Coverage:
 
     @property
     def summary(self) -> str:
-        """`computed for 40 of 45 instances`; empty unless that is partial."""
-        text = f"computed for {self.computed} of {self.instances} instances"
-        return text if self.is_partial else ""
+        """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty."""
+        verb = "imported" if self.is_imported else "computed"
+        text = f"{verb} for {self.computed} of {self.instances} instances"
+        return text if self.is_partial else "imported" * self.is_imported
 
     @property
     def note(self) -> str:
         """A line that names the run and the command to use; empty if all instances are computed."""
         advice = "`s2r precompute` computes the others"
+        if self.is_imported:
+            advice = "the others have no prediction on both sides"
         return f"run {self.run}: {self.summary}; {advice}" if self.is_partial else ""
 
 
@@ -212,11 +230,11 @@ class Run:
     """One model applied to one sim and one real domain, each with its adjustments.
 
     An adjustment chain is a list of `{"name": ..., "value": ...}`; empty means untouched. `key`
-    is None until the run has been computed.
+    is None until the run has been computed. `model` is None where the predictions were imported.
     """
 
     run: str
-    model: str
+    model: str | None
     sim_domain: str
     real_domain: str
     sim_adjustments: list[dict[str, Any]]
@@ -230,6 +248,30 @@ class Run:
 
     def adjustments(self, side: Side) -> list[dict[str, Any]]:
         return self.sim_adjustments if side == "sim" else self.real_adjustments
+
+    @property
+    def is_imported(self) -> bool:
+        """Whether its predictions were imported, so that there is no network to run."""
+        return self.model is None
+
+    @property
+    def embedding_command(self) -> str:
+        """The command that gives the run embeddings."""
+        return "`s2r run import --embeddings`" if self.is_imported else "`s2r precompute`"
+
+    def network(self, purpose: str) -> str:
+        """The name of its model. Raises RequestError for imported predictions.
+
+        `purpose`, which begins the reason, needs the network.
+        """
+        if self.model is None:
+            raise RequestError(needs_network(self.run, purpose))
+        return self.model
+
+
+def needs_network(run: str, purpose: str) -> str:
+    """Why something that runs a network cannot be done for a run of imported predictions."""
+    return f"run {run!r}: its predictions were imported; {purpose} needs a network"
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,22 +14,35 @@ from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 
 
-@pytest.fixture
-def older_store(store_copy: Path) -> Path:
+def without(path: Path, prediction: tuple[str, ...]) -> Path:
+    """The store as an earlier release wrote it, without pair offsets and some other columns."""
     view = schema._pair_view()
     for side, alias in (("sim", "s"), ("real", "r")):
-        view = view.replace(f"{alias}.outlier AS {side}_outlier, ", "")
-    assert "outlier" not in view
-    with edit(store_copy) as draft:
+        for name in prediction:
+            view = view.replace(f"{alias}.{name} AS {side}_{name}, ", "")
+    for name in schema.PAIR_OFFSETS:
+        view = view.replace(f"coalesce(i.{name}, 0) AS {name}, ", "")
+    assert not any(name in view for name in (*prediction, *schema.PAIR_OFFSETS))
+    columns = [("prediction", name) for name in prediction]
+    columns += [("instance", name) for name in schema.PAIR_OFFSETS]
+    with edit(path) as draft:
         draft._connection.execute("DROP VIEW pair")
-        draft._connection.execute("ALTER TABLE prediction DROP COLUMN outlier")
+        for table, name in (*columns, ("domain", "has_depth")):
+            draft._connection.execute(f"ALTER TABLE {table} DROP COLUMN {name}")
+        draft._connection.execute("DROP TABLE frame_pose")
         draft._connection.execute(view)
-    return store_copy
+    return path
+
+
+@pytest.fixture
+def older_store(store_copy: Path) -> Path:
+    return without(store_copy, ("outlier",))
 
 
 def test_an_older_store_opens_and_its_absent_columns_are_missing(older_store: Path) -> None:
     with s2rstore.open(older_store) as store:
         assert store.missing_columns("prediction") == {"outlier"}
+        assert store.missing_columns("instance") == set(schema.PAIR_OFFSETS)
         assert np.isnan(store.run_columns("vanilla").real.outlier).all()
         for text in (
             "sim.outlier > 1",
@@ -59,3 +72,33 @@ def test_a_negative_outlier_score_is_reported_as_damage(store_copy: Path) -> Non
             "UPDATE prediction SET outlier = -1 WHERE iid = 3 AND side = 'sim'"
         )
     assert [damage.what for damage in verify(store_copy)] == ["2 rows: outlier is no distance"]
+
+
+def test_pairs_of_an_older_store_have_no_offset_and_their_instances_poses(
+    store_copy: Path,
+) -> None:
+    path = without(store_copy, ())
+    with s2rstore.open(path) as store:
+        assert not store.has_loose_pairs
+        assert all(domain.has_depth for domain in store.domains.values())
+        np.testing.assert_array_equal(store.poses("real")[:, 0], store.instances.x)
+        for text, count in (
+            ("pair_offset_m = 0", len(store.instances)),
+            ("pair_offset_deg > 0", 0),
+            ("!(pair_offset_m < 1)", 0),
+        ):
+            query, parameters = evaluation.sql(store, text)
+            assert np.count_nonzero(evaluation.select(store, text)) == count
+            assert len(store.execute(query, parameters)) == count
+    assert verify(path) == []
+
+
+def test_the_next_generation_of_an_older_store_has_pairs_without_offset(store_copy: Path) -> None:
+    path = without(store_copy, ())
+    with edit(path) as draft:
+        draft.set_provenance("dataset", {"note": "x"})
+    with s2rstore.open(path) as store:
+        assert not store.missing_columns("instance")
+        assert (store.instances.pair_offset_m == 0).all()
+        assert store.execute("SELECT DISTINCT pair_offset_m, pair_offset_deg FROM pair") == [(0, 0)]
+    assert verify(path) == []

@@ -47,6 +47,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         notes=(
             *missing,
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
+            *_pair_note(store, iid),
             ("gap", f"{columns.gap[iid]:+.2f} m (real - sim error), shift {shift:.2f} m"),
             ("ranks", _ranks(store, run, iid)),
             *_neighbours(store, run, iid),
@@ -54,6 +55,12 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *real.notes,
         ),
     )
+
+
+def _pair_note(store: Store, iid: int) -> list[tuple[str, str]]:
+    """The offset of a loose pair, whose images show the scene from two poses; else nothing."""
+    offset = store.pair_offset(iid)
+    return [("pair", f"sim pose {offset} from the real one")] if offset else []
 
 
 def _image_input(store: Store, iid: int) -> InstanceInput:

@@ -12,6 +12,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
+from s2rtui.cli import pair_arguments
 from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
@@ -26,6 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     manifest = layouts.add_parser("csv", help="CSV manifest of paired images")
     world = layouts.add_parser("world", help="the synthetic world, rendered by this command")
     images = layouts.add_parser("images", help="folders of sim and real images without poses")
+    pairs = layouts.add_parser("pairs", help="a sim and a real recording, paired by pose, time or "
+                               "name")  # fmt: skip
+    pair_arguments.add_arguments(pairs)
     for side in SIDES:
         images.add_argument(f"--{side}", type=Path, required=True, metavar="DIR",
                             help=f"folder of {side} images; subfolders, or the conditions of its "
@@ -34,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         layout.add_argument("path", type=Path, help="folder or manifest to read")
         layout.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
                             help="TOML or JSON file with bounds, rooms and cameras")  # fmt: skip
-    for layout in (sim2realviz, manifest, images):
+    for layout in (sim2realviz, manifest, images, pairs):
         layout.add_argument("--allow-outside", action="store_true",
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
@@ -47,11 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             required=True,
             help="store folder to create, or with --append to extend",
         )
-        layout.add_argument("--trajectory", action="append", default=[],
-                            help="read only this trajectory (repeatable)")  # fmt: skip
-        layout.add_argument("--append", action="store_true",
-                            help="add the trajectories that the store does not have to it; frame "
-                            "size, domains and cameras must be those of the store")  # fmt: skip
+        if layout is not pairs:
+            layout.add_argument("--trajectory", action="append", default=[],
+                                help="read only this trajectory (repeatable)")  # fmt: skip
+            layout.add_argument("--append", action="store_true",
+                                help="add the trajectories that the store does not have to it; "
+                                "frame size, domains and cameras must be those of the "
+                                "store")  # fmt: skip
         layout.add_argument("--size", type=int,
                             help=f"{edge} of stored frames, pixels (default {size}; with --append "
                             "that of the store)")  # fmt: skip
@@ -75,6 +81,8 @@ def execute(options: argparse.Namespace) -> int:
     size = _frame_size(options)
     if not 16 <= size <= 2048:
         raise RequestError(f"--size {size}: must be 16 to 2048")
+    if options.layout == "pairs":
+        return _ingest_pairs(options, size)
     world: dict[str, Any] = {}
     if options.layout == "world":
         from s2rtools.synthetic_world.factors import parse_factors
@@ -89,20 +97,40 @@ def execute(options: argparse.Namespace) -> int:
         tuple(options.trajectory), header, frame, world, allow_outside, folders
     )
     scan = IMPORTERS[options.layout](getattr(options, "path", Path()), scan_options)
-    for folder, count in sorted(scan.outside_folders.items()):
-        files = "1 file" if count == 1 else f"{count} files"
-        print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
+    _print_outside_folders(scan)
     try:
         return _append(scan, options) if options.append else _build(scan, options)
     finally:
         _print_issues(scan.issues)
 
 
+def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
+    if options.store.exists():
+        raise RequestError(f"{options.store}: exists; choose another --store, or remove it")
+    with reporter() as progress:
+        made = pair_arguments.scan(options, (size, size), progress)
+    for line in made.summary:
+        print(printable(line))
+    _print_outside_folders(made.scan)
+    try:
+        if options.report is not None:
+            made.write_report(options.report)
+        return _build(made.scan, options)
+    finally:
+        _print_issues(made.scan.issues)
+
+
+def _print_outside_folders(scan: Any) -> None:
+    for folder, count in sorted(scan.outside_folders.items()):
+        files = "1 file" if count == 1 else f"{count} files"
+        print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
+
+
 def _frame_size(options: argparse.Namespace) -> int:
     """The requested longer edge of frames; by default that of the store which is extended."""
     if options.size is not None:
         return int(options.size)
-    if options.append and options.store.exists():
+    if getattr(options, "append", False) and options.store.exists():
         with s2rstore.open(options.store) as store:
             return max(store.dataset.frame_height, store.dataset.frame_width)
     return _DEFAULT_SIZES.get(options.layout, _DEFAULT_SIZE)

@@ -21,6 +21,8 @@ COLUMNS = (
     "degrees(real_heading_error) AS real_heading_error",
 )  # fmt: skip
 """Default columns, as SQL on `pair`."""
+OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
+"""Further default columns where some pairs are loose."""
 IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp")
 """Default columns in a data set without poses."""
 NOTEBOOK_COLUMNS = ("tags", "note")
@@ -84,7 +86,8 @@ def selected_rows(
     """
     notes = notes or Notes()
     name = store.run_name(run)
-    default = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    default: tuple[str, ...] = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    default += OFFSET_COLUMNS if store.has_loose_pairs else ()
     if columns is None and selected is not None:
         rows = _rows_of(store, name, np.flatnonzero(selected), default)
     else:

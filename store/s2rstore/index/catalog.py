@@ -394,9 +394,10 @@ def _printable(column: str, value: Any) -> Any:
 
 
 def _domain(row: dict[str, Any]) -> Domain:
-    if row["depth_scale"] is None:
-        row |= dict.fromkeys(row_check.CAMERA_COLUMNS, math.nan)
+    row["has_depth"] = row["depth_scale"] is not None
+    if not row["has_depth"]:
         row |= {"depth_raw_min": 1, "depth_raw_max": 0}
+    row |= {name: math.nan for name in row_check.CAMERA_COLUMNS if row[name] is None}
     figures = ("fx", "fy", "cx", "cy", "pitch")
     rgb, depth = (
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.geometry import rooms as room_geometry
+from s2rstore.index import schema
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
 from s2rstore.records import NO_RUN, SIDES, SPLITS, Room, Side
@@ -73,12 +74,20 @@ class ColumnLoader:
 
 
 def load_instances(
-    loader: ColumnLoader, trajectories: tuple[str, ...], rooms: Mapping[str, str]
+    loader: ColumnLoader,
+    trajectories: tuple[str, ...],
+    rooms: Mapping[str, str],
+    missing: frozenset[str] = frozenset(),
 ) -> InstanceColumns:
-    """All instances in iid order; `rooms` maps displayed names to those in the index."""
+    """All instances in iid order; `rooms` maps displayed names to those in the index.
+
+    `missing` are columns of table `instance` that the index does not have.
+    """
     stored = {"trajectory": trajectories, "room": tuple(rooms.values())}
 
     def read(name: str) -> NDArray[Any]:
+        if name in missing:
+            return loader.cache.get(("instance", name), lambda: np.zeros(loader.n))
         return loader.cache.get(("instance", name), partial(_instance_column, loader, name, stored))
 
     return InstanceColumns(read, loader.n, trajectories, tuple(rooms))
@@ -88,7 +97,8 @@ def _instance_column(
     loader: ColumnLoader, name: str, names: dict[str, tuple[str, ...]]
 ) -> NDArray[Any]:
     if name not in names:
-        sql = f'SELECT iid, "{name}" AS value FROM instance'
+        value = f'coalesce("{name}", 0)' if name in schema.PAIR_OFFSETS else f'"{name}"'
+        sql = f"SELECT iid, {value} AS value FROM instance"
         return loader.column(sql, (), -1 if name == "seq" else None)
     sql = f"""SELECT iid, code AS value FROM instance LEFT JOIN
               (SELECT unnest(?) AS name, unnest(range(?)) AS code) ON name = "{name}" """

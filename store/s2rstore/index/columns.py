@@ -35,6 +35,8 @@ class InstanceColumns(Columns):
 
     Text columns are codes into their names; -1 is NULL. Missing numbers are NaN. x, y and the
     odometry in metres, headings in radians, curvature in degrees, timestamps in seconds.
+    `pair_offset_m` and `pair_offset_deg` are the distance and the angle between the poses of the
+    sim and the real image, 0 for pairs of one pose.
     """
 
     x: FloatColumn
@@ -48,6 +50,8 @@ class InstanceColumns(Columns):
     odom_y: FloatColumn
     odom_heading: FloatColumn
     timestamp: FloatColumn
+    pair_offset_m: FloatColumn
+    pair_offset_deg: FloatColumn
 
     def __init__(
         self, read: Read, n: int, trajectory_names: tuple[str, ...], room_names: tuple[str, ...]

@@ -44,6 +44,8 @@ CAMERA_COLUMNS = (
     "camera_height", "forward_offset", "depth_scale", "depth_raw_min", "depth_raw_max",
 )  # fmt: skip
 """Columns of table `domain` that are NULL in a data set without poses."""
+DEPTH_COLUMNS = tuple(name for name in CAMERA_COLUMNS if name.startswith("depth_"))
+"""Columns of table `domain` that are NULL in a domain without depth."""
 
 
 class RowChecker:
@@ -70,6 +72,10 @@ class RowChecker:
         for column in columns:
             self.number(column, low, high)
 
+    def has(self, column: str) -> bool:
+        """Whether a column is not NULL."""
+        return self._row[column] is not None
+
     def text(self, column: str, optional: bool = False, longest: int = MAX_TEXT) -> None:
         value = self._row[column]
         if value is None and optional:
@@ -85,11 +91,11 @@ class RowChecker:
         except RequestError as error:
             raise RequestError(f"{self._index}: {error}") from error
 
-    def nulls(self, *columns: str) -> None:
-        """Columns that a data set without poses leaves empty."""
+    def nulls(self, *columns: str, where: str = "a data set without poses") -> None:
+        """Columns that must be empty in `where`."""
         for column in columns:
             if self._row[column] is not None:
-                self.refuse(column, f"{self._row[column]} in a data set without poses")
+                self.refuse(column, f"{self._row[column]} in {where}")
 
     def choice(self, column: str, allowed: Sequence[str | bool | None]) -> None:
         if self._row[column] not in allowed:
@@ -165,8 +171,9 @@ def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> l
     for row, check in _checkers(index, "domain", rows, "domain", "domain"):
         check.name("domain")
         check.choice("kind", SIDES)
+        check.choice("has_depth", (True, False, None))
         if has_poses:
-            _check_cameras(check)
+            _check_cameras(check, row["has_depth"] is not False)
         else:
             check.nulls(*CAMERA_COLUMNS)
         sources = check.parsed("source", dict) if row["source"] else {}
@@ -176,12 +183,17 @@ def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> l
     return checked
 
 
-def _check_cameras(check: RowChecker) -> None:
-    for image in ("rgb", "depth"):
+def _check_cameras(check: RowChecker, has_depth: bool) -> None:
+    for image in ("rgb", "depth") if has_depth else ("rgb",):
         check.numbers(1e-6, 1e7, f"{image}_fx", f"{image}_fy")
         check.numbers(-1e7, 1e7, f"{image}_cx", f"{image}_cy")
         check.number(f"{image}_pitch", -math.pi, math.pi)
-    check.numbers(-MAX_COORDINATE, MAX_COORDINATE, "camera_height", "forward_offset")
+    check.number("forward_offset", -MAX_COORDINATE, MAX_COORDINATE)
+    if has_depth or check.has("camera_height"):
+        check.number("camera_height", -MAX_COORDINATE, MAX_COORDINATE)
+    if not has_depth:
+        check.nulls(*DEPTH_COLUMNS, where="a domain without depth")
+        return
     check.number("depth_scale", 1e-12, 1e6)
     check.numbers(0, 2**31 - 1, "depth_raw_min", "depth_raw_max")
 
@@ -267,11 +279,16 @@ def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:
 
 
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
-    """Rows whose adjustments are lists of `{"name", "value"}`; translations name their file."""
+    """Rows whose adjustments are lists of `{"name", "value"}`; translations name their file.
+
+    Runs of imported predictions have no model.
+    """
     checked = []
     for row, check in _checkers(index, "run", rows, "run", "run"):
-        for column in ("run", "model", "sim_domain", "real_domain"):
+        for column in ("run", "sim_domain", "real_domain"):
             check.name(column)
+        if row["model"] is not None:
+            check.name("model")
         adjustments = {}
         for side in SIDES:
             column = f"{side}_adjustments"

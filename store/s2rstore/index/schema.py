@@ -130,12 +130,18 @@ TABLES: tuple[Table, ...] = (
                 ("pitch", "upwards, rad"),
             )
         ),
-        ("camera_height", "DOUBLE", "above the floor, m"),
+        ("camera_height", "DOUBLE", "above the floor, m; NULL = unknown, without depth"),
         ("forward_offset", "DOUBLE", "camera ahead of the pose, m; negative = behind"),
         ("depth_scale", "DOUBLE", "metres per raw depth unit"),
         ("depth_raw_min", "INTEGER", "smallest valid raw depth"),
         ("depth_raw_max", "INTEGER", "largest valid raw depth"),
         ("source", "VARCHAR", "JSON: for each group of figures, declared or estimated"),
+        (
+            "has_depth",
+            "BOOLEAN",
+            "false: RGB images without depth, whose columns are NULL; NULL = true",
+            True,
+        ),
     ),
     table_of(
         "instance",
@@ -153,6 +159,18 @@ TABLES: tuple[Table, ...] = (
         ("odom_y", "DOUBLE", "the robot's own odometry, in its own frame, m"),
         ("odom_heading", "DOUBLE", "the robot's own odometry, in its own frame, rad"),
         ("timestamp", "DOUBLE", "seconds; NULL = not recorded"),
+        (
+            "pair_offset_m",
+            "DOUBLE",
+            "distance between the poses of the sim and the real image, m; NULL = 0",
+            True,
+        ),
+        (
+            "pair_offset_deg",
+            "DOUBLE",
+            "angle between the headings of the sim and the real image, degrees; NULL = 0",
+            True,
+        ),
     ),
     table_of(
         "frame",
@@ -162,8 +180,37 @@ TABLES: tuple[Table, ...] = (
         ("domain", "VARCHAR", "domain"),
         ("rgb_path", "VARCHAR", "source file, relative to the ingested folder"),
         ("depth_path", "VARCHAR", "source file, relative to the ingested folder"),
-        ("sha256", "VARCHAR", "SHA-256 over the bytes of both source files, RGB first"),
+        (
+            "sha256",
+            "VARCHAR",
+            "SHA-256 over the bytes of both source files, RGB first; for images of recordings that "
+            "of RGB without depth, with depth over the hexadecimal SHA-256 of RGB and of depth",
+        ),
         ("valid_depth_fraction", "DOUBLE", "share of stored pixels with a valid depth"),
+    ),
+    table_of(
+        "frame_pose",
+        "poses of frames that were paired from recordings; a frame without a row has the pose of "
+        "its instance",
+        "domain iid",
+        ("iid", "INTEGER", "instance"),
+        ("domain", "VARCHAR", "domain"),
+        ("x", "DOUBLE", "on the map, m"),
+        ("y", "DOUBLE", "on the map, m"),
+        ("heading", "DOUBLE", "on the map, rad; forward = (cos, sin)"),
+        ("camera_x", "DOUBLE", "position of the camera in the recording's world, m"),
+        ("camera_y", "DOUBLE", "position of the camera in the recording's world, m"),
+        ("camera_z", "DOUBLE", "position of the camera in the recording's world, m"),
+        *(
+            (
+                f"camera_q{axis}",
+                "DOUBLE",
+                "unit quaternion from the camera's axes (x right, y down, z forward) to the "
+                "recording's world",
+            )
+            for axis in "xyzw"
+        ),
+        optional=True,
     ),
     table_of(
         "part",
@@ -197,16 +244,21 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "run",
-        "one model applied to one sim and one real domain, each through its adjustments",
+        "one model applied to one sim and one real domain, each through its adjustments, or "
+        "imported predictions for both",
         "created_at run",
         ("run", "VARCHAR", "name"),
-        ("model", "VARCHAR", "model"),
+        ("model", "VARCHAR", "model; NULL = the predictions were imported"),
         ("sim_domain", "VARCHAR", "domain of the sim side"),
         ("real_domain", "VARCHAR", "domain of the real side"),
         ("sim_adjustments", "VARCHAR", _ADJUSTMENTS),
         ("real_adjustments", "VARCHAR", _ADJUSTMENTS),
         ("key", "VARCHAR", "hash of all that the predictions depend on; NULL = not computed yet"),
-        ("precision", "VARCHAR", "arithmetic of the predictions; NULL = not computed yet"),
+        (
+            "precision",
+            "VARCHAR",
+            "arithmetic of the predictions; NULL = not computed yet, or imported",
+        ),
         ("created_at", "VARCHAR", "UTC, ISO 8601"),
     ),
     table_of(
@@ -322,12 +374,23 @@ _SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_er
     dict.fromkeys(("loss", "accuracy", "rank", "split", "outlier"), "see prediction")
 )
 """Columns of each side in view `pair`, with their comments."""
+PAIR_OFFSETS = ("pair_offset_m", "pair_offset_deg")
+"""Columns of table `instance` that are 0 where both images of a pair have the same pose."""
+
+
+def _truth(missing: Collection[str]) -> list[str]:
+    """The columns of table `instance` in view `pair`; those of `missing` are not in the index."""
+    names = [name for name in BY_NAME["instance"].column_names if name != "iid"]
+    return [
+        f"coalesce({{0}}{name}, 0) AS {name}" if name in PAIR_OFFSETS else f"{{0}}{name}"
+        for name in names
+        if name not in missing
+    ]
 
 
 def _pair_view(missing: frozenset[str] = frozenset()) -> str:
-    """The statement that makes the view; `missing` are columns of the predictions to leave out."""
-    truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
-    parts = ["s.run", "s.iid", *(f"i.{name}" for name in truth)]
+    """The statement that makes the view; `missing` are columns to leave out."""
+    parts = ["s.run", "s.iid", *(column.format("i.") for column in _truth(missing))]
     for side, alias in (("sim", "s"), ("real", "r")):
         names = [name for name in _SIDE_COLUMNS if name not in missing]
         parts += [f"{alias}.{name} AS {side}_{name}" for name in names]
@@ -344,22 +407,27 @@ def _pair_view(missing: frozenset[str] = frozenset()) -> str:
     """
 
 
-def _unpredicted() -> str:
-    """A relation with the columns of view `pair` and a row per instance, without predictions."""
+def unpredicted(missing: Collection[str] = ()) -> str:
+    """A relation with the columns of view `pair` and a row per instance, without predictions.
+
+    It takes the place of that view in a data set without poses; `run` is `records.NO_RUN`.
+    `missing` are columns of table `instance` that the index does not have.
+    """
     types = {
         c.name: c.type for table in ("prediction", "projection") for c in BY_NAME[table].columns
     }
-    truth = [name for name in BY_NAME["instance"].column_names if name != "iid"]
-    parts = ["'' AS run", "iid", *truth]
+    parts = ["'' AS run", "iid", *(column.format("") for column in _truth(missing))]
     for side in ("sim", "real"):
         parts += [f"NULL::{types[name]} AS {side}_{name}" for name in (*_SIDE_COLUMNS, "u", "v")]
     parts += ["NULL::DOUBLE AS gap", "NULL::DOUBLE AS shift"]
     return f"(SELECT {', '.join(parts)} FROM instance)"
 
 
-UNPREDICTED = _unpredicted()
-"""Takes the place of view `pair` in a data set without poses; `run` is `records.NO_RUN`."""
-VIEWS: tuple[str, ...] = (_pair_view(), _pair_view(frozenset({"outlier"})))
+VIEWS: tuple[str, ...] = (
+    _pair_view(),
+    _pair_view(frozenset(PAIR_OFFSETS)),
+    _pair_view(frozenset({*PAIR_OFFSETS, "outlier"})),
+)
 """The statements with which this release and earlier ones make the views of an index."""
 
 

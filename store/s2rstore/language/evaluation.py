@@ -60,19 +60,20 @@ def sql(
     saved: Saved | None = None,
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
-    missing = store.missing_columns("prediction")
+    missing = {f"{side}_{name}" for name in store.missing_columns("prediction") for side in SIDES}
     context = SqlContext(
         store.run_name(run), vocabulary(store, saved),
         None if trajectories is None else tuple(trajectories), partial(_neighbours, store),
-        frozenset(f"{side}_{name}" for name in missing for side in SIDES), store.stored_rooms,
-        pairs(store),
+        frozenset(missing | store.missing_columns("instance")), store.stored_rooms, pairs(store),
     )  # fmt: skip
     return to_sql(parse(expression), context)
 
 
 def pairs(store: Store) -> str:
     """The relation of instances with their predictions: view `pair`, or one without any."""
-    return "pair" if store.has_poses else schema.UNPREDICTED
+    if store.has_poses:
+        return "pair"
+    return schema.unpredicted(store.missing_columns("instance"))
 
 
 def _neighbours(

@@ -14,6 +14,7 @@ class Numeric:
     """A field of numbers: `column` in view `pair`, `path` in the dense columns.
 
     `scale` converts `unit` to that of the index. `angle` marks values whose ranges wrap around.
+    `default` is the value in stores of earlier releases, which do not have the column; None = NULL.
     """
 
     column: str
@@ -22,6 +23,7 @@ class Numeric:
     description: str
     scale: float = 1.0
     angle: bool = False
+    default: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,20 @@ NUMERIC: dict[str, Numeric] = {
     "heading": Numeric("heading", "instances.heading", "degrees", "ground truth", _DEGREE, True),
     "curvature": Numeric("curvature", "instances.curvature", "degrees", "heading change"),
     "timestamp": Numeric("timestamp", "instances.timestamp", "s", "of the recording"),
+    "pair_offset_m": Numeric(
+        "pair_offset_m",
+        "instances.pair_offset_m",
+        "m",
+        "between the poses of both images",
+        default=0.0,
+    ),
+    "pair_offset_deg": Numeric(
+        "pair_offset_deg",
+        "instances.pair_offset_deg",
+        "degrees",
+        "between the headings of both images",
+        default=0.0,
+    ),
     "gap": Numeric("gap", "gap", "m", "real error - sim error"),
     "shift": Numeric("shift", "shift", "m", "between the sim and the real prediction"),
     **{

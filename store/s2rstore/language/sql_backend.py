@@ -22,7 +22,7 @@ class SqlContext:
     `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
     written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
     room for the one that is shown, where they differ. `pairs` is the relation of instances: view
-    `pair`, or `schema.UNPREDICTED` where there are no predictions.
+    `pair`, or `schema.unpredicted` where there are no predictions.
     """
 
     run: str
@@ -46,9 +46,11 @@ class _Writer:
         return "?"
 
     def column(self, field: tree.Field) -> str:
-        """A numeric column on alias q, NULL where the index does not have it."""
-        name = fields.NUMERIC[field.name].column
-        return "NULL::DOUBLE" if name in self.context.missing else f"q.{name}"
+        """A numeric column on alias q; its default where the index does not have it."""
+        known = fields.NUMERIC[field.name]
+        if known.column not in self.context.missing:
+            return f"q.{known.column}"
+        return "NULL::DOUBLE" if known.default is None else f"{known.default}::DOUBLE"
 
 
 def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:

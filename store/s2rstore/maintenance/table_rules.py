@@ -69,7 +69,11 @@ _RULES = (
         "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
     ),
     ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
-    ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
+    (
+        "run",
+        "model without a row in model",
+        "model IS NOT NULL AND model NOT IN (SELECT model FROM model)",
+    ),
     *(
         (
             name,
@@ -90,6 +94,17 @@ _ORDER = """
     WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
 """
 
+_OWN_POSE_RULES = (
+    ("frame_pose", "no such instance", "iid NOT IN (SELECT iid FROM instance)"),
+    ("frame_pose", "domain without a row in domain", "domain NOT IN (SELECT domain FROM domain)"),
+    ("frame_pose", *_POSE_RULE[1:]),
+)
+_OFFSET_RULE = (
+    "instance",
+    "a pair offset is no distance or no angle",
+    "isnan(pair_offset_m) OR pair_offset_m < 0 OR isnan(pair_offset_deg) OR pair_offset_deg < 0 "
+    "OR pair_offset_deg > 180.001",
+)
 _OUTLIER_RULE = ("prediction", "outlier is no distance", "isnan(outlier) OR outlier < 0")
 
 _FORMULAS = (
@@ -105,17 +120,25 @@ _TOLERANCE = 1e-9
 """Relative; absolute for figures below 1."""
 _FIGURES = """WITH figures AS (
     SELECT p.error, p.loss, p.accuracy, p.rank, p.heading_error AS turn,
-           p.x - i.x AS dx, p.y - i.y AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
+           p.x - {x} AS dx, p.y - {y} AS dy, (SELECT accuracy_scale FROM dataset) AS scale,
            CASE WHEN p.error IS NOT NULL THEN row_number() OVER (
                PARTITION BY p.side ORDER BY p.error NULLS LAST, p.iid) END AS place
-    FROM prediction p JOIN instance i USING (iid) WHERE p.run = ?)
+    FROM prediction p JOIN instance i USING (iid) {own} WHERE p.run = ?)
     SELECT """
+_OWN_POSES = """
+    JOIN run r ON r.run = p.run LEFT JOIN frame_pose f ON f.iid = p.iid
+    AND f.domain = CASE WHEN p.side = 'sim' THEN r.sim_domain ELSE r.real_domain END
+"""
 
 
 def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     rules = [*((_POSE_RULE,) if store.has_poses else _IMAGE_RULES), *_RULES]
     if "outlier" not in store.missing_columns("prediction"):
         rules.append(_OUTLIER_RULE)
+    has_own_poses = store.has_table("frame_pose")
+    rules += _OWN_POSE_RULES if has_own_poses else ()
+    if not store.missing_columns("instance"):
+        rules.append(_OFFSET_RULE)
     for name, what, condition in rules:
         count = store.execute(f'SELECT count(*) FROM "{name}" WHERE {condition}')[0][0]
         if count:
@@ -138,8 +161,9 @@ def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
         ("rank is not that of its error", "rank IS DISTINCT FROM place"),
     ]
     counts = ", ".join(f"count(*) FILTER ({condition})" for _, condition in comparisons)
+    figures = _figures(has_own_poses)
     for run in store.runs:  # one at a time: ranks of all runs would not fit into DuckDB's memory
-        row = store.execute(f"{_FIGURES} {counts} FROM figures", [run])[0]
+        row = store.execute(f"{figures} {counts} FROM figures", [run])[0]
         for count, (what, _) in zip(row, comparisons, strict=True):
             if count:
                 yield Damage("table prediction", f"run {run}: {count} rows: {what}")
@@ -151,6 +175,14 @@ def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
         missing = store.missing_columns(table.name)
         names = ", ".join(name for name in table.column_names if name not in missing)
         store.execute(f'SELECT {names} FROM "{table.name}" LIMIT 0')
+
+
+def _figures(has_own_poses: bool) -> str:
+    """The figures of the predictions of a run, from the true pose of each frame."""
+    if not has_own_poses:
+        return _FIGURES.format(x="i.x", y="i.y", own="")
+    truth = {axis: f"coalesce(f.{axis}, i.{axis})" for axis in "xy"}
+    return _FIGURES.format(**truth, own=_OWN_POSES)
 
 
 def _differs(name: str, formula: str) -> str:
@@ -183,14 +215,18 @@ def incomplete_runs(store: Store) -> Iterator[Damage]:
 
 
 def uncomputed_parts(store: Store) -> Iterator[str]:
-    """Notes on runs that are not computed for instances that were appended."""
+    """Notes on runs that are not computed for instances that were appended, or not imported."""
+    for name, run in store.runs.items():
+        if run.is_imported and (note := store.coverage(name).note):
+            yield note
     if len(store.parts) == 1:
         return
     query = "SELECT run, count(DISTINCT iid) FROM prediction GROUP BY run"
     counts = dict(store.execute(query))
     total = len(store.instances)
     for name, run in store.runs.items():
-        if note := Coverage(name, counts.get(name, 0), total).note if run.key else "":
+        computed = run.key is not None and not run.is_imported
+        if note := Coverage(name, counts.get(name, 0), total).note if computed else "":
             yield note
         rows: dict[str, int] = {}
         for record in store.array_parts(name):

@@ -234,10 +234,14 @@ class _Verification:
 
     def _check_frames(self) -> None:
         self._note_resized_frames()
-        images = ("rgb", "depth") if self.store.has_poses else ("rgb",)
         imaged = self.store.imaged_trajectories
-        pairs = ((domain, name) for domain in imaged for name in sorted(imaged[domain]))
-        for names in ((*pair, image) for pair, image in product(pairs, images)):
+        arrays = (
+            (domain, name, image)
+            for domain in imaged
+            for name in sorted(imaged[domain])
+            for image in (("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",))
+        )
+        for names in arrays:
             relative = "/".join((layout.FRAMES, *names))
             is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
             if not is_covered:

@@ -79,9 +79,11 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     rows = _moving(range(first_iid, len(poses))[:_MAX_SEARCHED], lambda iid: poses[iid])
     checks = []
     for domain in store.domains.values():
-        if domain.depth_raw_min <= domain.depth_raw_max:
+        if domain.has_depth:
             depth = [store.frames(domain.domain, i, i + 1, ("depth",))["depth"][0] for i in rows]
-            frames = DepthFrames.of(domain, depth, poses[rows], store.dataset.y_down)
+            frames = DepthFrames.of(
+                domain, depth, store.poses(domain.domain)[rows], store.dataset.y_down
+            )
             checks.append(check_conventions(frames))
     return checks
 

@@ -6,15 +6,10 @@ import csv
 import math
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import BinaryIO
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import open_regular
+from s2rtools.datasets.text_lines import read_lines
 
-_MAX_BYTES = 256 << 20
-"""Bytes of a file; a manifest has about 150 per row."""
-_MAX_LINE_BYTES = 1 << 20
-"""Bytes of a line."""
 _MAX_COLUMNS = 1000
 _MAX_ROWS = 4_000_000
 """Rows of a file; 200,000 instances take up to 400 MB of memory."""
@@ -26,46 +21,27 @@ def read_rows(path: Path, columns: Collection[str]) -> Iterator[tuple[int, dict[
     Only the requested `columns` are returned. Raises RequestError, naming file and line, if the
     file is too large or not a CSV file in UTF-8.
     """
-    with open_regular(path) as file:
-        if path.stat().st_size > _MAX_BYTES:
-            raise RequestError(f"{path}: larger than {_MAX_BYTES:,} bytes; split it")
-        reader = csv.reader(_lines(path, file))
-        names: list[str] = []
-        count = 0
-        try:
-            for values in reader:
-                if not values:
-                    continue
-                if len(values) > _MAX_COLUMNS:
-                    limit = f"{len(values)} columns; at most {_MAX_COLUMNS} are read"
-                    raise RequestError(f"{path}:{reader.line_num}: {limit}")
-                if not names:
-                    names = [name.strip() for name in values]
-                    continue
-                count += 1
-                if count > _MAX_ROWS:
-                    raise RequestError(f"{path}: more than {_MAX_ROWS:,} rows; split it")
-                values += [""] * (len(names) - len(values))
-                pairs = zip(names, values, strict=False)
-                yield reader.line_num, {k: v.strip() for k, v in pairs if k in columns}
-        except csv.Error as error:
-            raise RequestError(f"{path}:{reader.line_num}: not a CSV file ({error})") from error
-
-
-def _lines(path: Path, file: BinaryIO) -> Iterator[str]:
-    number = 0
-    while line := file.readline(_MAX_LINE_BYTES + 1):
-        number += 1
-        if len(line) > _MAX_LINE_BYTES:
-            raise RequestError(
-                f"{path}:{number}: longer than {_MAX_LINE_BYTES:,} bytes; not a CSV file"
-            )
-        if b"\0" in line:
-            raise RequestError(f"{path}:{number}: contains NUL bytes; not a CSV file")
-        try:
-            yield line.decode("utf-8-sig" if number == 1 else "utf-8")
-        except UnicodeDecodeError as error:
-            raise RequestError(f"{path}:{number}: not UTF-8; save it as UTF-8") from error
+    reader = csv.reader(line for _, line in read_lines(path, "CSV"))
+    names: list[str] = []
+    count = 0
+    try:
+        for values in reader:
+            if not values:
+                continue
+            if len(values) > _MAX_COLUMNS:
+                limit = f"{len(values)} columns; at most {_MAX_COLUMNS} are read"
+                raise RequestError(f"{path}:{reader.line_num}: {limit}")
+            if not names:
+                names = [name.strip() for name in values]
+                continue
+            count += 1
+            if count > _MAX_ROWS:
+                raise RequestError(f"{path}: more than {_MAX_ROWS:,} rows; split it")
+            values += [""] * (len(names) - len(values))
+            pairs = zip(names, values, strict=False)
+            yield reader.line_num, {k: v.strip() for k, v in pairs if k in columns}
+    except csv.Error as error:
+        raise RequestError(f"{path}:{reader.line_num}: not a CSV file ({error})") from error
 
 
 def parse_float(text: str | None) -> float:

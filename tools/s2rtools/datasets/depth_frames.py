@@ -67,6 +67,11 @@ class StoredRow:
     def pose(self) -> tuple[float, float, float]:
         return self.record.x, self.record.y, self.record.heading
 
+    def pose_in(self, domain: str) -> tuple[float, float, float]:
+        """The pose of the frame of a domain, which in a loose pair is another one."""
+        own = self.record.frame_poses.get(domain)
+        return self.pose if own is None else (own.x, own.y, own.heading)
+
 
 def stored_rows(stored: StoredRecords) -> Iterator[StoredRow]:
     """All stored instances, by trajectory name, in recording order."""
@@ -98,7 +103,7 @@ def read_depth(
         image = stored_array.open_read(root / folder, root).rows(each.row, each.row + 1)[0]
         size = image.shape
         raw.append(image[sampled_grid(size)])
-        poses.append(each.pose)
+        poses.append(each.pose_in(domain.domain))
     if not raw:
         return None
     return DepthFrames(domain, np.stack(raw), size, np.array(poses), scan.y_down)

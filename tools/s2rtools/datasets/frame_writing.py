@@ -264,7 +264,11 @@ class _GrowingArray:
 def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
     """Rows and columns of the images that networks see, by image."""
     if source:
-        return {image: list(source[name].shape[:2]) for image, name in SOURCE_IMAGES.items()}
+        return {
+            image: list(source[name].shape[:2])
+            for image, name in SOURCE_IMAGES.items()
+            if name in source
+        }
     images = {"rgb": frame.rgb, "depth": frame.depth}
     return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
 

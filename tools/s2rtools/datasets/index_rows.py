@@ -13,13 +13,14 @@ import numpy as np
 
 from s2rstore.geometry.curvature import curvature
 from s2rstore.geometry.rooms import room_codes
-from s2rstore.index.row_check import CAMERA_COLUMNS
-from s2rstore.index.schema import IMAGE_SIZES
+from s2rstore.index import schema
+from s2rstore.index.row_check import CAMERA_COLUMNS, DEPTH_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
-from s2rtools.datasets.scan import InstanceRecord, Scan
+from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
 
+_POSE_COLUMNS = schema.BY_NAME["frame_pose"].column_names[2:]
 _BLOCK = 2048
 """Rows that are inserted together."""
 
@@ -36,8 +37,10 @@ def write_index(
         row = {k: v for k, v in asdict(domain).items() if not isinstance(v, dict)}
         for image in ("rgb", "depth"):
             row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
+        if not domain.has_depth:
+            row |= dict.fromkeys(DEPTH_COLUMNS)
         if not scan.has_poses:
-            row |= dict.fromkeys(CAMERA_COLUMNS)
+            row |= dict.fromkeys((*CAMERA_COLUMNS, "has_depth"))
         draft.insert_row("domain", {**row, "source": domain.sources})
     facts = {"command": command, "ingested_at": now(), "problems": problem_counts(scan)}
     draft.set_provenance("dataset", facts)
@@ -80,7 +83,7 @@ def insert_instances(
         iid += len(trajectory)
     if scan.has_poses:
         sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in stored]
-        rows = {"what": [IMAGE_SIZES] * len(stored), "key": list(stored), "value": sizes}
+        rows = {"what": [schema.IMAGE_SIZES] * len(stored), "key": list(stored), "value": sizes}
         draft.insert("provenance", rows)
     for domain in scan.domains:
         iid = first_iid
@@ -111,6 +114,20 @@ def _insert_frames(
                 "valid_depth_fraction": [checksum.valid_fraction for checksum in checksums],
             },
         )
+        if records[0].frame_poses:
+            poses = np.array([_pose_row(record.frame_poses[domain]) for record in records])
+            draft.insert(
+                "frame_pose",
+                {
+                    "iid": np.arange(len(records), dtype=np.int32) + first_iid + start,
+                    "domain": np.full(len(records), domain, dtype=object),
+                    **dict(zip(_POSE_COLUMNS, poses.T, strict=True)),
+                },
+            )
+
+
+def _pose_row(pose: FramePose) -> tuple[float, ...]:
+    return pose.x, pose.y, pose.heading, *pose.camera
 
 
 def now() -> str:
@@ -134,7 +151,7 @@ def part_hash(scan: Scan, stored: StoredRecords) -> str:
         "accuracy_scale": scan.accuracy_scale,
         "bounds": asdict(scan.bounds),
         "rooms": [asdict(room) for room in scan.rooms],
-        "domains": [asdict(domain) for domain in scan.domains.values()],
+        "domains": [domain.facts() for domain in scan.domains.values()],
         "rows": [],
     }
     before, after = json.dumps(facts, sort_keys=True).split('"rows": []')
@@ -142,7 +159,9 @@ def part_hash(scan: Scan, stored: StoredRecords) -> str:
     separator = ""
     for name in sorted(stored):
         for seq, (r, checksums) in enumerate(stored[name]):
-            row = (name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()})
+            row = [name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()}]
+            if r.frame_poses:
+                row.append({d: (p.x, p.y, p.heading) for d, p in r.frame_poses.items()})
             digest.update((separator + json.dumps(row, sort_keys=True)).encode())
             separator = ", "
     digest.update(f"]{after}".encode())
@@ -176,6 +195,7 @@ def _instance_columns(
     x, y, heading = (np.array([getattr(r, k) for r in records]) for k in ("x", "y", "heading"))
     codes = room_codes(x, y, scan.rooms, room_names)
     missing = (np.nan, np.nan, np.nan)
+    offsets = np.array([record.pair_offset for record in records])
     odometry = np.array([r.odometry or missing for r in records], dtype=np.float64)
     return {
         "x": x,
@@ -186,4 +206,5 @@ def _instance_columns(
         "odom_y": odometry[:, 1],
         "odom_heading": odometry[:, 2],
         "timestamp": np.array([np.nan if r.timestamp is None else r.timestamp for r in records]),
+        **dict(zip(schema.PAIR_OFFSETS, offsets.T, strict=True)),
     }

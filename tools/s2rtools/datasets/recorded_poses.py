@@ -12,6 +12,8 @@ MAX_ROTATION_ERROR = 1e-2
 """Largest element of R^T R - 1 that rounding in a text file explains."""
 MAX_COORDINATE = 1e6
 """Metres."""
+FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
 
 
 def poses_from_quaternions(
@@ -41,6 +43,22 @@ def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
 
 
+def pose_defect(pose: NDArray[np.float64]) -> str:
+    """Why `usable_poses` refuses a pose (4, 4)."""
+    rotation = pose[:3, :3]
+    if not np.isfinite(pose).all():
+        return "its values are not finite"
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not error <= MAX_ROTATION_ERROR:
+        return f"its rotation is not orthonormal (R^T R deviates from 1 by {error:.3g})"
+    if np.linalg.det(rotation) <= 0:
+        return "its rotation mirrors"
+    distance = float(np.abs(pose[:3, 3]).max())
+    limit = f"at most {MAX_COORDINATE:,.0f} m are read; subtract an offset"
+    return f"{distance:,.0f} m from the origin; {limit}"
+
+
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Usable poses (N, 4, 4) with exact rotations, the nearest ones in the Frobenius norm."""
     result = poses.copy()
@@ -55,13 +73,16 @@ def poses_at(
     known_times: NDArray[np.float64],
     known_poses: NDArray[np.float64],
     max_gap: float,
+    max_hold: float | None = None,
 ) -> NDArray[np.float64]:
     """Poses (N, 4, 4) at `times` (N,) seconds; `known_times` (K,) ascend, at their poses (K, 4, 4).
 
     Positions are interpolated linearly and rotations along the shortest arc (slerp). A time within
-    `max_gap` / 2 before the first or behind the last known one takes that pose. NaN at other times
-    and between known poses that are more than `max_gap` seconds apart.
+    `max_hold` seconds, by default `max_gap` / 2, before the first or behind the last known one
+    takes that pose. NaN at other times and between known poses that are more than `max_gap` seconds
+    apart.
     """
+    max_hold = max_gap / 2 if max_hold is None else max_hold
     result = np.full((len(times), 4, 4), np.nan)
     if not len(known_times):
         return result
@@ -75,7 +96,7 @@ def poses_at(
     inside = (right > 0) & (right < len(known_times))
     gap = np.where(inside, known_times[exact] - known_times[np.maximum(right - 1, 0)], np.inf)
     distance = np.abs(known_times[nearest] - times)
-    alone = (distance == 0) | (~inside & (distance <= max_gap / 2))
+    alone = (distance == 0) | (~inside & (distance <= max_hold))
     result[alone] = known_poses[nearest[alone]]
     between = inside & ~alone & (gap <= max_gap)
     if between.any():
@@ -86,6 +107,31 @@ def poses_at(
             result[between, axis, 3] = np.interp(
                 times[between], known_times, known_poses[:, axis, 3]
             )
+    return result
+
+
+def poses_near(
+    times: NDArray[np.float64],
+    known_times: NDArray[np.float64],
+    known_poses: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) at `times`, from known poses within `tolerance` seconds; arguments as above.
+
+    Where the known poses before and after a time are both within the tolerance, the pose is
+    interpolated. Where only one is, that pose is taken as it is. NaN where none is.
+    """
+    result = np.full((len(times), 4, 4), np.nan)
+    rows = nearest_times(times, known_times, tolerance)
+    near = rows >= 0
+    result[near] = known_poses[rows[near]]
+    right = np.searchsorted(known_times, times)
+    inside = (right > 0) & (right < len(known_times))
+    between = np.zeros(len(times), dtype=bool)
+    before, after = known_times[right[inside] - 1], known_times[right[inside]]
+    inner = times[inside]
+    between[inside] = (inner - before <= tolerance) & (after - inner <= tolerance)
+    result[between] = poses_at(times[between], known_times, known_poses, 2 * tolerance)
     return result
 
 
@@ -106,6 +152,20 @@ def nearest_times(
         np.minimum(right, len(known_times) - 1),
     )
     return np.where(np.abs(known_times[rows] - times) <= tolerance, rows, -1)
+
+
+def mutual_nearest(
+    times: NDArray[np.float64], known_times: NDArray[np.float64], tolerance: float
+) -> NDArray[np.intp]:
+    """As `nearest_times`, but one to one: each time must be the nearest of the known one, too.
+
+    Both arrays ascend.
+    """
+    rows = nearest_times(times, known_times, tolerance)
+    if not len(known_times):
+        return rows
+    back = nearest_times(known_times, times, tolerance)
+    return np.where((rows >= 0) & (back[rows] == np.arange(len(times))), rows, -1)
 
 
 def _is_nearer_left(

@@ -5,6 +5,7 @@ A recording is one side of a data set. `s2r ingest pairs` pairs the images of tw
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
 from s2rtools.datasets.scan import InputIssue
 
 
@@ -125,6 +127,19 @@ class ReadOptions:
     values: Mapping[str, str] = field(default_factory=dict)
     trajectories: tuple[str, ...] = ()
     allow_outside: bool = False
+
+    def positive(self, name: str, default: float) -> float:
+        """The number that an option states. Raises RequestError unless it is larger than 0."""
+        text = self.values.get(name)
+        if text is None:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not 0 < value < math.inf:
+            raise RequestError(f"option {name}={text}: must be a number larger than 0")
+        return value
 
 
 ReadRecording = Callable[[Path, ReadOptions], Recording]

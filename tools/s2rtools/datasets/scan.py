@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
+from s2rstore.geometry import angles
 from s2rstore.records import Bounds, Domain, Room, Side
 
 FRAME_SIZE = (256, 256)
@@ -44,20 +46,16 @@ class ScanOptions:
     folders: Mapping[Side, Path] = field(default_factory=dict)
 
     def choose_trajectories(self, known: Iterable[str], where: object) -> list[str]:
-        """The requested trajectories, all by default. Raises RequestError for unknown names."""
-        names = list(known)
-        for name in self.trajectories:
-            if name not in names:
-                raise RequestError(f"--trajectory {name}: not in {where} (has: {', '.join(names)})")
-        return [checked_name(name, "trajectory") for name in self.trajectories or names]
+        """See `choose_trajectories`; messages name the argument `--trajectory`."""
+        return choose_trajectories(self.trajectories, known, where, "--trajectory")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceImages:
-    """rgb (H, W, 3) uint8 and raw depth (H', W') as the files hold them."""
+    """rgb (H, W, 3) uint8 and raw depth (H', W') as the files hold them; None without depth."""
 
     rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
+    depth: NDArray[Any] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,11 +93,26 @@ class FrameSource(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class FramePose:
+    """The pose of one frame: x, y in metres and heading in radians on the map.
+
+    `camera` is that of the camera in the recording's world: its position x, y, z in metres and the
+    unit quaternion x, y, z, w from the camera's axes (x right, y down, z forward) to the world.
+    """
+
+    x: float
+    y: float
+    heading: float
+    camera: tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class InstanceRecord:
     """One instance: x, y in metres, headings in radians, timestamp in seconds, frames by domain.
 
     In a data set without poses x, y and heading are NaN, and only some domains have a frame: the
-    same ones in all instances of a trajectory.
+    same ones in all instances of a trajectory. `frame_poses` are given by domain where the images
+    of an instance come from recordings; without them every frame has the pose of the instance.
     """
 
     x: float
@@ -108,6 +121,14 @@ class InstanceRecord:
     sources: Mapping[str, FrameSource]
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
+    frame_poses: Mapping[str, FramePose] = field(default_factory=dict)
+
+    @property
+    def pair_offset(self) -> tuple[float, float]:
+        """Largest distance, metres, and angle, degrees, of a frame's pose from the instance's."""
+        metres = [math.hypot(p.x - self.x, p.y - self.y) for p in self.frame_poses.values()]
+        turns = [angles.distance(p.heading, self.heading) for p in self.frame_poses.values()]
+        return max(metres, default=0.0), math.degrees(max(turns, default=0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,3 +185,18 @@ class Scan:
             return path.relative_to(self.root).as_posix()
         except ValueError:
             return path.as_posix()
+
+
+def choose_trajectories(
+    requested: Sequence[str], known: Iterable[str], where: object, argument: str = "trajectory"
+) -> list[str]:
+    """The requested trajectories, all of `known` by default.
+
+    Raises RequestError, naming the `argument`, for unknown names, and for names that a trajectory
+    cannot have.
+    """
+    names = list(known)
+    for name in requested:
+        if name not in names:
+            raise RequestError(f"{argument} {name}: not in {where} (has: {', '.join(names)})")
+    return [checked_name(name, "trajectory") for name in requested or names]

@@ -45,12 +45,17 @@ def compressed(source: SourceImages | None) -> CompressedImages:
     if source is None:
         return {}
     images = {"rgb": source.rgb, "depth": source.depth}
-    return {name: CompressedImage.of(images[image]) for image, name in SOURCE_IMAGES.items()}
+    return {
+        SOURCE_IMAGES[name]: CompressedImage.of(image)
+        for name, image in images.items()
+        if image is not None
+    }
 
 
 def is_storable(source: SourceImages) -> bool:
     """Whether an array can hold such images."""
-    return max(source.rgb.nbytes, source.depth.nbytes) <= ITEM_BYTES
+    depth = 0 if source.depth is None else source.depth.nbytes
+    return max(source.rgb.nbytes, depth) <= ITEM_BYTES
 
 
 def sizes(images: CompressedImages) -> tuple[tuple[int, ...], ...]:

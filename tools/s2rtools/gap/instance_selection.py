@@ -37,6 +37,8 @@ def poses_sha256(store: Store) -> str:
     digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
     for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
         digest.update(np.ascontiguousarray(column).tobytes())
+    for domain in filter(store.has_own_poses, sorted(store.domains)):
+        digest.update(domain.encode() + store.poses(domain).tobytes())
     return digest.hexdigest()
 
 

@@ -30,6 +30,7 @@ class Activation(HeatmapKind):
     """
 
     name = "activation"
+    compares_images = False
     planes = ("x", "y", "heading", "loss")
     uses_features = True
 

@@ -131,7 +131,8 @@ class LiveModel:
         self._store = s2rstore.open(store.path, generation=store.generation)
         try:
             self.run = self._store.run(run)
-            self._backend = open_float32(load_model(self._store, self.run.model, trust), threads)
+            model = self.run.network("live prediction")
+            self._backend = open_float32(load_model(self._store, model, trust), threads)
             shape = self._backend.model.contract.shape
             self._backend.forward_all(np.zeros((1, *shape), dtype=np.float32))
         except BaseException:
@@ -221,7 +222,7 @@ class LiveModel:
         Returns the mean per cell of the map grid, NaN in empty cells.
         """
         heat = result.heatmap(kind, side, mode)
-        dataset, truth = self._store.dataset, self._store.instances
+        dataset = self._store.dataset
         this, other = result.side(side), result.side("real" if side == "sim" else "sim")
         ray = HEATMAP_KINDS[kind].ray(mode or result.default_mode(kind))
         floor_heat = FloorHeat(
@@ -229,9 +230,11 @@ class LiveModel:
             self._store.rig_offset(self.run.sim_domain, self.run.real_domain),
             HEATMAP_KINDS[kind].surface if HEATMAP_KINDS[kind].aligned else None, ray,
         )  # fmt: skip
+        sides = (this, other) if floor_heat.needs_other else (this,)
+        self._store.require_depth((each.domain.domain for each in sides), "heat on the map")
         grid = MapGrid(dataset.bounds)
         other_depth = other.surface[None] if floor_heat.needs_other else None
-        pose = np.array([[getattr(truth, name)[result.iid] for name in ("x", "y", "heading")]])
+        pose = self._store.poses(this.domain.domain)[result.iid][None]
         samples = floor_heat.samples(this.surface[None], other_depth, pose, grid)
         grid.add(*samples.values(heat[None], ray))
         return np.asarray(grid.aggregates()[0])
@@ -248,8 +251,7 @@ class LiveModel:
             images, domain, run.adjustments(side), self._backend.model.contract, self._store.path,
             blocks,
         )  # fmt: skip
-        truth = self._store.instances
-        pose = np.array([[truth.x[iid], truth.y[iid], truth.heading[iid]]])
+        pose = self._store.poses(domain.domain)[iid][None]
         batch = side_batch(self._backend, frames, pose)
         metres = np.where(frames.valid[0], frames.depth[0] * np.float32(domain.depth_scale), np.nan)
         is_translated = any("sha256" in step for step in run.adjustments(side))

@@ -58,7 +58,7 @@ class ArrayKeys:
         facts = {"domain": domain, "move": asdict(move), "renderer": renderer, "kind": "frames"}
         inputs = {
             "frames": self._hashes.frames(domain, self._part),
-            "poses": self._hashes.poses(self._part),
+            "poses": self._hashes.poses(self._part, domain),
             "cameras": self._hashes.cameras(domain),
             "size": [dataset.frame_height, dataset.frame_width],
         }
@@ -80,7 +80,7 @@ class ArrayKeys:
         if not kind.model_free or any(self._run.adjustments(side) for side in SIDES):
             inputs |= self._source_sizes
         if kind.uses_truth:
-            inputs["poses"] = self._hashes.poses(self._part)
+            inputs["poses"] = self._poses
         earlier = {**self._earlier, "backend": backend}
         if kind.aligned:
             offset = self._store.rig_offset(self._run.sim_domain, self._run.real_domain)
@@ -95,7 +95,7 @@ class ArrayKeys:
         facts = {"heat": heat, **settings}
         inputs = {
             "prediction": prediction,
-            "poses": self._hashes.poses(self._part),
+            "poses": self._poses,
             "cameras": self._cameras,
             "floor": self._hashes.floor(),
         }
@@ -110,11 +110,18 @@ class ArrayKeys:
         }
 
     @cached_property
+    def _poses(self) -> str:
+        return self._hashes.poses(self._part, *(self._run.domain(side) for side in SIDES))
+
+    @cached_property
     def _cameras(self) -> list[str]:
         return [self._hashes.cameras(self._run.domain(side)) for side in SIDES]
 
     @cached_property
     def _model(self) -> Facts:
+        """Empty for imported predictions, whose key depends on their values alone."""
+        if self._run.model is None:
+            return {}
         model = self._store.models[self._run.model]
         facts = {
             "model": model.sha256,

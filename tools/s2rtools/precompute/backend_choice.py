@@ -105,7 +105,7 @@ def _kept(store: Store, run: Run, requested: str, inputs: str) -> RunBackends | 
 
 def _input_key(store: Store, run: Run) -> str:
     """Key of the model and of what it looks at: the choice holds for these."""
-    model = store.models[run.model]
+    model = store.models[run.network("the choice of a backend")]
     sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
     facts: dict[str, Any] = {"model": model.sha256, "convention": model.convention, "sides": sides}
     if model.input is not None:
@@ -123,7 +123,7 @@ class _Sample:
 
     @cached_property
     def model(self) -> LoadedModel:
-        return load_model(self._store, self._run.model, self._trust)
+        return load_model(self._store, self._run.network("inference"), self._trust)
 
     def frames(self) -> list[tuple[int, PairFrames]]:
         """First iid and frames of the pairs at each place."""
@@ -147,11 +147,10 @@ class _Sample:
 
     def pairs(self, backend: Backend) -> Iterator[PairBatch]:
         """The calibration batch after the forward pass of a backend."""
-        truth = self._store.instances
-        poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        truth = {side: self._store.poses(self._run.domain(side)) for side in SIDES}
         for iid, frames in self.frames():
-            rows = poses[iid : iid + len(frames["sim"].x)]
-            sim, real = (side_batch(backend, frames[side], rows) for side in SIDES)
+            rows = slice(iid, iid + len(frames["sim"].x))
+            sim, real = (side_batch(backend, frames[side], truth[side][rows]) for side in SIDES)
             yield PairBatch(backend.model, backend, sim, real)
 
 

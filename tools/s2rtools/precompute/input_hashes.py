@@ -44,19 +44,22 @@ class InputHashes:
             self._known[key] = _digest([*rows[0], size, depth])
         return self._known[key]
 
-    def poses(self, part: Part) -> str:
-        """The ground truth of a part."""
-        key = "poses", "", part.first_iid
+    def poses(self, part: Part, *domains: str) -> str:
+        """The ground truth of a part: of its instances, and of frames with other poses."""
+        own = [d for d in domains if self.store.has_own_poses(d, part.first_iid, part.stop)]
+        key = "poses", "|".join(own), part.first_iid
         if key not in self._known:
             truth = self.store.instances
-            columns = [c[part.first_iid : part.stop] for c in (truth.x, truth.y, truth.heading)]
-            content = np.stack(columns).astype("<f8").tobytes()
+            columns = [truth.x, truth.y, truth.heading]
+            columns += [column for domain in own for column in self.store.poses(domain).T]
+            rows = np.stack([column[part.first_iid : part.stop] for column in columns])
+            content = rows.astype("<f8").tobytes()
             self._known[key] = hashlib.sha256(content).hexdigest()
         return self._known[key]
 
     def cameras(self, domain: str) -> str:
         """The cameras of a domain, without its name and the origin of its figures."""
-        facts = asdict(self.store.domain(domain))
+        facts = self.store.domain(domain).facts()
         return _digest({k: v for k, v in facts.items() if k not in ("domain", "kind", "sources")})
 
     def floor(self) -> str:

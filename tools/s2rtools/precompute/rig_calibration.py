@@ -19,6 +19,10 @@ from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, ViewImag
 
 MAX_FRAMES = 24
 MAX_SIDE = 128
+MAX_PAIR_OFFSET = 0.02
+"""Metres between the poses of two images up to which they show the offset of the rigs."""
+MAX_PAIR_ANGLE = 0.5
+"""Degrees between their headings, likewise."""
 MIN_OVERLAP = 0.1
 MIN_GAIN = 0.02
 """Gain of correlation from which a correction is accepted."""
@@ -48,7 +52,8 @@ def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
 def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda: None) -> bool:
     """Calibrate the run's pair of domains and publish the result; False if it exists.
 
-    Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side.
+    Uses image pairs spread over the data set, at most `MAX_SIDE` pixels on their longer side, whose
+    images have one pose. Without such pairs there is no correction.
     `check` is called before it is published, see `edit`.
     """
     section = f"alignment:{run.sim_domain}|{run.real_domain}"
@@ -58,8 +63,7 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
     size = store.dataset.frame_height, store.dataset.frame_width
     share = min(1.0, MAX_SIDE / max(size))
     frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
-    n = len(store.instances)
-    iids = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int))
+    iids = _comparable(store)
     sim_images, real_images = (
         [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
     )
@@ -72,6 +76,15 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
         }  # fmt: skip
         draft.set_provenance(section, facts)
     return True
+
+
+def _comparable(store: Store) -> NDArray[np.intp]:
+    """At most `MAX_FRAMES` iids, evenly spread, of pairs whose images have nearly one pose."""
+    truth = store.instances
+    near = (truth.pair_offset_m <= MAX_PAIR_OFFSET) & (truth.pair_offset_deg <= MAX_PAIR_ANGLE)
+    iids = np.flatnonzero(near)
+    places = np.linspace(0, iids.size - 1, min(iids.size, MAX_FRAMES)).astype(int)
+    return iids[np.unique(places)]
 
 
 def _read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:

@@ -48,6 +48,8 @@ def add_run(
             side: checked_translators(store, side, domain, chains[side], force)
             for side, domain in zip(SIDES, domains, strict=True)
         }
+        if store.models[model].channels != "rgb":
+            store.require_depth(domains, f"model {model}")
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
             if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
                 open_renderer(store, domain)
@@ -101,11 +103,11 @@ def drop_run(root: Path, name: str) -> bool:
 def insert_run(
     draft: IndexTransaction,
     name: str,
-    model: str,
+    model: str | None,
     domains: tuple[str, str],
     chains: Chains | None = None,
 ) -> None:
-    """Insert a run into the next generation."""
+    """Insert a run into the next generation; `model` is None for imported predictions."""
     chains = chains or {"sim": [], "real": []}
     draft.insert_row(
         "run",

@@ -24,8 +24,7 @@ class WorldRenderer:
 
     def __init__(self, store: Store, data: WorldData) -> None:
         self._data = data
-        truth = store.instances
-        self._poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
+        self._poses = {domain: store.poses(domain) for domain in self.domains}
         self._numbers = data.noise_numbers(store)
 
     def frames(
@@ -34,7 +33,7 @@ class WorldRenderer:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
-        views = self._data.views(side, self._poses[rows], self._numbers[rows], camera)
+        views = self._data.views(side, self._poses[domain][rows], self._numbers[rows], camera)
         return views.rgb, self._data.raw_depth(views)
 
 

@@ -55,7 +55,7 @@ def evaluate_splits(
         poses = predict(network, convention, frames.domains[name], np.arange(len(frames)))
         for code in np.unique(codes[codes >= 0]):
             rows = np.flatnonzero(codes == code)
-            truth = frames.poses[rows]
+            truth = frames.truth(name)[rows]
             distance, heading_error = pose_errors(poses[rows], truth)
             mean = np.broadcast_to(truth.mean(axis=0), truth.shape)
             values = {

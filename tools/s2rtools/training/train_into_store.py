@@ -78,12 +78,15 @@ def train_into_store(
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
         start, start_splits = None, None
         if request.start is not None:
-            start = load_model(store, store.run(request.start).model)
+            model = store.run(request.start).network("training that begins with it")
+            start = load_model(store, model)
             facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
             start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         contract = start.contract if start else build_network(request.architecture).contract
         _check_trainable(contract, start)
         domains = find_domain(store, "sim", None), find_domain(store, "real", None)
+        if contract.has_depth:
+            store.require_depth(domains, f"architecture {request.architecture}")
         chain = _translation(store, recipe, request, domains[0])
         checkpoint = _checkpoint(store, request, start, contract, chain)
         frames = _frames(store, recipe, domains, contract, chain, checkpoint.parent)
@@ -152,7 +155,8 @@ def _frames(
         elif name in domains:
             frames[name] = StreamedFrames(domain.kind, read, contract, domain.depth_scale)
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
-    return TrainingFrames(frames, poses, truth.trajectory)
+    own = {name: store.poses(name) for name in frames if store.has_own_poses(name)}
+    return TrainingFrames(frames, poses, truth.trajectory, own)
 
 
 def _adjusted_frames(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -154,12 +154,18 @@ class DiskArray:
 class TrainingFrames:
     """Domains by name, poses (N, 3) x, y in metres, heading in radians, trajectory codes (N,).
 
-    Row i is iid i; rows of one trajectory are in recording order.
+    Row i is iid i; rows of one trajectory are in recording order. `own_poses` are those of domains
+    whose frames have other poses (N, 3) than the instances.
     """
 
     domains: dict[str, DomainFrames]
     poses: NDArray[np.float64]
     trajectory: NDArray[np.int32]
+    own_poses: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    def truth(self, domain: str) -> NDArray[np.float64]:
+        """The true poses of a domain's frames, (N, 3)."""
+        return self.own_poses.get(domain, self.poses)
 
     def __len__(self) -> int:
         return len(self.poses)

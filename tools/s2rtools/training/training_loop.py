@@ -165,7 +165,7 @@ class _Trainer:
         if self.start is not None:
             network.load_state_dict(self.start.network.state_dict())
             return network, self.start.convention
-        places = self.frames.poses[self.rows[:, 1], :2]
+        places = self._poses_of(self.rows)[:, :2]
         x, y = places.mean(axis=0)
         network.centre_output((float(x), float(y)), float(max(places.std(axis=0).max(), 0.1)))
         return network, network.convention
@@ -197,7 +197,7 @@ class _Trainer:
         batch = self.rows[order[position * BATCH : (position + 1) * BATCH]]
         generator = torch.Generator().manual_seed(self.seed * 1_000_003 + self.progress.step)
         x = self.augment(self._inputs(batch), generator)
-        pose = self.frames.poses[batch[:, 1]]
+        pose = self._poses_of(batch)
         truth = np.column_stack([pose[:, :2], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
         for group in self.optimizer.param_groups:
             group["lr"] = self.recipe.learning_rate * learning_rate_share(done)
@@ -212,6 +212,14 @@ class _Trainer:
         if position + 1 == per_epoch:
             self._end_epoch(epoch + 1, per_epoch)
         return loss.item()
+
+    def _poses_of(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """The true poses (B, 3) of (domain number, iid) rows."""
+        poses = np.empty((len(rows), 3))
+        for number, name in enumerate(self.domains):
+            chosen = rows[:, 0] == number
+            poses[chosen] = self.frames.truth(name)[rows[chosen, 1]]
+        return poses
 
     def _inputs(self, batch: NDArray[np.intp]) -> Tensor:
         """(B, 4, h, w) of (domain number, iid) rows."""
@@ -228,7 +236,7 @@ class _Trainer:
         for number, name in enumerate(self.domains):
             rows = self.held_out[self.held_out[:, 0] == number, 1]
             poses = predict(self.network, self.convention, self.frames.domains[name], rows)
-            parts.append(np.stack(pose_errors(poses, self.frames.poses[rows])))
+            parts.append(np.stack(pose_errors(poses, self.frames.truth(name)[rows])))
         distance, heading_error = np.concatenate(parts, axis=1)
         row = {"epoch": epoch, "step": self.progress.step, "loss": self.progress.loss_sum / steps}
         if len(distance):

@@ -114,11 +114,11 @@ def _outputs(
     return NetworkOutputs(np.concatenate(poses), np.concatenate(embeddings))
 
 
-def position_errors(store: Store, iids: Iids, outputs: NetworkOutputs) -> Floats:
-    """Position errors (N,) in metres."""
-    truth = store.instances
+def position_errors(store: Store, domain: str, iids: Iids, outputs: NetworkOutputs) -> Floats:
+    """Position errors (N,) in metres of outputs for images of a domain."""
+    truth = store.poses(domain)[iids]
     return pose_metrics.position_error(
-        outputs.pose[:, 0], outputs.pose[:, 1], truth.x[iids], truth.y[iids]
+        outputs.pose[:, 0], outputs.pose[:, 1], truth[:, 0], truth[:, 1]
     )
 
 
@@ -162,8 +162,12 @@ def run_time_metrics(
     untrained, _ = untrained_rows(store, run, frames.iids)
     recording = store.instances.trajectory[frames.iids[untrained]]
     errors = {
-        reference: position_errors(store, frames.iids, outputs)[untrained]
-        for reference, outputs in (("translator", moved), ("identity", plain), ("target", ideal))
+        reference: position_errors(store, domain, frames.iids, outputs)[untrained]
+        for reference, domain, outputs in (
+            ("translator", translator.source, moved),
+            ("identity", translator.source, plain),
+            ("target", translator.target, ideal),
+        )
     }
     error = "error" if translator.side == "real" else "sim_error"
     rows = [

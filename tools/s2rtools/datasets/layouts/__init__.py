@@ -11,10 +11,33 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtools.datasets.layouts import (
+    bag,
+    colmap,
+    csv_poses,
+    euroc,
+    kitti,
+    lerobot,
+    nerfstudio,
+    scannet,
+    seven_scenes,
+    tum,
+)
 from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 
 ENTRY_POINTS = "s2r.importers"
-LAYOUTS: dict[str, Layout] = {}
+LAYOUTS: dict[str, Layout] = {
+    "7scenes": seven_scenes.LAYOUT,
+    "bag": bag.LAYOUT,
+    "colmap": colmap.LAYOUT,
+    "csv": csv_poses.LAYOUT,
+    "euroc": euroc.LAYOUT,
+    "kitti": kitti.LAYOUT,
+    "lerobot": lerobot.LAYOUT,
+    "nerfstudio": nerfstudio.LAYOUT,
+    "scannet": scannet.LAYOUT,
+    "tum": tum.LAYOUT,
+}
 
 
 def layout_names() -> list[str]:

@@ -41,6 +41,7 @@ def map_stages(
 ) -> list[Stage]:
     """The stage of the map grids of every heatmap of the stages of a part; none without heatmaps.
 
+    Heat of a domain without depth is not projected.
     One stage for both sides and all kinds, because they read the same images.
     """
     grid = MapGrid(store.dataset.bounds)
@@ -52,7 +53,7 @@ def map_stages(
             heat += of_kind
             specs += [
                 _map_spec(spec, keys, forward.specs[0].key, side, mode, grid)
-                for side in SIDES
+                for side in _projected_sides(store, store.run(forward.run), kind)
                 for spec in of_kind
                 if spec.side in (side, None)
                 for mode in HEATMAP_KINDS[kind].planes or (spec.mode,)
@@ -61,6 +62,12 @@ def map_stages(
         return []
     sources = (*forward.specs_of_kind("prediction"), *heat, *forward.sources)
     return [Stage(STAGE, forward.run, tuple(specs), RANGE_INSTANCES, sources, is_aggregate=True)]
+
+
+def _projected_sides(store: Store, run: Run, kind: str) -> list[Side]:
+    """The sides whose heat of a kind can be projected: those with depth, which it needs."""
+    with_depth = [side for side in SIDES if store.domain(run.domain(side)).has_depth]
+    return with_depth if len(with_depth) == len(SIDES) or not HEATMAP_KINDS[kind].aligned else []
 
 
 def _map_spec(
@@ -113,8 +120,7 @@ def compute_grids(
     sides = {side for each in surfaces for side in each.sides}
     frames = RunFrames(store, run, stage.rendered_arrays(store.path))
     valid = stage.valid_instances(store.path, instances)
-    columns = store.instances
-    poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
+    poses = {side: store.poses(run.domain(side)) for side in sides}
     source = {spec: _heat_source(stage, spec) for spec in specs}
     arrays = {each: stage.source_array(store.path, *each) for each in set(source.values())}
     for start in range(instances.start, instances.stop, _READ_ROWS):
@@ -130,7 +136,8 @@ def compute_grids(
         for each in surfaces:
             own, other = depth[each.side], depth.get(_OTHER[each.side])
             grid = grids[each.specs[0]]
-            samples = each.floor_heat.samples(own, other, poses[start:stop][rows], grid)
+            of_side = poses[each.side][start:stop][rows]
+            samples = each.floor_heat.samples(own, other, of_side, grid)
             for spec in each.specs:
                 planes, ray = _plane(heat[source[spec]], spec), _kind(spec).ray(spec.mode)
                 grids[spec].add(*samples.values(planes, ray))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -22,6 +22,8 @@ from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
+DEPTH_MODES = ("depth", "rgbd")
+"""Modes of heatmaps that need depth on both sides."""
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
 _DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str, InputContract], Any]] = WeakKeyDictionary()
@@ -36,11 +38,13 @@ def network_stages(
     backends: RunBackends,
     kinds: Sequence[str],
     frames: tuple[ArraySpec, ...] = (),
+    has_depth: bool = True,
 ) -> tuple[Stage, list[Stage]]:
     """The forward stage of a part, and one stage per heatmap kind that needs many passes.
 
     The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
-    only. `frames` are the arrays of rendered frames that the stages read.
+    only. `frames` are the arrays of rendered frames that the stages read. `has_depth` tells whether
+    both domains have depth.
     """
     rendered = [spec.key for spec in frames]
     key = keys.prediction(backends.predictions.facts(), rendered)
@@ -66,9 +70,9 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(
-            part, kind, model, backends, *keys.heatmap(kind, backends.kind_facts(kind), rendered)
-        )
+        described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
+        key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
+        heatmaps = heatmap_specs(part, kind, *described, *key_of_kind, has_depth)
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -87,16 +91,24 @@ def _described(
     return known[key]
 
 
-def _kind_specs(
-    part: Part, name: str, model: LoadedModel, backends: RunBackends, key: str, is_shared: bool
+def heatmap_specs(
+    part: Part,
+    name: str,
+    outputs: Sequence[OutputSpec],
+    attributes: Mapping[str, str],
+    key: str,
+    is_shared: bool,
+    has_depth: bool,
 ) -> list[ArraySpec]:
-    kind = HEATMAP_KINDS[name]
-    outputs, attributes = _described(kind, model, backends.differences or "float32")
+    """The arrays of a heatmap kind in a part, for its `outputs`.
+
+    Without depth on both sides, those of modes that compare depth are left out.
+    """
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(attributes.items())),
                   part.first_iid, is_shared)
-        for out in outputs
+        for out in outputs if has_depth or out.mode not in DEPTH_MODES
     ]  # fmt: skip
 
 
@@ -108,7 +120,7 @@ def compute_outputs(
     `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
     """
     alignment = rig_calibration.load_alignment(store, run)
-    truth = np.stack([store.instances.x, store.instances.y, store.instances.heading], axis=1)
+    truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, contract = unit.instances, backend.model.contract
     kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
@@ -118,7 +130,7 @@ def compute_outputs(
     for iid, frames in read_pairs(
         store, run, contract, rows.start, rows.stop, backend.batch, source
     ):
-        poses = truth[iid : iid + len(frames["sim"].x)]
+        stop = iid + len(frames["sim"].x)
         outputs: dict[str | None, ForwardOutput] = {}
         if is_predicted:
             outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
@@ -126,7 +138,13 @@ def compute_outputs(
         if kinds:
             given = outputs if heatmap_backend is backend else {}
             sim, real = (
-                side_batch(heatmap_backend, frames[side], poses, given.get(side), uses_features)
+                side_batch(
+                    heatmap_backend,
+                    frames[side],
+                    truth[side][iid:stop],
+                    given.get(side),
+                    uses_features,
+                )
                 for side in SIDES
             )
             pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)

@@ -1,0 +1,108 @@
+"""Arguments of `s2r ingest pairs`, and the scan of the two recordings that they name."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from s2rstore.errors import RequestError
+from s2rstore.records import SIDES, Side
+from s2rtui.cli.formatting.progress import Reporter
+
+if TYPE_CHECKING:
+    from s2rtools.datasets.floor_poses import FloorOptions
+    from s2rtools.datasets.paired_recordings import PairedScan
+    from s2rtools.datasets.recording import Recording
+
+_FLOOR = ("up", "ground", "camera_height", "metres_per_unit")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that only pairs have."""
+    for side in SIDES:
+        group = parser.add_argument_group(f"{side} recording")
+        group.add_argument(f"--{side}", required=True, metavar="LAYOUT:PATH",
+                           help=f"layout and folder or file of the {side} recording")  # fmt: skip
+        group.add_argument(f"--{side}-option", action="append", default=[], metavar="KEY=VALUE",
+                           help="option of the layout (repeatable)")  # fmt: skip
+        group.add_argument(f"--{side}-trajectory", action="append", default=[], metavar="NAME",
+                           help="read only this trajectory (repeatable)")  # fmt: skip
+        group.add_argument(f"--{side}-floor", action="append", default=[], metavar="KEY=VALUE",
+                           help="how poses are put on the floor: up=z (or -y, or three numbers), "
+                           "ground=Z, camera_height=METRES, metres_per_unit=SCALE")  # fmt: skip
+    group = parser.add_argument_group("pairing")
+    group.add_argument("--match", choices=("pose", "time", "name"), default="pose",
+                       help="what the images of a pair have in common (default pose)")  # fmt: skip
+    group.add_argument("--tolerance", metavar="T",
+                       help="largest difference of a pair: of poses as 0.2m,10deg (default), of "
+                       "times as 0.05s (default)")  # fmt: skip
+    group.add_argument("--align", action="store_true",
+                       help="fit the sim world to the real one by the pairs; with --match time or "
+                       "name")  # fmt: skip
+    group.add_argument("--report", type=Path, metavar="FILE.csv",
+                       help="write all pairs and all unmatched images to a file")  # fmt: skip
+    parser.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",
+                        help="TOML or JSON file with bounds, rooms and floor plan (default: the "
+                        "bounds of the poses and 2 m around them)")  # fmt: skip
+
+
+def scan(options: argparse.Namespace, frame: tuple[int, int], progress: Reporter) -> PairedScan:
+    """Read and pair both recordings. Raises RequestError for unusable arguments and input."""
+    from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
+    from s2rtools.datasets.recording_pairs import parse_tolerance
+
+    floors = {side: _floor(side, getattr(options, f"{side}_floor")) for side in SIDES}
+    pair_options = PairOptions(
+        options.match, parse_tolerance(options.tolerance, options.match), frame, options.align,
+        floors, options.header, options.allow_outside,
+    )  # fmt: skip
+    sim, real = (_recording(side, options) for side in SIDES)
+    count = sum(len(t.frames) for each in (sim, real) for t in each.trajectories.values())
+    progress.begin("pair", count)
+    return scan_pairs(sim, real, pair_options, progress.advance)
+
+
+def _recording(side: Side, options: argparse.Namespace) -> Recording:
+    from s2rtools.datasets.layouts import layout_names, read
+    from s2rtools.datasets.recording import ReadOptions
+
+    argument: str = getattr(options, side)
+    layout, separator, path = argument.partition(":")
+    if not separator or not path:
+        known = ", ".join(layout_names())
+        raise RequestError(f"--{side} {argument}: give LAYOUT:PATH; layouts are {known}")
+    values = _values(f"--{side}-option", getattr(options, f"{side}_option"))
+    trajectories = tuple(getattr(options, f"{side}_trajectory"))
+    return read(layout, Path(path), ReadOptions(values, trajectories, options.allow_outside))
+
+
+def _floor(side: Side, arguments: Sequence[str]) -> FloorOptions:
+    from s2rtools.datasets.floor_poses import FloorOptions
+
+    values = _values(f"--{side}-floor", arguments)
+    numbers: dict[str, float] = {}
+    for key, text in values.items():
+        if key not in _FLOOR:
+            raise RequestError(f"--{side}-floor {key}={text}: one of {', '.join(_FLOOR)}")
+        if key == "up":
+            continue
+        try:
+            numbers[key] = float(text)
+        except ValueError as error:
+            raise RequestError(f"--{side}-floor {key}={text}: must be a number") from error
+    return FloorOptions(up=values.get("up"), **numbers)
+
+
+def _values(argument: str, texts: Sequence[str]) -> dict[str, str]:
+    """The values of `KEY=VALUE` by key. Raises RequestError for another form or a repeated key."""
+    values: dict[str, str] = {}
+    for text in texts:
+        key, separator, value = text.partition("=")
+        if not separator or not key:
+            raise RequestError(f"{argument} {text}: give KEY=VALUE")
+        if key in values:
+            raise RequestError(f"{argument} {text}: {key} twice")
+        values[key] = value
+    return values

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.datasets.layouts import LAYOUTS
+from tests.datasets.layouts import recordings
+from tests.datasets.layouts.checks import assert_found, only, read_with
+from tests.datasets.layouts.recordings import Frame, drive, turn
+
+COUNT = 4
+TIMES = [1305031102.175304 + 0.1 * number for number in range(COUNT)]
+STAMPS = [1403636579763555584 + 50_000_000 * number for number in range(COUNT)]
+
+
+def write(layout: str, folder: Path, poses: list[np.ndarray]) -> tuple[Path, list[Frame]]:
+    count = len(poses)
+    if layout == "tum":
+        return folder, recordings.tum(folder, poses, TIMES[:count])
+    if layout == "7scenes":
+        return folder, recordings.seven_scenes(folder, poses)
+    if layout == "scannet":
+        return folder, recordings.scannet(folder, poses)
+    if layout == "euroc":
+        return folder, recordings.euroc(folder, poses, STAMPS[:count])
+    if layout == "kitti":
+        return folder, recordings.kitti(folder, poses)
+    return folder / "side.csv", recordings.csv(folder / "side.csv", poses, TIMES[:count])
+
+
+NAMES = ["tum", "7scenes", "scannet", "euroc", "kitti", "csv"]
+
+
+def test_every_layout_is_registered() -> None:
+    assert set(NAMES) <= set(LAYOUTS)
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_recording_is_found_as_written(layout: str, tmp_path: Path) -> None:
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    recording = read_with(layout, path)
+    assert_found(only(recording), frames)
+    assert recording.layout == layout
+    assert recording.root.is_dir()
+    assert recording.name
+    published = {"intrinsics of another size"}
+    assert {issue.kind for issue in recording.issues} <= published
+
+
+coordinates = st.tuples(*[st.floats(-50, 50)] * 3)
+axes = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1)
+pose_parts = st.lists(st.tuples(coordinates, axes, st.floats(-3.14, 3.14)), min_size=1, max_size=3)
+
+
+@pytest.mark.parametrize("layout", NAMES)
+@given(parts=pose_parts)
+@settings(max_examples=15, deadline=None, derandomize=True)
+def test_any_pose_is_found(layout: str, parts: list) -> None:
+    poses = []
+    for position, axis, angle in parts:
+        pose = np.eye(4)
+        pose[:3, :3] = turn(np.array(axis) / np.linalg.norm(axis), angle)
+        pose[:3, 3] = position
+        poses.append(pose)
+    with tempfile.TemporaryDirectory() as folder:
+        path, frames = write(layout, Path(folder) / "recording", poses)
+        assert_found(only(read_with(layout, path)), frames)
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_folder_of_something_else_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+    (tmp_path / "notes.txt").write_text("hello")
+    with one_line():
+        read_with(layout, tmp_path)
+    with one_line():
+        read_with(layout, tmp_path / "absent")
+    with one_line():
+        read_with(layout, tmp_path / "notes.txt")
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_an_unknown_trajectory_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+    path, _ = write(layout, tmp_path / "recording", drive([0.0]))
+    with one_line("no_such"):
+        read_with(layout, path, trajectories=["no_such"])
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_cut_image_is_reported_when_it_is_read(layout: str, tmp_path: Path) -> None:
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    recording = read_with(layout, path)
+    image = only(recording).frames[1].rgb
+    file = recording.root / image.name
+    file.write_bytes(file.read_bytes()[:-20])
+    issue = only(read_with(layout, path)).frames[1].rgb.read()
+    assert issue.file == frames[1].rgb
+    assert issue.kind in ("truncated image", "damaged image")
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_link_out_of_the_recording_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    root = read_with(layout, path).root
+    image = root / frames[0].rgb
+    secret = tmp_path / f"secret{image.suffix}"
+    image.rename(secret)
+    image.symlink_to(secret)
+    with one_line("allow-outside"):
+        read_with(layout, path)
+    recording = read_with(layout, path, allow_outside=True)
+    assert_found(only(recording), frames)
+    assert recording.outside_folders == {str(tmp_path.resolve()): 1}
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_missing_image_is_reported_and_left_out(layout: str, tmp_path: Path) -> None:
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    root = read_with(layout, path).root
+    lost = frames[2].depth or frames[2].rgb
+    (root / lost).unlink()
+    recording = read_with(layout, path)
+    assert_found(only(recording), frames[:2] + frames[3:])
+    assert any(issue.file in (lost, frames[2].rgb) for issue in recording.issues)
+
+
+@pytest.mark.parametrize("layout", NAMES)
+def test_a_recording_without_any_image_is_refused(layout: str, tmp_path: Path, one_line) -> None:
+    path, frames = write(layout, tmp_path / "recording", drive(0.1 * k for k in range(COUNT)))
+    root = read_with(layout, path).root
+    for frame in frames:
+        (root / frame.rgb).unlink()
+    with one_line("no usable image"):
+        read_with(layout, path)

@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from s2rstore.errors import RequestError
+from s2rtools.datasets import ReadOptions, read
+from s2rtools.datasets.scan import InputIssue
+from tests.datasets.layouts.rooms import (
+    HEIGHT,
+    WIDTH,
+    Walk,
+    assert_poses,
+    checksum,
+    image,
+    kinds,
+    walk,
+    write_png,
+)
+
+SHARED = {"w": WIDTH, "h": HEIGHT, "fl_x": 20.0, "fl_y": 21.0, "cx": 12.5, "cy": 7.5}
+
+
+def opengl(poses: np.ndarray) -> np.ndarray:
+    """The same cameras with axes x right, y up, z backward."""
+    turned = poses.copy()
+    turned[:, :3, 1:3] *= -1
+    return turned
+
+
+def write(folder: Path, scene: Walk, depth: bool = True, name: str = "transforms.json", **keys):
+    frames = []
+    for row, matrix in enumerate(opengl(scene.poses)):
+        write_png(folder / f"images/{row:03}.png", scene.rgb[row])
+        frame = {"file_path": f"./images/{row:03}.png", "transform_matrix": matrix.tolist()}
+        if depth:
+            write_png(folder / f"depth/{row:03}.png", scene.depth[row])
+            frame["depth_file_path"] = f"depth/{row:03}.png"
+        frames.append(frame)
+    document = {**SHARED, "frames": frames} | keys
+    (folder / name).write_text(json.dumps(document))
+    return document
+
+
+def rewrite(folder: Path, document: dict) -> None:
+    (folder / "transforms.json").write_text(json.dumps(document))
+
+
+def test_poses_images_and_intrinsics_are_those_that_were_written(tmp_path: Path) -> None:
+    scene = walk()
+    write(tmp_path, scene, depth_unit_scale_factor=0.002)
+    recording = read("nerfstudio", tmp_path)
+    (trajectory,) = recording.trajectories.values()
+    assert_poses(recording, scene.poses)
+    assert np.isnan(trajectory.timestamps).all()
+    camera = recording.camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 12.5, 7.5)
+    assert camera.distortion == ()
+    assert recording.depth_scale == 0.002
+    assert not recording.is_metric
+    for row, frame in enumerate(trajectory.frames):
+        np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
+        assert frame.rgb.checksum() == checksum(tmp_path / f"images/{row:03}.png")
+        assert frame.depth is not None
+        np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[row])
+    assert trajectory.frames[2].rgb.name == "images/002.png"
+
+
+def test_a_scale_makes_poses_and_depth_metric(tmp_path: Path) -> None:
+    scene = walk()
+    write(tmp_path, scene, integer_depth_scale=0.001)
+    recording = read("nerfstudio", tmp_path / "transforms.json", ReadOptions({"scale": "2.5"}))
+    scaled = scene.poses.copy()
+    scaled[:, :3, 3] *= 2.5
+    assert_poses(recording, scaled)
+    assert recording.is_metric
+    assert recording.depth_scale == pytest.approx(0.0025)
+
+
+def test_applied_transform_and_scale_are_undone(tmp_path: Path) -> None:
+    scene = walk()
+    applied = np.eye(4)
+    applied[:3, :3] = Rotation.from_rotvec([0.5, 1.0, -0.3]).as_matrix()
+    applied[:3, 3] = 3.0, -1.0, 0.5
+    moved = applied @ scene.poses
+    moved[:, :3, 3] *= 0.25
+    shown = Walk(scene.rgb, scene.depth, moved, scene.times)
+    write(tmp_path, shown, applied_transform=applied[:3].tolist(), applied_scale=0.25)
+    assert_poses(read("nerfstudio", tmp_path), scene.poses)
+
+
+def test_an_angle_and_names_without_suffix_as_in_the_original_nerf_data(tmp_path: Path) -> None:
+    scene = walk()
+    document = write(tmp_path, scene, depth=False)
+    for frame in document["frames"]:
+        frame["file_path"] = frame["file_path"].removesuffix(".png")
+    document = {"camera_angle_x": 1.0, "frames": document["frames"]}
+    (tmp_path / "transforms.json").unlink()
+    for name in ("train", "val"):
+        (tmp_path / f"transforms_{name}.json").write_text(json.dumps(document))
+    recording = read("nerfstudio", tmp_path)
+    assert list(recording.trajectories) == ["train", "val"]
+    assert recording.camera.fx == pytest.approx(WIDTH / 2 / math.tan(0.5))
+    assert recording.camera.cx == WIDTH / 2
+    assert recording.trajectories["val"].frames[0].depth is None
+    chosen = read("nerfstudio", tmp_path, ReadOptions(trajectories=("val",)))
+    assert list(chosen.trajectories) == ["val"]
+
+
+def test_distortion_is_in_the_order_of_opencv(tmp_path: Path) -> None:
+    write(tmp_path, walk(), k1=0.1, k2=-0.02, p1=0.003, p2=-0.004)
+    assert read("nerfstudio", tmp_path).camera.distortion == (0.1, -0.02, 0.003, -0.004, 0.0)
+    coefficients = {"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}
+    write(tmp_path, walk(), camera_model="OPENCV_FISHEYE", **coefficients)
+    camera = read("nerfstudio", tmp_path).camera
+    assert camera.is_fisheye
+    assert camera.distortion == (0.1, 0.2, 0.3, 0.4)
+
+
+def test_several_cameras_are_listed_and_one_or_their_median_can_be_chosen(tmp_path: Path) -> None:
+    scene = walk()
+    document = write(tmp_path, scene)
+    for row, frame in enumerate(document["frames"]):
+        frame["fl_x"] = 20.0 + (row % 3)
+    rewrite(tmp_path, document)
+    with pytest.raises(
+        RequestError, match=r"3 cameras \(1: 24x16, fx 20.0, 2 images; .*camera_id="
+    ):
+        read("nerfstudio", tmp_path)
+    second = read("nerfstudio", tmp_path, ReadOptions({"camera_id": "2"}))
+    assert second.camera.fx == 21.0
+    assert_poses(second, scene.poses[1::3])
+    median = read("nerfstudio", tmp_path, ReadOptions({"camera_id": "median"}))
+    assert median.camera.fx == 21.0
+    assert len(median.trajectories[tmp_path.name].frames) == len(scene)
+    assert kinds(median) == {"several cameras": 1}
+
+
+def test_bad_frames_are_reported_and_the_others_are_read(tmp_path: Path) -> None:
+    scene = walk()
+    document = write(tmp_path, scene)
+    (tmp_path / "images/000.png").unlink()
+    del document["frames"][1]["depth_file_path"]
+    document["frames"][2]["transform_matrix"][0][0] += 0.5
+    document["frames"][3]["transform_matrix"] = [[1.0, 0.0]]
+    rewrite(tmp_path, document)
+    whole = (tmp_path / "images/004.png").read_bytes()
+    (tmp_path / "images/004.png").write_bytes(whole[:-30])
+    recording = read("nerfstudio", tmp_path)
+    assert kinds(recording) == {"missing image": 1, "no depth image": 1, "bad pose": 2}
+    assert_poses(recording, scene.poses[4:])
+    (trajectory,) = recording.trajectories.values()
+    cut = trajectory.frames[0].rgb.read()
+    assert isinstance(cut, InputIssue)
+    assert cut.kind == "truncated image"
+
+
+def test_images_of_another_size_than_the_camera_are_reported(tmp_path: Path) -> None:
+    write(tmp_path, walk())
+    write_png(tmp_path / "images/000.png", np.zeros((HEIGHT, WIDTH + 1, 3), np.uint8))
+    (trajectory,) = read("nerfstudio", tmp_path).trajectories.values()
+    wrong = trajectory.frames[0].rgb.read()
+    assert isinstance(wrong, InputIssue)
+    assert wrong.kind == "wrong size"
+
+
+def test_the_orientation_that_a_photo_states_is_ignored(tmp_path: Path) -> None:
+    """Intrinsics are those of the stored pixels; orientation 3 would turn them by 180 degrees."""
+    write(tmp_path, walk(), depth=False)
+    pixels = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    pixels[:8] = 255
+    jpeg = cv2.imencode(".jpg", pixels)[1].tobytes()
+    exif = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"
+    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    (tmp_path / "images/000.png").write_bytes(jpeg[:2] + segment + jpeg[2:])
+    (trajectory,) = read("nerfstudio", tmp_path).trajectories.values()
+    found = image(trajectory.frames[0].rgb.read()).pixels
+    assert found[0].mean() > 250
+    assert found[-1].mean() < 5
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"frames": 3}, "frames"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "camera_model 'EQUIRECTANGULAR' is not read"),
+        ({"fl_x": -1.0}, "fx is -1; expected 0 < fx"),
+        ({"fl_x": None, "fl_y": None}, "no fl_x and no camera_angle_x"),
+        ({"k4": 0.1}, "k4 is read for OPENCV_FISHEYE only"),
+        ({"w": 1e6, "h": 1e6}, "pixels; at most"),
+        ({"applied_transform": [[0.0] * 4] * 3}, "applied_transform must be a rotation"),
+        ({"frames": []}, "no usable image of layout nerfstudio"),
+    ],
+)
+def test_what_cannot_be_read_ends_in_one_line(tmp_path: Path, keys: dict, message: str) -> None:
+    write(tmp_path, walk(), **keys)
+    with pytest.raises(RequestError, match=message) as error:
+        read("nerfstudio", tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_numbers_that_json_does_not_know_end_in_one_line(tmp_path: Path) -> None:
+    document = write(tmp_path, walk())
+    document["frames"][0]["transform_matrix"][0][3] = math.nan
+    rewrite(tmp_path, document)
+    with pytest.raises(RequestError, match=r"transforms\.json: damaged"):
+        read("nerfstudio", tmp_path)
+
+
+def test_files_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    document = write(folder, walk())
+    write_png(tmp_path / "secret.png", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+    document["frames"][0]["file_path"] = "../secret.png"
+    rewrite(folder, document)
+    with pytest.raises(RequestError, match=r"without `\.\.`; --allow-outside"):
+        read("nerfstudio", folder)
+    recording = read("nerfstudio", folder, ReadOptions(allow_outside=True))
+    assert recording.outside_folders == {str(tmp_path.resolve()): 1}
+    assert recording.trajectories["scene"].frames[0].rgb.name == "../secret.png"

@@ -1,0 +1,247 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.datasets.layouts import recordings
+from tests.datasets.layouts.checks import assert_found, kinds, only, read_with, reported
+from tests.datasets.layouts.recordings import Frame, drive, tum_pose
+
+TIMES = [1305031102.175304 + 0.1 * number for number in range(5)]
+OTHER_SIZE = {"intrinsics of another size": 1}
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> tuple[Path, list[Frame]]:
+    folder = tmp_path / "rgbd_dataset_freiburg2_desk"
+    return folder, recordings.tum(folder, drive(0.1 * k for k in range(5)), TIMES)
+
+
+def edit(path: Path, change) -> None:
+    lines = path.read_text().splitlines()
+    change(lines)
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_depth_is_in_metres_with_z_up(recording) -> None:
+    found = read_with("tum", recording[0])
+    assert found.depth_scale == pytest.approx(1 / 5000)
+    assert found.up == (0, 0, 1)
+    assert found.is_metric
+    depth = only(found).frames[0].depth.read()
+    assert depth.pixels.dtype == np.uint16
+    assert depth.pixels.max() * found.depth_scale <= 5.0
+
+
+def test_lines_in_any_order_are_sorted_and_reported_once(recording) -> None:
+    folder, frames = recording
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        edit(folder / name, lambda lines: lines.reverse())
+    found = read_with("tum", folder)
+    assert_found(only(found), frames)
+    assert kinds(found) == {"times not in order": 3} | OTHER_SIZE
+    assert reported(found, "times not in order")[0] == "rgb.txt:2"
+
+
+def test_repeated_times_are_reported_and_the_first_line_counts(recording) -> None:
+    folder, frames = recording
+    edit(folder / "rgb.txt", lambda lines: lines.append(lines[2].replace("rgb/", "other/")))
+    edit(folder / "groundtruth.txt", lambda lines: lines.append(f"{TIMES[0]:.6f} 9 9 9 0 0 0 1"))
+    found = read_with("tum", folder)
+    assert_found(only(found), frames)
+    assert reported(found, "repeated time") == ["rgb.txt:7", "groundtruth.txt:7"]
+
+
+@pytest.mark.parametrize(
+    ("row", "kind"),
+    [
+        ("nan 1 2 3 0 0 0 1", "bad time"),
+        ("1305031102.5 nan 2 3 0 0 0 1", "bad pose"),
+        ("1305031102.5 inf 2 3 0 0 0 1", "bad pose"),
+        ("1305031102.5 1e9 2 3 0 0 0 1", "bad pose"),
+        ("1305031102.5 1 2 3 0 0 0 0.5", "bad pose"),
+        ("1305031102.5 1 2 3 0 0 0 0", "bad pose"),
+        ("1305031102.5 1 2 3 0 0 0", "bad row"),
+        ("1305031102.5 1 2 3 0 0 0 1 1", "bad row"),
+        ("1305031102.5 1 2 x 0 0 0 1", "bad row"),
+        ("1305031102.5,1,2,3,0,0,0,1", "bad row"),
+    ],
+)
+def test_unusable_poses_are_reported_with_their_line(recording, row: str, kind: str) -> None:
+    folder, frames = recording
+    edit(folder / "groundtruth.txt", lambda lines: lines.append(row))
+    found = read_with("tum", folder)
+    assert_found(only(found), frames)
+    assert kinds(found) == {kind: 1} | OTHER_SIZE
+    assert reported(found, kind) == ["groundtruth.txt:7"]
+
+
+def test_an_image_whose_pose_is_unusable_is_left_out(recording) -> None:
+    folder, frames = recording
+
+    def spoil(lines: list[str]) -> None:
+        fields = lines[2].split()
+        lines[2] = " ".join([*fields[:4], "0.3", "0.3", "0.3", "0.3"])
+
+    edit(folder / "groundtruth.txt", spoil)
+    found = read_with("tum", folder)
+    assert_found(only(found), frames[:1] + frames[2:])
+    assert reported(found, "bad pose") == ["groundtruth.txt:3"]
+    assert reported(found, "no pose") == [frames[1].rgb]
+    (norm,) = [issue.detail for issue in found.issues if issue.kind == "bad pose"]
+    assert "0.6" in norm
+
+
+def test_quaternions_rounded_to_three_digits_are_normalised(recording) -> None:
+    folder, frames = recording
+
+    def round_all(lines: list[str]) -> None:
+        for number, line in enumerate(lines[1:], 1):
+            fields = line.split()
+            rounded = [f"{1.003 * float(value):.6f}" for value in fields[4:]]
+            lines[number] = " ".join(fields[:4] + rounded)
+
+    edit(folder / "groundtruth.txt", round_all)
+    assert_found(only(read_with("tum", folder)), frames)
+
+
+def test_poses_between_dense_ground_truth_are_interpolated(recording) -> None:
+    folder, frames = recording
+    times = np.arange(-1, 60) * 0.01 + 0.0037
+    rows = [f"{TIMES[0] + t:.6f} {tum_pose(p)}" for t, p in zip(times, drive(times), strict=True)]
+    recordings.write_lines(folder / "groundtruth.txt", rows)
+    assert_found(only(read_with("tum", folder)), frames)
+
+
+@pytest.mark.parametrize(("offset", "count"), [(0.019, 5), (-0.019, 5), (0.021, 0)])
+def test_single_poses_count_within_20_ms(recording, offset: float, count: int, one_line) -> None:
+    folder, frames = recording
+    rows = [f"{frame.time + offset:.6f} {tum_pose(frame.pose)}" for frame in frames]
+    recordings.write_lines(folder / "groundtruth.txt", rows)
+    if count:
+        assert_found(only(read_with("tum", folder)), frames)
+    else:
+        with one_line("no pose", "20 ms", "0.021 s"):
+            read_with("tum", folder)
+
+
+def test_an_image_without_depth_within_20_ms_is_reported(recording) -> None:
+    folder, frames = recording
+    edit(folder / "depth.txt", lambda lines: lines.pop(3))
+    found = read_with("tum", folder)
+    assert_found(only(found), frames[:2] + frames[3:])
+    (issue,) = [issue for issue in found.issues if issue.kind == "no depth image"]
+    assert issue.file == frames[2].rgb
+    assert "0.096 s" in issue.detail
+
+
+def test_one_depth_image_belongs_to_one_rgb_image(recording) -> None:
+    folder, frames = recording
+    recordings.write_rgb(folder / "rgb/extra.png", 99)
+    edit(folder / "rgb.txt", lambda lines: lines.append(f"{TIMES[4] + 0.010:.6f} rgb/extra.png"))
+    found = read_with("tum", folder)
+    assert_found(only(found), frames)
+    assert reported(found, "no depth image") == ["rgb/extra.png"]
+
+
+@pytest.mark.parametrize("name", ["rgb.txt", "depth.txt", "groundtruth.txt"])
+def test_a_missing_list_is_named(recording, name: str, one_line) -> None:
+    (recording[0] / name).unlink()
+    with one_line(name):
+        read_with("tum", recording[0])
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"# nothing\n", "1 rgb/a.png".encode("utf-16"), b"\xff\xfe\xfd", b"\0" * 99]
+)
+@pytest.mark.parametrize("name", ["rgb.txt", "groundtruth.txt"])
+def test_a_list_of_other_content_is_named(recording, name: str, content: bytes, one_line) -> None:
+    (recording[0] / name).write_bytes(content)
+    with one_line(name):
+        read_with("tum", recording[0])
+
+
+def test_windows_line_ends_and_a_byte_order_mark_are_read(recording) -> None:
+    folder, frames = recording
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        text = (folder / name).read_text().replace("\n", "\r\n")
+        (folder / name).write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert_found(only(read_with("tum", folder)), frames)
+
+
+@pytest.mark.parametrize("name", ["../secret.png", "/etc/hostname", "rgb/../../secret.png"])
+def test_names_outside_of_the_folder_are_refused(recording, name: str, one_line) -> None:
+    folder, _ = recording
+    edit(folder / "rgb.txt", lambda lines: lines.append(f"1305031102.9 {name}"))
+    with one_line("rgb.txt:7", "allow-outside"):
+        read_with("tum", folder)
+
+
+@pytest.mark.parametrize(
+    ("folder", "camera"),
+    [
+        ("rgbd_dataset_freiburg1_xyz", (517.3, 516.5, 318.6, 255.3)),
+        ("rgbd_dataset_freiburg2_desk", (520.9, 521.0, 325.1, 249.7)),
+        ("rgbd_dataset_freiburg3_office", (535.4, 539.2, 320.1, 247.6)),
+        ("ours", (525.0, 525.0, 319.5, 239.5)),
+    ],
+)
+def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, camera) -> None:
+    path = tmp_path / folder
+    frames = recordings.tum(path, drive([0.0]), TIMES[:1])
+    Image.new("RGB", (640, 480), (9, 90, 200)).save(path / frames[0].rgb)
+    found = read_with("tum", path)
+    fx, fy, cx, cy = camera
+    assert (found.camera.fx, found.camera.fy) == (fx, fy)
+    assert (found.camera.cx, found.camera.cy) == (cx + 0.5, cy + 0.5)
+    assert len(found.camera.distortion) == (5 if "1" in folder or "2" in folder else 0)
+    assert found.issues == []
+
+
+def test_the_calibration_is_scaled_to_resized_images(recording) -> None:
+    found = read_with("tum", recording[0])
+    assert (found.camera.width, found.camera.height) == (32, 24)
+    assert found.camera.fx == pytest.approx(520.9 / 20)
+    assert found.camera.cx == pytest.approx((325.1 + 0.5) / 20)
+    assert kinds(found) == OTHER_SIZE
+
+
+def test_option_camera_states_another(recording) -> None:
+    found = read_with("tum", recording[0], camera="30,31,15.5,11.5")
+    camera = found.camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (30, 31, 16, 12)
+    assert (camera.width, camera.height, camera.distortion) == (32, 24, ())
+    assert found.issues == []
+    scaled = read_with("tum", recording[0], camera="60,62,31.5,23.5,64,48").camera
+    assert (scaled.fx, scaled.cx, scaled.width) == (30, 16, 32)
+
+
+@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d", "0,1,2,3", "nan,1,2,3", "1,1,1,1,0,2", ""])
+def test_an_unusable_option_camera_is_refused(recording, text: str, one_line) -> None:
+    with one_line("camera"):
+        read_with("tum", recording[0], camera=text)
+
+
+def test_an_unknown_option_is_refused(recording, one_line) -> None:
+    with one_line("no option 'cam'", "camera"):
+        read_with("tum", recording[0], cam="1")
+
+
+def test_colours_of_16_bits_are_told(recording) -> None:
+    folder, frames = recording
+    pixels = np.random.default_rng(0).integers(0, 65535, (24, 32, 3), dtype=np.uint16)
+    assert cv2.imwrite(str(folder / frames[0].rgb), pixels)
+    image = only(read_with("tum", folder)).frames[0].rgb.read()
+    assert image.bits == 16
+    assert image.pixels.dtype == np.uint8
+
+
+def test_a_colour_image_as_depth_is_reported(recording) -> None:
+    folder, frames = recording
+    recordings.write_rgb(folder / str(frames[0].depth), 5)
+    issue = only(read_with("tum", folder)).frames[0].depth.read()
+    assert (issue.kind, issue.file) == ("not a depth image", frames[0].depth)

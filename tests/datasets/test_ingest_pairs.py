@@ -1,0 +1,287 @@
+"""`s2r ingest pairs`: from two recordings with known poses to a store."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.language import evaluation
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets.layouts import LAYOUTS
+from s2rtools.datasets.recording import PinholeCamera
+from s2rtui.cli import main
+from tests.support import recordings
+from tests.support.recordings import Side
+
+N = 24
+
+
+@pytest.fixture(autouse=True)
+def known_layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)
+
+
+def offsets(n: int, low: float, high: float, seed: int = 1) -> np.ndarray:
+    """Displacements (n, 3) of `low` to `high` metres and up to 8 degrees."""
+    rng = np.random.default_rng(seed)
+    direction, length = rng.uniform(-np.pi, np.pi, n), rng.uniform(low, high, n)
+    turn = np.radians(rng.uniform(-8, 8, n))
+    return np.column_stack([length * np.cos(direction), length * np.sin(direction), turn])
+
+
+def loose_recordings(folder: Path, **settings: object) -> tuple[Path, Path, np.ndarray]:
+    """A real walk, and a sim one in another order with poses 0.05 to 0.4 m off."""
+    real = recordings.walk(N)
+    sim = real + offsets(N, 0.05, 0.4)
+    order = np.random.default_rng(2).permutation(N)
+    one = recordings.write(folder / "sim", recordings.side(sim, order), seed=1, **settings)
+    other = recordings.write(folder / "real", recordings.side(real), seed=2, **settings)
+    return one, other, sim
+
+
+def ingest(sim: Path, real: Path, store: Path, *more: str) -> int:
+    return main(
+        ["ingest", "pairs", "--sim", f"test:{sim}", "--real", f"test:{real}", "--size", "16",
+         "--sim-floor", "ground=0", "--real-floor", "ground=0", "--store", str(store), *more]
+    )  # fmt: skip
+
+
+def test_loose_pairs_are_found_stored_with_their_offsets_and_selected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sim, real, sim_poses = loose_recordings(tmp_path)
+    path = tmp_path / "s.s2r"
+    assert ingest(sim, real, path, "--tolerance", "0.45m,10deg") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(f"pairs: {N} of {N} sim and {N} real images" in line for line in lines)
+    truth = recordings.walk(N)
+    metres = np.hypot(*(sim_poses - truth)[:, :2].T)
+    with s2rstore.open(path) as store:
+        frames = store.execute(
+            "SELECT s.rgb_path, r.rgb_path, s.sha256 FROM frame s JOIN frame r USING (iid) "
+            "WHERE s.domain = 'sim' AND r.domain = 'real' ORDER BY iid"
+        )
+        names = [f"walk/image-{i:04d}.png" for i in range(N)]
+        assert [(a, b) for a, b, _ in frames] == list(zip(names, names, strict=True))
+        hashes = [
+            hashlib.sha256(file.read_bytes()).hexdigest()
+            for file in (sim / names[3], sim / "walk/depth/image-0003.png")
+        ]
+        assert frames[3][2] == hashlib.sha256("".join(hashes).encode()).hexdigest()
+        np.testing.assert_allclose(store.poses("real")[:, :2], truth[:, :2], atol=1e-9)
+        np.testing.assert_allclose(store.poses("sim")[:, :2], sim_poses[:, :2], atol=1e-9)
+        turned = np.angle(np.exp(1j * (store.poses("sim")[:, 2] - sim_poses[:, 2])))
+        np.testing.assert_allclose(turned, 0, atol=1e-9)
+        np.testing.assert_allclose(store.instances.pair_offset_m, metres, atol=1e-9)
+        assert store.has_loose_pairs
+        for text, expected in (
+            ("pair_offset_m > 0.2", metres > 0.2),
+            ("pair_offset_m <= 0.2 & pair_offset_deg < 180", metres <= 0.2),
+        ):
+            query = f"SELECT count(*) FROM instance WHERE {text.replace('&', 'AND')}"
+            assert store.execute(query) == [(np.count_nonzero(expected),)]
+        domain = store.domain("sim")
+        assert domain.camera_height == pytest.approx(recordings.HEIGHT)
+        assert domain.rgb.fx == pytest.approx(15.0)
+        assert domain.rgb.cy == pytest.approx(8.0)
+        assert domain.has_depth
+        assert domain.depth_scale == 0.001
+        row = store.execute("SELECT * FROM frame_pose WHERE domain = 'sim' AND iid = 5")[0]
+        np.testing.assert_allclose(row[5:8], [*sim_poses[5, :2], recordings.HEIGHT], atol=1e-9)
+        assert math.hypot(*row[8:]) == pytest.approx(1)
+    assert verify(path) == []
+
+
+def test_unmatched_images_are_all_reported_with_the_nearest_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = recordings.walk(N)
+    sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
+    real = recordings.write(tmp_path / "real", recordings.side(truth, np.arange(N - 1)))
+    report = tmp_path / "pairs.csv"
+    assert ingest(sim, real, tmp_path / "s.s2r", "--report", str(report)) == 0
+    errors = capsys.readouterr().err
+    assert "unmatched sim image: 1" in errors
+    assert "unmatched real image: 3" in errors
+    assert "walk/image-0000.png nearest walk/image-" in errors
+    rows = list(csv.DictReader(report.open()))
+    assert [row["status"] for row in rows] == [
+        *["pair"] * (N - 4), "unmatched sim", *["unmatched real"] * 3,
+    ]  # fmt: skip
+    first = next(row for row in rows if row["real"] == "walk/image-0002.png")
+    step = math.hypot(*(truth[3] - truth[2])[:2])
+    assert float(first["offset_m"]) == pytest.approx(step, abs=1e-5)
+    assert first["sim"] == "walk/image-0003.png"
+
+
+def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = recordings.walk(N)
+    turned = truth.copy()
+    angle, cos, sin = 0.7, math.cos(0.7), math.sin(0.7)
+    turned[:, :2] = truth[:, :2] @ np.array([[cos, sin], [-sin, cos]]) + [5.0, -3.0]
+    turned[:, 2] += angle
+    late = recordings.side(turned)
+    late = replace(late, times={"walk": [t + 0.012 for t in late.times["walk"]]})
+    sim = recordings.write(tmp_path / "sim", late)
+    real = recordings.write(tmp_path / "real", recordings.side(truth))
+    assert ingest(sim, real, tmp_path / "no.s2r") == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "no pairs by --match pose; the nearest" in message
+    assert not (tmp_path / "no.s2r").exists()
+    for match in ("time", "name"):
+        path = tmp_path / f"{match}.s2r"
+        assert ingest(sim, real, path, "--match", match, "--align") == 0
+        assert "residual of 24 pairs 0.000 m" in capsys.readouterr().out
+        with s2rstore.open(path) as store:
+            np.testing.assert_allclose(store.poses("sim")[:, :2], truth[:, :2], atol=1e-9)
+            assert store.instances.pair_offset_m.max() < 1e-9
+            fitted = store.provenance_object("pairs", "alignment")
+            assert fitted["angle"] == pytest.approx(-angle)
+
+
+def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:
+    sim, real, _ = loose_recordings(tmp_path, has_depth=False)
+    path = tmp_path / "s.s2r"
+    assert main(
+        ["ingest", "pairs", "--sim", f"test:{sim}", "--real", f"test:{real}", "--match", "name",
+         "--store", str(path)]
+    ) == 0  # fmt: skip
+    with s2rstore.open(path) as store:
+        domain = store.domain("real")
+        assert not domain.has_depth
+        assert math.isnan(domain.depth_scale)
+        assert math.isnan(domain.camera_height)
+        frame = store.frame(0, "real")
+        assert not frame.valid.any()
+        assert store.execute("SELECT count(depth_path) FROM frame") == [(0,)]
+        name = store.execute("SELECT rgb_path, sha256 FROM frame WHERE domain = 'real'")[0]
+        assert hashlib.sha256((real / name[0]).read_bytes()).hexdigest() == name[1]
+        with pytest.raises(RequestError, match="domain real has no depth"):
+            store.require_depth(["real"], "this")
+    assert not list(path.glob("frames.zarr/*/*/*depth*"))
+    assert verify(path) == []
+
+
+def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -> None:
+    """A straight line of the scene is straight in the stored image."""
+    size, k = 96, -0.25
+    camera = PinholeCamera(size, size, 60.0, 60.0, size / 2, size / 2, (k, 0.0, 0.0, 0.0))
+    truth = recordings.walk(4)
+    real = recordings.write(tmp_path / "real", recordings.side(truth), camera)
+    sim = recordings.write(tmp_path / "sim", recordings.side(truth), replace(camera, distortion=()))
+    image = np.zeros((size, size, 3), dtype=np.uint8)
+    rows = np.linspace(0, size, 4 * size)
+    for offset in np.linspace(-0.5, 0.5, 9):
+        x = (84 + offset - size / 2) / 60  # the line at column 84 of an undistorted image
+        y = (rows - size / 2) / 60
+        bent = 1 + k * (x * x + y * y)
+        points = np.column_stack([60 * x * bent, 60 * y * bent]) + size / 2
+        kept = points[((points >= 0) & (points < size)).all(axis=1)].astype(int)
+        image[kept[:, 1], kept[:, 0]] = 255
+    cv2.imwrite(str(real / "walk" / "image-0000.png"), image)
+    more = "--size", str(size)
+    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        frame = store.frame(0, "real")
+        brightest = frame.rgb[10:-10, 60:, 0].argmax(axis=1) + 60
+        assert np.abs(brightest - 84).max() <= 1
+        assert store.domain("real").rgb.fx == 60.0
+        values = np.unique(store.frames("real", 0, 4, ("depth",))["depth"])
+        assert set(values.tolist()) <= {0, 2000}
+
+
+@pytest.mark.parametrize(
+    ("damage", "kind"),
+    [("missing", "unreadable image"), ("cut", "truncated image"), ("size", "wrong size"),
+     ("depth", "not a depth image")],
+)  # fmt: skip
+def test_unusable_images_are_reported_and_left_out(
+    damage: str, kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sim, real, _ = loose_recordings(tmp_path)
+    file = sim / "walk" / "image-0004.png"
+    if damage == "missing":
+        file.unlink()
+    elif damage == "cut":
+        file.write_bytes(file.read_bytes()[:-400])
+    elif damage == "size":
+        cv2.imwrite(str(file), np.zeros((10, 10, 3), dtype=np.uint8))
+    else:
+        file = sim / "walk" / "depth" / "image-0004.png"
+        cv2.imwrite(str(file), np.zeros((24, 32, 3), dtype=np.uint8))
+    more = "--tolerance", "0.45m,10deg"
+    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
+    errors = capsys.readouterr().err
+    assert f"{kind}: 1" in errors
+    assert "image-0004.png" in errors
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert len(store.instances) == N - 1
+    assert verify(tmp_path / "s.s2r") == []
+    assert ingest(sim, real, tmp_path / "strict.s2r", "--strict", *more) == 2
+    assert not list(tmp_path.glob("*strict*"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--sim", "nothing"), "give LAYOUT:PATH"),
+        (("--sim", "else:x"), "layout 'else': unknown"),
+        (("--tolerance", "3"), "--tolerance 3"),
+        (("--align",), "--match time or --match name"),
+        (("--sim-floor", "down=z"), "one of up, ground"),
+        (("--sim-option", "a"), "give KEY=VALUE"),
+        (("--real-option", "a=1"), "no option 'a'"),
+        (("--size", "2"), "must be 16 to 2048"),
+    ],
+)
+def test_unusable_requests_end_in_one_line(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sim, real, _ = loose_recordings(tmp_path)
+    assert ingest(sim, real, tmp_path / "s.s2r", *arguments) == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert len(errors) == 1
+    assert words in errors[0]
+    assert not (tmp_path / "s.s2r").exists()
+
+
+def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
+    sim, real, _ = loose_recordings(tmp_path)
+    (tmp_path / "lab.toml").write_text(
+        'name = "lab"\n[bounds]\nx0 = -9\ny0 = -9\nx1 = 9\ny1 = 9\n'
+        '[[rooms]]\nroom = "east"\nrectangles = [[0, -9, 9, 9]]\n'
+    )
+    more = "--match", "name", "--calibration", str(tmp_path / "lab.toml")
+    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert store.dataset.name == "lab"
+        assert store.dataset.bounds.x0 == -9
+        room = evaluation.vocabulary(store).rooms
+        assert room == ("east",)
+        np.testing.assert_array_equal(store.instances.room >= 0, store.instances.x >= 0)
+
+
+def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path) -> None:
+    truth = recordings.walk(N)
+    both = {"a": truth[:10], "b": truth[10:]}
+    names = {"a": [f"{i}" for i in range(10)], "b": [f"{i}" for i in range(N - 10)]}
+    times = {name: [math.nan] * len(poses) for name, poses in both.items()}
+    side = Side(both, names, times)
+    sim = recordings.write(tmp_path / "sim", side)
+    real = recordings.write(tmp_path / "real", side)
+    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "name") == 0
+    with s2rstore.open(tmp_path / "s.s2r") as store:
+        assert [(t.trajectory, t.instances) for t in store.trajectories] == [("a", 10), ("b", 14)]
+        assert not store.has_loose_pairs
+        assert np.isnan(store.instances.timestamp).all()

@@ -1,0 +1,1 @@
+"""ROS bags as recordings: messages in random access, their images, topics and transforms."""

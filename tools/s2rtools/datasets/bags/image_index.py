@@ -1,0 +1,107 @@
+"""Where the images of one topic lie in a bag, in the order of their stamps."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rtools.datasets.bags import image_messages
+from s2rtools.datasets.bags.frame_tree import plain
+from s2rtools.datasets.bags.messages import BagMessages, stamp_of
+from s2rtools.datasets.recording import SourceImage
+from s2rtools.datasets.scan import InputIssue
+
+
+class ImageIndex:
+    """Recording time, stamp and size of each image of a topic; 32 bytes each.
+
+    Times are those of the headers, or those of the recording where all headers have 0.
+    """
+
+    def __init__(self, bag: BagMessages, topic: str) -> None:
+        self.bag, self.topic = bag, topic
+        self.frames: set[str] = set()
+        self.in_metres = False
+        self._rows = array("q")
+        self.times: NDArray[np.int64] = np.zeros(0, np.int64)
+        """Nanoseconds, ascending; empty before `finish`."""
+        self.issues: list[InputIssue] = []
+
+    def add(self, recorded: int, message: Any) -> None:
+        declared = image_messages.declared(message)
+        self.in_metres |= declared.in_metres
+        self._rows.extend((recorded, stamp_of(message), *declared.size))
+        self.frames.add(plain(message.header.frame_id))
+
+    def finish(self) -> None:
+        """Sort by time; images with the time of another are left out and reported."""
+        table = np.frombuffer(self._rows, dtype=np.int64).reshape(-1, 4)
+        has_stamps = bool(table[:, 1].any())
+        times = table[:, 1 if has_stamps else 0]
+        late = int((np.diff(times) < 0).sum())
+        if late:
+            detail = f"{late} of {len(times)} before the one in front of them; sorted"
+            self.issues.append(InputIssue("unordered stamps", self._place, detail))
+        self.times, first = np.unique(times, return_index=True)
+        if len(first) < len(times):
+            detail = f"{len(times) - len(first)} images with the stamp of another are left out"
+            self.issues.append(InputIssue("repeated stamps", self._place, detail))
+        self._table = table[first]
+        self._rows = array("q")
+
+    def common_size(self) -> tuple[int, int]:
+        """The (height, width) of most images. Raises RequestError if all are unreadable."""
+        sizes, counts = np.unique(self._table[:, 2:], axis=0, return_counts=True)
+        readable = sizes.all(axis=1)
+        if not readable.any():
+            raise RequestError(f"{self.bag.path}: topic {self.topic}: no image can be decoded")
+        height, width = sizes[np.argmax(np.where(readable, counts, 0))].tolist()
+        return height, width
+
+    def image(self, row: int, is_depth: bool, size: tuple[int, int]) -> BagImage:
+        """The image of a row, whose (height, width) must be `size`."""
+        recorded, stamp, height, width = self._table[row].tolist()
+        return BagImage(self, recorded, stamp, self.name(row), height * width, is_depth, size)
+
+    def name(self, row: int) -> str:
+        return f"{self._place}:{self.times[row]}"
+
+    @property
+    def _place(self) -> str:
+        return f"{self.bag.path.name}:{self.topic}"
+
+
+@dataclass(frozen=True, slots=True)
+class BagImage:
+    """An image of a bag that has not been decoded; see `recording.RecordedImage`."""
+
+    index: ImageIndex
+    recorded: int
+    stamp: int
+    name: str
+    pixels: int
+    is_depth: bool
+    size: tuple[int, int]
+
+    def checksum(self) -> str | None:
+        try:
+            return image_messages.checksum(self._message())
+        except RequestError:
+            return None
+
+    def read(self) -> SourceImage | InputIssue:
+        try:
+            message = self._message()
+        except RequestError as error:
+            return InputIssue("unreadable image", self.name, str(error))
+        if self.is_depth:
+            return image_messages.decode_depth(message, self.name, self.size)
+        return image_messages.decode_rgb(message, self.name, self.size)
+
+    def _message(self) -> Any:
+        return self.index.bag.at(self.index.topic, self.recorded, self.stamp)

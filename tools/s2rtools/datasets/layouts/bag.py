@@ -1,0 +1,329 @@
+"""Recordings as ROS bags: ROS 1 `.bag`, ROS 2 folders, their `.db3` files, and `.mcap` files.
+
+Images are raw or compressed; poses come from a topic of odometry or poses, or from the transforms
+`/tf` and `/tf_static`, and are interpolated at the times of the RGB images. Poses of another frame
+than the camera's are moved to it by the transforms. Worlds of the frames `map`, `odom` and `world`
+have z up (REP 103, REP 105).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
+from s2rtools.datasets.bags.image_index import ImageIndex
+from s2rtools.datasets.bags.messages import BagMessages, stamp_of
+from s2rtools.datasets.bags.topics import (
+    ODOMETRY,
+    TF,
+    camera_of,
+    choose_topics,
+    is_static,
+)
+from s2rtools.datasets.lazy_sequence import LazySequence
+from s2rtools.datasets.numeric_rows import report_unusable
+from s2rtools.datasets.recorded_folders import (
+    existing_folder,
+    folder_name,
+    report_none_near,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recorded_poses import (
+    FORWARD_TO_OPTICAL,
+    mutual_nearest,
+    orthonormal,
+    poses_at,
+)
+from s2rtools.datasets.recording import (
+    Layout,
+    PinholeCamera,
+    ReadOptions,
+    RecordedFrame,
+    RecordedTrajectory,
+    Recording,
+)
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
+
+_SUFFIXES = (".bag", ".mcap", ".db3")
+_LEVEL_WORLDS = ("map", "odom", "world")
+_OPTICAL, _FORWARD = "optical", "forward"
+_SCALE = "depth_scale"
+_MAX_GAP = 0.2
+_TOLERANCE = 0.02
+
+
+def read_bag(path: Path, options: ReadOptions) -> Recording:
+    """Read one bag, or a folder of bags, each a trajectory.
+
+    Every bag is read once from its start to its end; images are decoded later. Raises RequestError
+    if a bag is damaged, if topics, frames or the camera are missing or ambiguous, if the bags have
+    different cameras, or if no image has a pose.
+    """
+    bags = _bags(path)
+    parts = [
+        (name, _BagPart(bags[name], options))
+        for name in choose_trajectories(options.trajectories, bags, path)
+    ]
+    first = parts[0][1]
+    recording = Recording("bag", folder_name(path), path, first.camera, first.depth_camera)
+    recording.depth_scale = options.positive(_SCALE, 0.001)
+    for name, part in parts:
+        if (part.camera, part.depth_camera) != (first.camera, first.depth_camera):
+            raise RequestError(f"{part.bag.path}: another camera than in {first.bag.path.name}")
+        trajectory = part.trajectory()
+        recording.issues += part.issues
+        recording.provenance[name] = part.facts
+        if len(trajectory.frames):
+            recording.trajectories[name] = trajectory
+    require_frames("bag", path, recording.trajectories, recording.issues)
+    if all(part.world in _LEVEL_WORLDS for _, part in parts):
+        recording.up = (0.0, 0.0, 1.0)
+    return recording
+
+
+class _BagPart:
+    """One bag: its topics, cameras, index of images and poses."""
+
+    def __init__(self, path: Path, options: ReadOptions) -> None:
+        self._options = options
+        self.bag = BagMessages(path)
+        self.topics = choose_topics(self.bag, options)
+        self.issues: list[InputIssue] = []
+        self._rgb = ImageIndex(self.bag, self.topics.rgb)
+        self._depth = None if self.topics.depth is None else ImageIndex(self.bag, self.topics.depth)
+        self._tree = FrameTree(path)
+        self._log = PoseLog()
+        self._world_frame, self._body_frame = "", ""
+        self._infos: dict[str, Any] = {}
+        self._scan()
+        self.camera, self.depth_camera = self._cameras()
+        self.world = ""
+        self.facts: dict[str, Any] = {}
+
+    def _scan(self) -> None:
+        """Read all messages once."""
+        topics = self.topics
+        for topic, recorded, message in self.bag.all_of(topics.all):
+            if topic == topics.rgb:
+                self._rgb.add(recorded, message)
+            elif self._depth is not None and topic == topics.depth:
+                self._depth.add(recorded, message)
+            elif topic == topics.pose:
+                self._add_pose(recorded, message)
+            elif topic in topics.transforms:
+                self._tree.add(message, is_static(topic))
+            else:
+                self._add_info(topic, message)
+        for index in filter(None, (self._rgb, self._depth)):
+            index.finish()
+            self.issues += index.issues
+        if self._depth is not None and self._depth.in_metres and _SCALE in self._options.values:
+            raise RequestError(
+                f"{self.bag.path}: depth of {self.topics.depth} is in metres; omit {_SCALE}"
+            )
+
+    def _add_pose(self, recorded: int, message: Any) -> None:
+        pose = getattr(message.pose, "pose", message.pose)
+        self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
+        self._world_frame = plain(message.header.frame_id)
+        if self.bag.types[self.topics.pose] == ODOMETRY:
+            self._body_frame = plain(message.child_frame_id)
+
+    def _add_info(self, topic: str, message: Any) -> None:
+        if topic not in self._infos:
+            self._infos[topic] = message
+            return
+        first = self._camera_of(topic, self._infos[topic])
+        reported = any(issue.file == topic for issue in self.issues)
+        if not reported and self._camera_of(topic, message) != first:
+            detail = f"at {stamp_of(message)} ns; the first CameraInfo is used"
+            self.issues.append(InputIssue("changing camera", topic, detail))
+
+    def _camera_of(self, topic: str, message: Any) -> PinholeCamera:
+        images = self.topics.depth if topic == self.topics.depth_info else self.topics.rgb
+        is_rectified = any(part.startswith("image_rect") for part in str(images).split("/"))
+        return camera_of(message, f"{self.bag.path}: topic {topic}", is_rectified)
+
+    def _cameras(self) -> tuple[PinholeCamera, PinholeCamera | None]:
+        """The cameras of RGB and depth, None where that is the same."""
+        info, depth_info = self.topics.info, self.topics.depth_info
+        camera = camera_option(self._options, "camera", self._rgb.common_size())
+        if camera is None:
+            assert info is not None
+            camera = self._camera_of(info, self._infos[info])
+        self._check_size(self._rgb, camera)
+        if self._depth is None:
+            return camera, None
+        depth_camera = camera
+        if depth_info is not None:
+            depth_camera = self._camera_of(depth_info, self._infos[depth_info])
+        self._check_size(self._depth, depth_camera)
+        if self._depth.frames != self._rgb.frames:
+            frames = " and ".join(sorted(self._depth.frames | self._rgb.frames))
+            detail = f"frames {frames}; the distance between both is not applied"
+            self.issues.append(InputIssue("depth of another frame", self._depth.topic, detail))
+        return camera, None if depth_camera == camera else depth_camera
+
+    def _check_size(self, index: ImageIndex, camera: PinholeCamera) -> None:
+        height, width = index.common_size()
+        if (camera.height, camera.width) != (height, width):
+            known = f"their camera's {camera.width}x{camera.height}"
+            raise RequestError(
+                f"{self.bag.path}: images of {index.topic} are {width}x{height}, but {known}; "
+                "choose other topics (rgb=, depth=, info=)"
+            )
+
+    def trajectory(self) -> RecordedTrajectory:
+        """Frames with depth and pose; the others are reported."""
+        rows, depth_rows = self._associated()
+        origin = int(self._rgb.times[0])
+        seconds = (self._rgb.times[rows] - origin).astype(np.float64) * 1e-9
+        poses = self._poses(seconds, origin)
+        missing = np.isnan(poses).any(axis=(1, 2))
+        max_gap = self._options.positive("gap", _MAX_GAP)
+        self.issues += [
+            InputIssue("no pose", self._rgb.name(int(rows[row])), f"none within {max_gap} s")
+            for row in np.flatnonzero(missing)
+        ]
+        rows, depth_rows, poses = rows[~missing], depth_rows[~missing], poses[~missing]
+        good = report_unusable(poses, lambda row: self._rgb.name(int(rows[row])), self.issues)
+        depth_camera = self.depth_camera or self.camera
+        sizes = tuple((each.height, each.width) for each in (self.camera, depth_camera))
+        frames = _frames(self._rgb, self._depth, rows[good], depth_rows[good], sizes)
+        return RecordedTrajectory(
+            frames, orthonormal(poses[good]), self._rgb.times[rows[good]].astype(np.float64) * 1e-9
+        )
+
+    def _associated(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows of RGB images and of the depth images nearest in time, one to one."""
+        count = len(self._rgb.times)
+        if self._depth is None:
+            return np.arange(count), np.full(count, -1)
+        tolerance = self._options.positive("tolerance", _TOLERANCE)
+        origin = self._rgb.times[0]
+        times, depth_times = (
+            (index.times - origin).astype(np.float64) * 1e-9 for index in (self._rgb, self._depth)
+        )
+        partners = mutual_nearest(times, depth_times, tolerance)
+        lonely = np.flatnonzero(partners < 0)
+        names = [self._rgb.name(row) for row in lonely.tolist()]
+        report_none_near(
+            "no depth image", names, times[lonely], depth_times, tolerance, self.issues
+        )
+        return np.flatnonzero(partners >= 0), partners[partners >= 0]
+
+    def _poses(self, seconds: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
+        """Poses (N, 4, 4) of the camera at times since `origin`; NaN where there are none."""
+        values = self._options.values
+        axes = values.get("axes", _OPTICAL)
+        if axes not in (_OPTICAL, _FORWARD):
+            raise RequestError(f"option axes={axes}: must be {_OPTICAL} or {_FORWARD}")
+        camera = values.get("frame") or self._only_frame()
+        max_gap = self._options.positive("gap", _MAX_GAP)
+        if self.topics.pose == TF:
+            links = self._tree.chain(camera, values.get("world"))
+            self.world = links[-1][1] if links else camera
+            if not links:
+                raise RequestError(
+                    f"{self.bag.path}: no transform moves frame {camera!r}; set frame= or pose="
+                )
+            body, poses = camera, np.eye(4)
+        else:
+            self.world = self._world_frame
+            body = values.get("body") or self._body_frame or camera
+            links = [] if body == camera else self._tree.chain(camera, body)
+            place = f"{self.bag.path.name}:{self.topics.pose}"
+            times, known, bad = self._log.ordered(origin, place)
+            self.issues += bad
+            poses = poses_at(seconds, times, known, max_gap)
+        chained, bad = self._tree.poses(links, seconds, origin, max_gap)
+        self.issues += bad
+        if "axes" not in values and "optical" not in camera:
+            detail = f"x right, y down, z forward; if x is forward, set axes={_FORWARD}"
+            place = f"{self.bag.path.name}: frame {camera!r}"
+            self.issues.append(InputIssue("axes assumed", place, detail))
+        self.facts = {
+            "topics": {name: getattr(self.topics, name) for name in ("rgb", "depth", "pose")},
+            "camera_frame": camera,
+            "pose_frame": body,
+            "world_frame": self.world,
+            "axes": axes,
+        }
+        result = poses @ chained
+        return np.asarray(result @ FORWARD_TO_OPTICAL if axes == _FORWARD else result)
+
+    def _only_frame(self) -> str:
+        frames = sorted(self._rgb.frames)
+        if len(frames) > 1:
+            names = ", ".join(map(repr, frames[:8]))
+            raise RequestError(f"{self.bag.path}: images of frames {names}; choose one with frame=")
+        return frames[0]
+
+
+def _frames(
+    rgb: ImageIndex,
+    depth: ImageIndex | None,
+    rows: NDArray[np.intp],
+    depth_rows: NDArray[np.intp],
+    sizes: Sequence[tuple[int, int]],
+) -> LazySequence[RecordedFrame]:
+    """Frames of rows of both indexes, with images of (height, width)."""
+
+    def frame(row: int) -> RecordedFrame:
+        image = rgb.image(int(rows[row]), False, sizes[0])
+        if depth is None:
+            return RecordedFrame(image)
+        return RecordedFrame(image, depth.image(int(depth_rows[row]), True, sizes[1]))
+
+    return LazySequence(len(rows), frame)
+
+
+def _bags(path: Path) -> dict[str, Path]:
+    """The bags that a path stands for, by the names of their trajectories."""
+    if not path.is_dir() or (path / "metadata.yaml").is_file():
+        return {trajectory_name(_stem(path)): path}
+    found = list(_bags_in(existing_folder(path)))
+    bags = {trajectory_name(_stem(each)): each for each in found}
+    if not bags:
+        raise RequestError(f"{path}: no bag in it ({', '.join(_SUFFIXES)} or metadata.yaml)")
+    if len(bags) < len(found):
+        raise RequestError(f"{path}: two bags would be trajectories of one name; rename one")
+    return bags
+
+
+def _stem(path: Path) -> str:
+    return folder_name(path) if path.is_dir() else path.stem
+
+
+def _bags_in(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in _SUFFIXES or (path / "metadata.yaml").is_file():
+            yield path
+
+
+LAYOUT = Layout(
+    read_bag,
+    "ROS 1 and ROS 2 bags and MCAP files",
+    {
+        "rgb": "topic of the RGB images",
+        "depth": "topic of the depth images, or `none`",
+        "info": "topic of the RGB camera's CameraInfo",
+        "camera": f"instead of CameraInfo: {CAMERA_OPTION}",
+        "pose": "topic of the poses, or `tf` for the transforms",
+        "body": "frame that the poses are of, by default child_frame_id or the camera's",
+        "frame": "frame of the camera, by default that of the RGB images",
+        "world": "frame of the world with pose=tf, by default the root of the transforms",
+        "axes": f"of the camera's frame: {_OPTICAL} (z forward, the default) or {_FORWARD} (x)",
+        "gap": f"longest time in seconds between interpolated poses, by default {_MAX_GAP}",
+        "tolerance": f"longest time in seconds from RGB to depth, by default {_TOLERANCE}",
+        _SCALE: "metres per unit of 16-bit depth, by default 0.001",
+    },
+)
