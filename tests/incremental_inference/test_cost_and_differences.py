@@ -8,7 +8,13 @@ import torch
 from torch import nn
 
 from s2rtools.heatmaps import occlusion
-from s2rtools.incremental_inference import DifferenceGraph, LocalGraph, cut_patches, local_cost
+from s2rtools.incremental_inference import (
+    DifferenceGraph,
+    LocalGraph,
+    cut_patches,
+    local_cost,
+    winograd,
+)
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
@@ -61,3 +67,37 @@ def test_narrow_receptive_fields_cost_less() -> None:
         for k in (3, 63)
     )  # fmt: skip
     assert narrow < 0.5 < wide
+
+
+@pytest.mark.parametrize("tile", winograd.TILES)
+@pytest.mark.parametrize("size", [(1, 1), (7, 7), (9, 14)])
+def test_winograd_equals_direct_convolution(tile: int, size: tuple[int, int]) -> None:
+    generator = torch.Generator().manual_seed(tile)
+    weight = torch.randn(24, 16, 3, 3, generator=generator)
+    x = torch.randn(5, 16, size[0] + 2, size[1] + 2, generator=generator)
+    expected = nn.functional.conv2d(x.double(), weight.double())
+    found = winograd.WinogradConvolution(weight)(x, tile)
+    assert found.shape == expected.shape
+    error = (found - expected).square().mean().sqrt() / expected.std()
+    assert error < 1e-4
+
+
+def test_winograd_is_chosen_for_many_channels_and_not_for_few() -> None:
+    wide, narrow = (
+        winograd.WinogradConvolution(torch.zeros(2 * channels, channels, 3, 3))
+        for channels in (256, 4)
+    )
+    assert wide.tile(16, (14, 14)) is not None
+    assert narrow.tile(16, (14, 14)) is None
+
+
+def test_differences_of_wide_convolutions_equal_full_inference() -> None:
+    layers = [
+        nn.Conv2d(4, 64, 3, padding=1), nn.ReLU(), nn.MaxPool2d(2),
+        nn.Conv2d(64, 128, 3, padding=1), nn.ReLU(), nn.Conv2d(128, 128, 3, padding=1),
+    ]  # fmt: skip
+    model = networks.small_model(nn.Sequential(*layers), 128, (48, 48))
+    assert winograd.WinogradConvolution(layers[3].weight).tile(3, (12, 12)) is not None
+    changed, full, before = poses_by_differences(model, torch.float32)
+    effect, error = full - before[:, None, None], changed - full
+    assert np.sqrt(np.square(error).mean()) <= 1e-3 * np.sqrt(np.square(effect).mean())

@@ -1,7 +1,8 @@
 """Data sets: read paired images with poses, or images without, and write them as a store.
 
-Registry: `IMPORTERS` maps a layout's name to a function `scan(path, options) -> Scan`. To add an
-importer, write one module in `importers/` and add one line to `IMPORTERS`.
+`IMPORTERS` maps the name of a whole data set's layout to a function `scan(path, options) -> Scan`;
+each is one module in `importers/`. `layouts.LAYOUTS` does so for recordings, which are one side of
+a data set: `read(layout, path)` returns a `Recording`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 from s2rtools.datasets.importers import csv_manifest, images, sim2realviz, synthetic_world
+from s2rtools.datasets.layouts import read
+from s2rtools.datasets.recording import Layout, ReadOptions, Recording
 from s2rtools.datasets.scan import Scan, ScanOptions
+
+__all__ = [
+    "IMPORTERS",
+    "Importer",
+    "Layout",
+    "ReadOptions",
+    "Recording",
+    "Scan",
+    "ScanOptions",
+    "read",
+]
 
 Importer = Callable[[Path, ScanOptions], Scan]
 

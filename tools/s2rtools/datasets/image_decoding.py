@@ -24,7 +24,7 @@ _PHOTO_DIFFERENCE = 6.0
 _PHOTO_CORRELATION = 0.98
 _MAX_PIXEL_BYTES = 8
 """Four channels of 16 bits."""
-_MAX_METADATA_BYTES = 4 << 20
+MAX_METADATA_BYTES = 4 << 20
 """Bytes of an image file besides its pixels."""
 _USUAL_HEADER_BYTES = 64 << 10
 _ASPECT_TOLERANCE = 0.02
@@ -153,7 +153,7 @@ def _checksum(*files: tuple[Path, tuple[int, int]]) -> str | None:
 
 
 def _most_bytes(size: tuple[int, int]) -> int:
-    return size[0] * size[1] * _MAX_PIXEL_BYTES + _MAX_METADATA_BYTES
+    return size[0] * size[1] * _MAX_PIXEL_BYTES + MAX_METADATA_BYTES
 
 
 def _read(
@@ -175,10 +175,28 @@ def _read(
     except RequestError as error:
         return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
     digest.update(content)
+    return decode_image(content, name, mode, size, may_turn)
+
+
+def decode_image(
+    content: bytes,
+    name: str,
+    mode: int,
+    size: tuple[int, int] | None = None,
+    may_turn: bool = False,
+) -> tuple[NDArray[Any], int] | InputIssue:
+    """Pixels and bits per sample of an encoded image; `mode` is that of OpenCV's `imdecode`.
+
+    Images of another (height, width) than `size`, by default of more than `MAX_PIXELS`, are not
+    decoded. `name` is the file's name in the issue. With `may_turn` the decoded image may be
+    (width, height).
+    """
     if not content:
         return InputIssue("unreadable image", name, "empty file")
     try:
         header = read_header(content)
+        if size is None:
+            size = image_files.declared_size(content)
     except ValueError as error:
         return InputIssue("unreadable image", name, str(error))
     if header.size not in (size, size[::-1]):
@@ -224,7 +242,7 @@ def declared_size(path: Path) -> tuple[int, int] | None:
             try:
                 return image_files.declared_size(content)
             except ValueError:  # perhaps the header is longer
-                content += file.read(_MAX_METADATA_BYTES - len(content))
+                content += file.read(MAX_METADATA_BYTES - len(content))
                 return image_files.declared_size(content)
     except (RequestError, ValueError):
         return None

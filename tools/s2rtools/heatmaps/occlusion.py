@@ -30,7 +30,7 @@ from s2rtools.models.pose_network import LoadedModel
 MODES = ("rgb", "depth", "rgbd")
 _CHANNELS = {"rgb": (0, 1, 2), "depth": (3,), "rgbd": (0, 1, 2, 3)}
 _BATCH = 8
-_PIXELS_AT_ONCE = 8 * 128 * 128
+_PIXELS_AT_ONCE = 16 * 128 * 128
 _PIXELS_AT_ONCE_ON_GPU = 128 * 128 * 128
 
 Poses = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -126,7 +126,7 @@ def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
         if method.startswith("by locality") and backend.trunk is not None:
             local = LocalGraph(backend.trunk)
             recompute = partial(_recompute_locally, graph=local)
-            if key != "float32":
+            if key != "float32" or (backend.device.type == "cpu" and local.has_dense_3x3):
                 differences = DifferenceGraph(local, getattr(torch, key))
                 recompute = partial(_recompute_differences, graph=differences)
         _METHODS[backend] = key, recompute

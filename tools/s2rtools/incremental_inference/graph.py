@@ -55,7 +55,8 @@ class NotLocalError(ValueError):
 class Convolution:
     """The linear part of an operation and what follows: `after(linear(x, weight) + bias)`.
 
-    `linear` slides with the given strides along rows and columns, without padding.
+    `linear` slides with the given strides along rows and columns, without padding. `is_dense` tells
+    that it takes every value of all channels: strides of 1, no dilation, one group.
     """
 
     linear: Callable[..., Tensor]
@@ -63,6 +64,7 @@ class Convolution:
     bias: Tensor | None
     strides: Pair
     after: Callable[[Tensor], Tensor]
+    is_dense: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,12 @@ class LocalGraph:
     def steps(self) -> tuple[Operation, ...]:
         """The operations in the order of computation."""
         return tuple(self._steps)
+
+    @property
+    def has_dense_3x3(self) -> bool:
+        """Whether a convolution could use `winograd.WinogradConvolution`."""
+        parts = (step.convolution for step in self._steps if step.convolution is not None)
+        return any(part.is_dense and part.weight.shape[2:] == (3, 3) for part in parts)
 
     @property
     def input(self) -> str:
@@ -341,7 +349,8 @@ def _window_operation(name: str, inputs: tuple[str, ...], module: nn.Module) -> 
         linear = partial(
             functional.conv2d, stride=stride, padding=0, dilation=dilation, groups=module.groups
         )
-        part = Convolution(linear, module.weight, module.bias, stride, _unchanged)
+        is_dense = (*stride, *dilation, module.groups) == (1, 1, 1, 1, 1)
+        part = Convolution(linear, module.weight, module.bias, stride, _unchanged, is_dense)
         convolve = partial(linear, weight=module.weight, bias=module.bias)
         return Operation(name, inputs, "window", convolve, (rows, cols), convolution=part)
     if isinstance(module, nn.MaxPool2d):

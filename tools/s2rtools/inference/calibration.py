@@ -121,19 +121,20 @@ def measure_backends(
     """Deviation and speed of backends against torch in float32 on the sample.
 
     The backends take turns, so that a load of the machine that changes meanwhile affects all;
-    the fastest of three rounds counts. One that takes more than `slowest` times as long for one
-    image is left out.
+    the fastest of three rounds over the first batch counts. One that takes more than `slowest`
+    times as long for one image is left out.
     """
     reference = Backend(model, threads)
     limit = slowest * _seconds_per_image(reference, sample)
     backends = [backend for backend in backends if _seconds_per_image(backend, sample) <= limit]
     every = [reference, *backends]
     poses = [_poses(backend, sample) for backend in every]
+    timed = sample[: max(backend.batch for backend in every)]
     seconds = np.full((_ROUNDS, len(every)), np.inf)
     for turn in range(_ROUNDS):
         for number, backend in enumerate(every):
             began = time.perf_counter()
-            _poses(backend, sample)
+            _poses(backend, timed)
             seconds[turn, number] = time.perf_counter() - began
     fastest = seconds.min(axis=0)
     return [

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +30,32 @@ Merge = Callable[[Iterable[Totals]], Mapping[ArraySpec, NDArray[Any]]]
 
 @dataclass(eq=False, slots=True)
 class _Shard:
-    """A shard that is not complete, and the units that it waits for."""
+    """A shard that is not complete, and the units that it waits for.
+
+    `path` is that of its array in runs.zarr. A unit's chunks of it are results of `rows_per_chunk`
+    instances, `chunk_bytes` each before compression.
+    """
 
     stage: Stage
     spec: ArraySpec
     array: StoredArray
     number: int
     units: range
+    path: str
+    rows_per_chunk: int
+    chunk_bytes: int
     waiting: set[int]
+
+    @classmethod
+    def of(
+        cls, stage: Stage, array: StoredArray, spec: ArraySpec, number: int, units: range
+    ) -> Self:
+        """A shard whose units are not finished."""
+        rows, size = array.layout.rows_per_chunk, array.layout.chunk_bytes
+        if stage.is_aggregate:  # the totals of a unit are one chunk
+            rows, size = max(1, len(stage.instances)), 8 * len(TOTALS) * math.prod(spec.item)
+        path = spec.path(stage.run)
+        return cls(stage, spec, array, number, units, path, rows, size, set(units))
 
 
 class UnitPlan:
@@ -115,7 +133,7 @@ class UnitPlan:
                     )
                 stop = number * per_shard + array.rows_in(number)
                 units = range(number * per_shard // per_unit, -(-stop // per_unit))
-            yield _Shard(stage, spec, array, number, units, set(units))
+            yield _Shard.of(stage, array, spec, number, units)
 
     @cached_property
     def _shared_entries(self) -> dict[str, list[LedgerEntry]]:
@@ -131,14 +149,11 @@ class UnitPlan:
 
     def _chunk_sizes(self, unit: WorkUnit) -> dict[str, ChunkSizes]:
         """What the result of a unit holds of its missing arrays, by their paths."""
-        sizes = {}
-        for shard in self._shards[unit_results.file_name(unit.stage, unit.number)]:
-            layout = shard.array.layout
-            count, size = -(-len(unit.instances) // layout.rows_per_chunk), layout.chunk_bytes
-            if unit.stage.is_aggregate:
-                count, size = 1, 8 * len(TOTALS) * math.prod(shard.spec.item)
-            sizes[shard.spec.path(unit.stage.run)] = ChunkSizes(count, size)
-        return sizes
+        name, rows = unit_results.file_name(unit.stage, unit.number), len(unit.instances)
+        return {
+            shard.path: ChunkSizes(-(-rows // shard.rows_per_chunk), shard.chunk_bytes)
+            for shard in self._shards[name]
+        }
 
     def finish(self, unit: WorkUnit) -> None:
         """Use the result of a unit that has been computed."""
@@ -180,7 +195,7 @@ class UnitPlan:
 
     def _write(self, shard: _Shard) -> LedgerEntry:
         """Write a shard from the results of its units."""
-        path = shard.spec.path(shard.stage.run)
+        path = shard.path
         results = [self._results[unit_results.file_name(shard.stage, n)] for n in shard.units]
         with safe_files.folder(self._root, unit_results.folder(shard.stage)) as folder:
             parts = (list(result.chunks(path, folder)) for result in results)

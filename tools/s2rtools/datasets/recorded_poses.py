@@ -1,0 +1,117 @@
+"""Poses of recordings: conversion to matrices, checks, and poses at the times of images."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+MAX_NORM_ERROR = 1e-2
+"""Deviation from 1 of a quaternion's norm that rounding in a text file explains."""
+MAX_ROTATION_ERROR = 1e-2
+"""Largest element of R^T R - 1 that rounding in a text file explains."""
+MAX_COORDINATE = 1e6
+"""Metres."""
+
+
+def poses_from_quaternions(
+    positions: NDArray[np.float64], quaternions: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, 3) metres and (N, 4) in order x, y, z, w -> (N, 4, 4); NaN where `usable_poses` fails.
+
+    Quaternions are normalised if their norm is within `MAX_NORM_ERROR` of 1.
+    """
+    norms = np.linalg.norm(quaternions, axis=1)
+    good = np.abs(norms - 1) <= MAX_NORM_ERROR
+    poses = np.full((len(positions), 4, 4), np.nan)
+    poses[good] = np.eye(4)
+    poses[good, :3, :3] = Rotation.from_quat(quaternions[good]).as_matrix()
+    poses[good, :3, 3] = positions[good]
+    return poses
+
+
+def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N, 4, 4) -> (N,): whether a pose is finite, in range, and its rotation proper."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        rotations = poses[:, :3, :3]
+        products = np.swapaxes(rotations, 1, 2) @ rotations
+        proper = np.abs(products - np.eye(3)).max(axis=(1, 2)) <= MAX_ROTATION_ERROR
+        proper &= np.linalg.det(np.nan_to_num(rotations)) > 0
+        near = np.abs(poses[:, :3, 3]).max(axis=1) <= MAX_COORDINATE
+    return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
+
+
+def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Usable poses (N, 4, 4) with exact rotations, the nearest ones in the Frobenius norm."""
+    result = poses.copy()
+    u, _, vt = np.linalg.svd(poses[:, :3, :3])
+    result[:, :3, :3] = u @ vt
+    result[:, 3] = 0.0, 0.0, 0.0, 1.0
+    return result
+
+
+def poses_at(
+    times: NDArray[np.float64],
+    known_times: NDArray[np.float64],
+    known_poses: NDArray[np.float64],
+    max_gap: float,
+) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) at `times` (N,) seconds; `known_times` (K,) ascend, at their poses (K, 4, 4).
+
+    Positions are interpolated linearly and rotations along the shortest arc (slerp). A time within
+    `max_gap` / 2 before the first or behind the last known one takes that pose. NaN at other times
+    and between known poses that are more than `max_gap` seconds apart.
+    """
+    result = np.full((len(times), 4, 4), np.nan)
+    if not len(known_times):
+        return result
+    right = np.searchsorted(known_times, times, side="left")
+    exact = np.minimum(right, len(known_times) - 1)
+    nearest = np.where(
+        (right > 0) & ((right == len(known_times)) | _is_nearer_left(times, known_times, right)),
+        right - 1,
+        exact,
+    )
+    inside = (right > 0) & (right < len(known_times))
+    gap = np.where(inside, known_times[exact] - known_times[np.maximum(right - 1, 0)], np.inf)
+    distance = np.abs(known_times[nearest] - times)
+    alone = (distance == 0) | (~inside & (distance <= max_gap / 2))
+    result[alone] = known_poses[nearest[alone]]
+    between = inside & ~alone & (gap <= max_gap)
+    if between.any():
+        rotations = Slerp(known_times, Rotation.from_matrix(known_poses[:, :3, :3]))
+        result[between] = np.eye(4)
+        result[between, :3, :3] = rotations(times[between]).as_matrix()
+        for axis in range(3):
+            result[between, axis, 3] = np.interp(
+                times[between], known_times, known_poses[:, axis, 3]
+            )
+    return result
+
+
+def nearest_times(
+    times: NDArray[np.float64], known_times: NDArray[np.float64], tolerance: float
+) -> NDArray[np.intp]:
+    """The row of the nearest of `known_times` (K,), ascending, for each time; -1 for none.
+
+    A row counts if it is within `tolerance` seconds.
+    """
+    if not len(known_times):
+        return np.full(len(times), -1, dtype=np.intp)
+    right = np.searchsorted(known_times, times)
+    left = np.maximum(right - 1, 0)
+    rows = np.where(
+        (right == len(known_times)) | ((right > 0) & _is_nearer_left(times, known_times, right)),
+        left,
+        np.minimum(right, len(known_times) - 1),
+    )
+    return np.where(np.abs(known_times[rows] - times) <= tolerance, rows, -1)
+
+
+def _is_nearer_left(
+    times: NDArray[np.float64], known_times: NDArray[np.float64], right: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether the known time before each insertion point is nearer than that at it."""
+    left = np.maximum(right - 1, 0)
+    exact = np.minimum(right, len(known_times) - 1)
+    return np.asarray(np.abs(times - known_times[left]) < np.abs(known_times[exact] - times))
