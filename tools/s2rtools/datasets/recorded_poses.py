@@ -21,7 +21,8 @@ def poses_from_quaternions(
 
     Quaternions are normalised if their norm is within `MAX_NORM_ERROR` of 1.
     """
-    norms = np.linalg.norm(quaternions, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        norms = np.linalg.norm(quaternions, axis=1)
     good = np.abs(norms - 1) <= MAX_NORM_ERROR
     poses = np.full((len(positions), 4, 4), np.nan)
     poses[good] = np.eye(4)
