@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, Recording, read
+from s2rtools.datasets.bags import messages
 from s2rtools.datasets.scan import InputIssue
 from tests.datasets.layouts.bag_writer import (
     CAMERA,
@@ -518,3 +519,47 @@ def test_images_are_read_from_several_threads(tmp_path: Path, scene: Walk) -> No
         found = list(pool.map(lambda frame: image(frame.rgb.read()).pixels, frames))
     expected = [scene.rgb[row] for row in (7, 1, 5, 0, 3, 2, 6, 4) * 3]
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_images_are_found_in_any_order_with_little_memory(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """RGB and depth recorded at one time, and no more than two images kept."""
+    scene = walk(24)
+    monkeypatch.setattr(messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
+    monkeypatch.setattr(messages, "_AHEAD", 300_000_000)
+    bag = BagFile(tmp_path / name)
+    for row, time in enumerate(nanoseconds(scene)):
+        bag.image(RGB, time, scene.rgb[row], "rgb8")
+        bag.image(DEPTH, time, scene.depth[row], "16UC1")
+        bag.info(INFO, time)
+        bag.pose("/pose", time, scene.poses[row])
+    (trajectory,) = read("bag", bag.write()).trajectories.values()
+    rows = [*range(24), *range(23, -1, -1), 0, 2, 1, 5, 4, 20, 3]
+    for row in rows:
+        frame = trajectory.frames[row]
+        assert frame.depth is not None
+        np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[row])
+        np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
+
+
+def test_in_the_order_of_the_bag_each_message_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = walk(20)
+    path = walk_bag(tmp_path / "folder-mcap", scene).write()
+    (trajectory,) = read("bag", path).trajectories.values()
+    starts: list[int] = []
+    begin = messages.BagMessages._start
+
+    def counted(self, topic: str, recorded: int) -> None:
+        starts.append(recorded)
+        begin(self, topic, recorded)
+
+    monkeypatch.setattr(messages.BagMessages, "_start", counted)
+    for frame in trajectory.frames:
+        assert frame.depth is not None
+        image(frame.rgb.read())
+        image(frame.depth.read())
+    assert len(starts) <= 2
