@@ -86,6 +86,25 @@ def without_poses(path: Path, scene: Walk) -> BagFile:
     return walk_bag(path, scene, pose="")
 
 
+@pytest.mark.parametrize(
+    ("name", "compression"),
+    [
+        ("one.bag", "BZ2"),
+        ("one.bag", "LZ4"),
+        ("folder", "FILE"),
+        ("folder", "MESSAGE"),
+        ("folder-mcap", "FILE"),
+        ("folder-mcap", "MESSAGE"),
+        ("folder-mcap", "STORAGE"),
+    ],
+)
+def test_compressed_bags(tmp_path: Path, scene: Walk, name: str, compression: str) -> None:
+    walk_bag(tmp_path / name, scene).write(compression)
+    recording = read("bag", tmp_path / name)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(
     tmp_path: Path, scene: Walk, name: str
@@ -125,6 +144,25 @@ def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path: Path, scene: W
     truth = [level(0.1 * row, 0.05 * row) @ MOUNT @ OPTICAL for row in range(len(scene))]
     assert_poses(recording, np.array(truth))
     assert recording.provenance["one"]["pose_frame"] == "base_link"
+
+
+def test_poses_of_an_unnamed_frame_beside_transforms_are_reported(
+    tmp_path: Path, scene: Walk
+) -> None:
+    bag = walk_bag(tmp_path / "one.bag", scene)
+    bag.transform("/tf_static", nanoseconds(scene)[0], "base_link", CAMERA, MOUNT)
+    bag.write()
+    assert kinds(read("bag", bag.path)) == {"frame assumed": 1}
+    declared = read("bag", bag.path, ReadOptions({"body": "base_link"}))
+    assert kinds(declared) == {}
+    assert_poses(declared, scene.poses @ MOUNT)
+
+
+def test_poses_in_several_worlds_are_refused(tmp_path: Path, scene: Walk) -> None:
+    bag = walk_bag(tmp_path / "one.bag", scene)
+    bag.pose("/pose", nanoseconds(scene)[-1] + 1000, scene.poses[-1], frame="odom")
+    with pytest.raises(RequestError, match="poses of /pose are in frames map, odom"):
+        read("bag", bag.write())
 
 
 def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scene: Walk) -> None:
