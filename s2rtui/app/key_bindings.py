@@ -129,8 +129,9 @@ def _select_similar(context: SessionContext, state: State) -> State:
     if state.cursor is None:
         return state.with_message("no instance to compare with: select some")
     if not nearest_neighbours.can_compare(context.store, state.run):
+        command = context.store.run(state.run).embedding_command
         return state.with_message(
-            f"run {state.run} has no embeddings to compare; `s2r precompute` makes them"
+            f"run {state.run} has no embeddings to compare; {command} makes them"
         )
     function = "sim.like" if state.side == "sim" else "like"
     expression = f"{function}({state.cursor}, {NEIGHBOURS})"

@@ -14,7 +14,7 @@ COMMANDS: dict[str, str] = {
     "ingest": "create a store from paired images or from the synthetic world",
     "train": "train a model with a recipe and register a run of it",
     "model": "register a weights file or the pretrained models",
-    "run": "register a run: a model, a sim and a real domain, and image adjustments",
+    "run": "register a run of a model, or import predictions as a run",
     "translate": "fit, apply and judge translators between sim and real images",
     "precompute": "compute the missing predictions and heatmaps of runs",
     "tui": "open the terminal application on a store",

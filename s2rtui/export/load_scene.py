@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rstore.records import Side
+from s2rstore.reader import NETWORK_KINDS
+from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
@@ -124,6 +125,8 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
     kind, _, mode = (options.heat or "").partition(":")
     matches = [pair for pair in known if kind in ("", pair[0]) and mode in ("", pair[1])]
     if not matches:
+        if kind in NETWORK_KINDS and session.store.run(state.run).is_imported:
+            raise RequestError(needs_network(state.run, f"--heat {kind}"))
         available = ", ".join(f"{k}:{m}" if m else k for k, m in known) or "none"
         option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
         raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")

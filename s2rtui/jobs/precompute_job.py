@@ -61,8 +61,9 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains) -> Precompute
         pass  # raises before anything is registered
     with s2rstore.open(root) as store:
         run = store.run(from_run)
+        model = run.network("a run with adjusted images")
         sim, real = ([*chains.get(side, run.adjustments(side))] for side in SIDES)
-        add_run(root, name, run.model, run.sim_domain, run.real_domain, {"sim": sim, "real": real})
+        add_run(root, name, model, run.sim_domain, run.real_domain, {"sim": sim, "real": real})
         adjusted = replace(run, sim_adjustments=sim, real_adjustments=real)
         moves_camera = any(run_camera_move(store, adjusted, side) != UNMOVED for side in SIDES)
     try:

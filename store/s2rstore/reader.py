@@ -21,12 +21,16 @@ from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side, needs_network
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
 DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
 """The default mode of each heatmap kind that has modes."""
+NETWORK_KINDS = frozenset({"activation", "feature_distance", "harmonised_distance", "occlusion"})
+"""The heatmap kinds that need a network, so that a run of imported predictions has none."""
+EMBEDDING_KINDS = frozenset({"embedding", "pca", "umap", "neighbour_distance"})
+"""Arrays that are made of embeddings."""
 
 _COLUMN_BYTES = 384 * 2**20
 _EVALUATED_BYTES = 128 * 2**20
@@ -116,14 +120,18 @@ class Store(IndexCatalog):
     def coverage(self, run: str) -> Coverage:
         """For how many instances a run is computed; for all in a store of one part.
 
-        Nothing needs to be computed for `NO_RUN`. Raises RequestError for an unknown run.
+        Of imported predictions, how many instances have one on both sides. Nothing needs to be
+        computed for `NO_RUN`. Raises RequestError for an unknown run.
         """
         with self._lock:
             if run not in self._coverages:
                 total = computed = self.parts[-1].stop
-                if run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
+                is_imported = run != NO_RUN and self.run(run).is_imported
+                if is_imported:
+                    computed = self._imported_count(run)
+                elif run != NO_RUN and (len(self.parts) > 1 or self.run(run).key is None):
                     computed = self._computed_count(run)
-                self._coverages[run] = Coverage(run, computed, total)
+                self._coverages[run] = Coverage(run, computed, total, is_imported)
             return self._coverages[run]
 
     def _computed_count(self, run: str) -> int:
@@ -132,6 +140,12 @@ class Store(IndexCatalog):
         if records:
             return sum(record.shape[0] for record in records if record.side == "sim")
         query = "SELECT count(DISTINCT iid) FROM prediction WHERE run = ?"
+        return int(self.execute(query, [run])[0][0])
+
+    def _imported_count(self, run: str) -> int:
+        """The instances with a predicted position on both sides."""
+        query = """SELECT count(*) FROM (SELECT iid FROM prediction WHERE run = ? AND x IS NOT NULL
+                   GROUP BY iid HAVING count(DISTINCT side) = 2)"""
         return int(self.execute(query, [run])[0][0])
 
     def drop_run_columns(self, run: str) -> None:
@@ -307,6 +321,12 @@ class Store(IndexCatalog):
             return sorted(found, key=lambda record: record.first_iid)
         known = ", ".join(sorted({record.kind for record in records})) or "nothing"
         requested = " ".join(part for part in (kind, side, mode) if part)
+        if self.run(run).is_imported:
+            if kind.removeprefix("map:") in NETWORK_KINDS:
+                raise NotComputedError(needs_network(run, kind.removeprefix("map:")))
+            if kind in EMBEDDING_KINDS and not any(r.kind == "embedding" for r in records):
+                message = f"run {run!r}: imported without embeddings, which {kind} needs"
+                raise NotComputedError(f"{message}; add --embeddings to `s2r run import`")
         message = f"run {run!r} has no {requested} (has: {known}); run `s2r precompute`"
         raise NotComputedError(message)
 

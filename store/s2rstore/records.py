@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from s2rstore.errors import RequestError
+
 Side = Literal["sim", "real"]
 SIDES: tuple[Side, Side] = ("sim", "real")
 
@@ -120,11 +122,15 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """For how many of a store's instances a run is computed; appended ones may be missing."""
+    """For how many of a store's instances a run is computed; appended ones may be missing.
+
+    Of a run whose predictions were imported, how many instances have one on both sides.
+    """
 
     run: str
     computed: int
     instances: int
+    is_imported: bool = False
 
     @property
     def is_partial(self) -> bool:
@@ -133,14 +139,17 @@ class Coverage:
 
     @property
     def summary(self) -> str:
-        """`computed for 40 of 45 instances`; empty unless that is partial."""
-        text = f"computed for {self.computed} of {self.instances} instances"
-        return text if self.is_partial else ""
+        """`computed for 40 of 45 instances`; unless that is partial, `imported` or empty."""
+        verb = "imported" if self.is_imported else "computed"
+        text = f"{verb} for {self.computed} of {self.instances} instances"
+        return text if self.is_partial else "imported" * self.is_imported
 
     @property
     def note(self) -> str:
         """A line that names the run and the command to use; empty if all instances are computed."""
         advice = "`s2r precompute` computes the others"
+        if self.is_imported:
+            advice = "the others have no prediction on both sides"
         return f"run {self.run}: {self.summary}; {advice}" if self.is_partial else ""
 
 
@@ -201,11 +210,11 @@ class Run:
     """One model applied to one sim and one real domain, each with its adjustments.
 
     An adjustment chain is a list of `{"name": ..., "value": ...}`; empty means untouched. `key`
-    is None until the run has been computed.
+    is None until the run has been computed. `model` is None where the predictions were imported.
     """
 
     run: str
-    model: str
+    model: str | None
     sim_domain: str
     real_domain: str
     sim_adjustments: list[dict[str, Any]]
@@ -219,6 +228,30 @@ class Run:
 
     def adjustments(self, side: Side) -> list[dict[str, Any]]:
         return self.sim_adjustments if side == "sim" else self.real_adjustments
+
+    @property
+    def is_imported(self) -> bool:
+        """Whether its predictions were imported, so that there is no network to run."""
+        return self.model is None
+
+    @property
+    def embedding_command(self) -> str:
+        """The command that gives the run embeddings."""
+        return "`s2r run import --embeddings`" if self.is_imported else "`s2r precompute`"
+
+    def network(self, purpose: str) -> str:
+        """The name of its model. Raises RequestError for imported predictions.
+
+        `purpose`, which begins the reason, needs the network.
+        """
+        if self.model is None:
+            raise RequestError(needs_network(self.run, purpose))
+        return self.model
+
+
+def needs_network(run: str, purpose: str) -> str:
+    """Why something that runs a network cannot be done for a run of imported predictions."""
+    return f"run {run!r}: its predictions were imported; {purpose} needs a network"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,21 @@
-"""`s2r run add`: register a run, for `s2r precompute` to compute."""
+"""`s2r run`: register a run, for `s2r precompute` to compute, or import its predictions."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
+import sys
 from pathlib import Path
 
-EXAMPLE = "s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r"
+EXAMPLE = """s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r
+  s2r run import theirs --predictions theirs.csv --store lab.s2r"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(metavar="ACTION", title="actions", required=True)
     add = actions.add_parser("add", help="register a run of a model")
-    add.add_argument("name", help="name of the run")
-    add.add_argument("--store", type=Path, required=True, help="store folder")
+    _add_common(add)
     add.add_argument("--model", required=True, help="name of a registered model")
-    add.add_argument("--sim", help="domain of the sim side (default: the first of kind sim)")
-    add.add_argument("--real", help="domain of the real side (default: the first of kind real)")
     add.add_argument("--adjust", action="append", default=[], metavar="SIDE:NAME=VALUE,...",
                      help="adjustments of the images of one side, such as "
                      "real:brightness=1.15,contrast=1.1 or real:translate=T@0.5")  # fmt: skip
@@ -25,9 +25,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="use a translator although it failed a check of its content",
     )
+    add.set_defaults(action=_add)
+    _add_import(actions.add_parser("import", help="import poses that another program predicted"))
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", help="name of the run")
+    parser.add_argument("--store", type=Path, required=True, help="store folder")
+    parser.add_argument("--sim", help="domain of the sim side (default: the first of kind sim)")
+    parser.add_argument("--real", help="domain of the real side (default: the first of kind real)")
+
+
+def _add_import(parser: argparse.ArgumentParser) -> None:
+    _add_common(parser)
+    parser.add_argument("--predictions", action="append", required=True, metavar="[SIDE:]FILE",
+                        help="predicted poses: .csv, .parquet or .tum; sim:FILE and real:FILE for "
+                        "files of one side")  # fmt: skip
+    parser.add_argument("--embeddings", action="append", default=[], metavar="[SIDE:]FILE.npy",
+                        help="embeddings, a row for each row of the predictions")  # fmt: skip
+    parser.add_argument("--units", default="", metavar="UNIT,...",
+                        help="units of the file: m, cm or mm; rad or deg; s, ms, us or ns "
+                        "(default: s, the others recognised from the values)")  # fmt: skip
+    parser.add_argument("--heading", default="map", metavar="FORMULA",
+                        help="map heading in degrees for heading h of the file: 0+h (map), 90+h, "
+                        "180+h, 270+h, 0-h, 90-h (compass), 180-h, 270-h (habitat), or auto "
+                        "(default 0+h)")  # fmt: skip
+    parser.add_argument("--tolerance", type=float, default=0.02, metavar="SECONDS",
+                        help="largest difference of times that match (default 0.02)")  # fmt: skip
+    parser.set_defaults(action=_import)
 
 
 def execute(options: argparse.Namespace) -> int:
+    return int(options.action(options))
+
+
+def _add(options: argparse.Namespace) -> int:
     from s2rtools.adjustments import parse_adjustment
     from s2rtools.precompute.run_registration import add_run
 
@@ -38,4 +70,43 @@ def execute(options: argparse.Namespace) -> int:
     run = add_run(options.store, options.name, options.model, options.sim, options.real, chains,
                   options.force)  # fmt: skip
     print(f"{options.store}: run {run} registered; next: `s2r precompute {options.store}`")
+    return 0
+
+
+def _import(options: argparse.Namespace) -> int:
+    from s2rstore.errors import RequestError
+    from s2rstore.security.printable_text import printable
+    from s2rtools.prediction_import.file_predictions import ReadingOptions
+    from s2rtools.prediction_import.import_run import ImportRequest, import_run
+    from s2rtools.prediction_import.pose_units import parse_convention, parse_units
+    from s2rtools.prediction_import.sided_files import parse_file
+
+    if not 0 < options.tolerance < float("inf"):
+        raise RequestError(f"--tolerance {options.tolerance:g}: must be above 0 seconds")
+    reading = ReadingOptions(
+        parse_units(options.units), parse_convention(options.heading), options.tolerance
+    )
+    request = ImportRequest(
+        [parse_file(text) for text in options.predictions],
+        [parse_file(text) for text in options.embeddings],
+        options.sim,
+        options.real,
+        reading,
+        shlex.join(["s2r", *sys.argv[1:]]),
+    )
+    report = import_run(options.store, options.name, request)
+    for line in report.lines:
+        print(printable(line))
+    for line in report.issues.lines():
+        print(printable(line), file=sys.stderr)
+    for warning in report.warnings:
+        print(printable(f"warning: {warning}"), file=sys.stderr)
+    counts, total = report.counts, report.instances
+    verb = "imported" if report.is_new else "replaced"
+    embeddings = f"embeddings of {report.width} numbers" if report.width else "no embeddings"
+    print(
+        f"{options.store}: run {options.name} {verb}: {counts['both']} of {total} instances on "
+        f"both sides (sim {counts['sim']}, real {counts['real']}); {embeddings}; next: "
+        f"`s2r precompute {shlex.quote(str(options.store))} --run {options.name}`"
+    )
     return 0

@@ -20,9 +20,9 @@ def gap_text(report: dict[str, Any], with_details: bool = False, frozen: bool = 
 
 
 def _lines(report: dict[str, Any], with_details: bool) -> Iterator[str]:
+    model = f"model {report['model']}" if report["model"] else "imported predictions"
     yield (
-        f"run {report['run']}, model {report['model']}, {report['selected']} instances "
-        f"({report['expression']})\n"
+        f"run {report['run']}, {model}, {report['selected']} instances ({report['expression']})\n"
     )
     yield _axes(report["axes"])
     for axis in report["axes"]:

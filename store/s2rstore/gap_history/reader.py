@@ -64,7 +64,7 @@ class Night:
     dataset_hash: str
     run: str
     run_key: str
-    model: str
+    model: str | None
     expression: str
     outcome: str
     exit_code: int

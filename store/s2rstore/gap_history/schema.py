@@ -32,7 +32,7 @@ _MEASURED: tuple[Table, ...] = (
         ("dataset_hash", "VARCHAR", "of the store's data set"),
         ("run", "VARCHAR", "run of the store"),
         ("run_key", "VARCHAR", "hash of all that its predictions depend on"),
-        ("model", "VARCHAR", "the run's model"),
+        ("model", "VARCHAR", "the run's model; NULL = its predictions were imported"),
         ("expression", "VARCHAR", "which instances were selected"),
         (
             "outcome",

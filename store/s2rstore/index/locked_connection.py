@@ -146,6 +146,17 @@ def connect_empty(
     return connection
 
 
+def connect_to_file(path: Path, memory: str = DEFAULT_MEMORY) -> duckdb.DuckDBPyConnection:
+    """A locked connection to an empty database that can read one file, by its absolute path."""
+    safe_files.checked_path(path.parent, path.name)
+    connection = duckdb.connect()
+    connection.execute(f"SET allowed_paths = ['{escaped(literal_path(path))}']")
+    for setting in _CLOSED_SETTINGS:
+        connection.execute(f"SET {setting}")
+    _lock(connection, memory)
+    return connection
+
+
 def attach_read_only(
     connection: duckdb.DuckDBPyConnection,
     path: Path,

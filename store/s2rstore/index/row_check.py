@@ -227,11 +227,16 @@ def check_translators(index: Path, rows: Sequence[Row]) -> list[Row]:
 
 
 def check_runs(index: Path, rows: Sequence[Row]) -> list[Row]:
-    """Rows whose adjustments are lists of `{"name", "value"}`; translations name their file."""
+    """Rows whose adjustments are lists of `{"name", "value"}`; translations name their file.
+
+    Runs of imported predictions have no model.
+    """
     checked = []
     for row, check in _checkers(index, "run", rows, "run", "run"):
-        for column in ("run", "model", "sim_domain", "real_domain"):
+        for column in ("run", "sim_domain", "real_domain"):
             check.name(column)
+        if row["model"] is not None:
+            check.name("model")
         adjustments = {}
         for side in SIDES:
             column = f"{side}_adjustments"

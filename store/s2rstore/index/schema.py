@@ -185,16 +185,21 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "run",
-        "one model applied to one sim and one real domain, each through its adjustments",
+        "one model applied to one sim and one real domain, each through its adjustments, or "
+        "imported predictions for both",
         "created_at run",
         ("run", "VARCHAR", "name"),
-        ("model", "VARCHAR", "model"),
+        ("model", "VARCHAR", "model; NULL = the predictions were imported"),
         ("sim_domain", "VARCHAR", "domain of the sim side"),
         ("real_domain", "VARCHAR", "domain of the real side"),
         ("sim_adjustments", "VARCHAR", _ADJUSTMENTS),
         ("real_adjustments", "VARCHAR", _ADJUSTMENTS),
         ("key", "VARCHAR", "hash of all that the predictions depend on; NULL = not computed yet"),
-        ("precision", "VARCHAR", "arithmetic of the predictions; NULL = not computed yet"),
+        (
+            "precision",
+            "VARCHAR",
+            "arithmetic of the predictions; NULL = not computed yet, or imported",
+        ),
         ("created_at", "VARCHAR", "UTC, ISO 8601"),
     ),
     table_of(

@@ -69,7 +69,11 @@ _RULES = (
         "side NOT IN ('sim', 'real') OR split NOT IN ('train', 'validation', 'test', 'unseen')",
     ),
     ("prediction", "run without a row in run", "run NOT IN (SELECT run FROM run)"),
-    ("run", "model without a row in model", "model NOT IN (SELECT model FROM model)"),
+    (
+        "run",
+        "model without a row in model",
+        "model IS NOT NULL AND model NOT IN (SELECT model FROM model)",
+    ),
     *(
         (
             name,
@@ -183,14 +187,18 @@ def incomplete_runs(store: Store) -> Iterator[Damage]:
 
 
 def uncomputed_parts(store: Store) -> Iterator[str]:
-    """Notes on runs that are not computed for instances that were appended."""
+    """Notes on runs that are not computed for instances that were appended, or not imported."""
+    for name, run in store.runs.items():
+        if run.is_imported and (note := store.coverage(name).note):
+            yield note
     if len(store.parts) == 1:
         return
     query = "SELECT run, count(DISTINCT iid) FROM prediction GROUP BY run"
     counts = dict(store.execute(query))
     total = len(store.instances)
     for name, run in store.runs.items():
-        if note := Coverage(name, counts.get(name, 0), total).note if run.key else "":
+        computed = run.key is not None and not run.is_imported
+        if note := Coverage(name, counts.get(name, 0), total).note if computed else "":
             yield note
         rows: dict[str, int] = {}
         for record in store.array_parts(name):

@@ -53,7 +53,8 @@ def embedding(store: Store, run: str, side: Side) -> NDArray[np.float32]:
         kinds = {record.kind for record in store.array_kinds(run)}
         kind = next((kind for kind in _KINDS if kind in kinds), None)
         if kind is None:
-            message = f"run {run!r} has no embeddings to compare; run `s2r precompute`"
+            command = store.run(run).embedding_command
+            message = f"run {run!r} has no embeddings to compare; {command} makes them"
             raise NotComputedError(message)
         return np.asarray(store.array(run, kind, side)[1].filled(), dtype=np.float32)
 

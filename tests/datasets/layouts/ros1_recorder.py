@@ -1,13 +1,16 @@
-"""Writes a bag with the `rosbag` module of ROS 1; run by the Python that has it installed.
+"""Writes a bag with the `rosbag` module of ROS 1, a program that runs alone.
 
-Arguments: the bag, its compression, and a `.npz` file with times (N,) in ns, rgb (N, H, W, 3),
-metres (N, H, W) float32, positions (N, 3), and quaternions (N, 4) x, y, z, w.
+Arguments: the folder of the packages of ROS, the bag, its compression, and a `.npz` file with times
+(N,) in ns, rgb (N, H, W, 3), metres (N, H, W) float32, positions (N, 3), and quaternions (N, 4) in
+order x, y, z, w.
 """
 
 import sys
 
-import genpy
 import numpy as np
+
+sys.path.append(sys.argv[1])
+import genpy
 import rosbag
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import CameraInfo, Image
@@ -43,4 +46,4 @@ def main(target, compression, source):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main(*sys.argv[2:])

@@ -135,11 +135,11 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, _Camera]]:
             continue
         where = f"{path}:{number}"
         try:
-            identity, model, width, height = int(values[0]), *values[1:2], *map(int, values[2:4])
+            identity, width, height = (int(values[field]) for field in (0, 2, 3))
             parameters = tuple(float(value) for value in values[4:])
-        except ValueError:
+        except (ValueError, IndexError):
             raise RequestError(f"{where}: not `id model width height parameters`") from None
-        yield identity, _Camera(model, width, height, parameters, where)
+        yield identity, _Camera(values[1], width, height, parameters, where)
 
 
 def _binary_cameras(path: Path) -> Iterator[tuple[int, _Camera]]:

@@ -14,6 +14,8 @@ MAX_ROTATION_ERROR = 1e-2
 """Largest element of R^T R - 1 that rounding in a text file explains."""
 MAX_COORDINATE = 1e6
 """Metres."""
+FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _MAX_LAST_ROW_ERROR = 1e-6
 _BLOCK = 1 << 14

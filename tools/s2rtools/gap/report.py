@@ -46,7 +46,7 @@ def report(evidence: Evidence, settings: GapSettings, result: GapResult) -> Repo
         "run": run.run,
         "run_key": run.key,
         "model": run.model,
-        "model_sha256": store.models[run.model].sha256,
+        "model_sha256": run.model and store.models[run.model].sha256,
         "expression": evidence.expression,
         "selected": int(evidence.iids.size),
         "note": store.coverage(run.run).note,

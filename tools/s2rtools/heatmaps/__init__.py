@@ -9,11 +9,19 @@ from __future__ import annotations
 from s2rtools.heatmaps.activation import Activation
 from s2rtools.heatmaps.feature_distance import FeatureDistance
 from s2rtools.heatmaps.harmonized_difference import HarmonisedDifference, HarmonisedDistance
-from s2rtools.heatmaps.heatmap_method import HeatmapKind, OutputSpec, PairBatch, SideBatch
+from s2rtools.heatmaps.heatmap_method import (
+    HeatmapKind,
+    ImageHeatmapKind,
+    OutputSpec,
+    PairBatch,
+    SideBatch,
+)
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.heatmaps.pixel_difference import PixelDifference
 
-__all__ = ["HEATMAP_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch"]
+__all__ = [
+    "HEATMAP_KINDS", "IMAGE_KINDS", "HeatmapKind", "OutputSpec", "PairBatch", "SideBatch",
+]  # fmt: skip
 
 HEATMAP_KINDS: dict[str, HeatmapKind] = {
     kind.name: kind
@@ -26,3 +34,8 @@ HEATMAP_KINDS: dict[str, HeatmapKind] = {
         Occlusion(),
     )
 }
+
+IMAGE_KINDS: dict[str, ImageHeatmapKind] = {
+    name: kind for name, kind in HEATMAP_KINDS.items() if isinstance(kind, ImageHeatmapKind)
+}
+"""The kinds that need no network."""

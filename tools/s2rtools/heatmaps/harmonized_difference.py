@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import cv2
@@ -14,7 +14,14 @@ from torch.nn import functional
 
 from s2rstore.records import SIDES
 from s2rtools.heatmaps.harmonization import COLOUR_FLOOR
-from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch
+from s2rtools.heatmaps.heatmap_method import (
+    HeatArrays,
+    HeatmapKind,
+    ImageHeatmapKind,
+    ImagePair,
+    OutputSpec,
+    PairBatch,
+)
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.models.preprocessing import preprocess
 
@@ -33,30 +40,29 @@ class _HarmonisedKind(HeatmapKind):
     aligned = True
     uses_truth = False
     unit: ClassVar[str]
-    needs_depth: ClassVar[bool] = False
     params = {"colour_floor": COLOUR_FLOOR, "size": MAX_SIDE, "share": _SHARE}  # noqa: RUF012
     surface = "nearer"
 
-    @abstractmethod
-    def size(self, model: LoadedModel) -> tuple[int, int]:
-        """Rows and columns of the map."""
-
-    @abstractmethod
-    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
-        """(B, rows, columns) in the sim view; undefined outside the real camera's view."""
-
-    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
-        size = self.size(model)
+    def _outputs(self, size: tuple[int, int]) -> list[OutputSpec]:
+        """The maps of both sides, of `size` rows and columns."""
         return [OutputSpec(side, None, size, ("row", "column"), self.unit, "float16")
                 for side in SIDES]  # fmt: skip
 
-    def compute(self, pair: PairBatch) -> HeatArrays:
+    def _maps(
+        self,
+        distance: NDArray[np.float32],
+        known: Sequence[NDArray[np.bool_]],
+        pair: ImagePair,
+        size: tuple[int, int],
+    ) -> HeatArrays:
+        """The maps of both sides of `distance` (B, rows, columns), given in the sim view.
+
+        Elsewhere than at the pixels `known` of a pair its distance is undefined.
+        """
         sim = []
-        for heat, harmonised in zip(self.distance(pair), pair.harmonised, strict=True):
-            known = harmonised.measured if self.needs_depth else harmonised.visible
-            share = _area_mean(known.astype(np.float32), heat.shape)
+        for heat, pixels in zip(distance, known, strict=True):
+            share = _area_mean(pixels.astype(np.float32), heat.shape)
             sim.append(np.where(share > _SHARE, heat, np.float32(np.nan)))
-        size = self.size(pair.model)
         view = pair.aligned().real_view
         real = np.stack(
             [_shrink(view.warp_from_other(heat, depth, valid), size)
@@ -81,13 +87,20 @@ class HarmonisedDistance(_HarmonisedKind):
     def suits(self, model: LoadedModel) -> bool:
         return model.network.early is not None
 
-    def size(self, model: LoadedModel) -> tuple[int, int]:
+    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+        return self._outputs(self._size(model))
+
+    def compute(self, pair: PairBatch) -> HeatArrays:
+        known = [harmonised.visible for harmonised in pair.harmonised]
+        return self._maps(self._distance(pair), known, pair, self._size(pair.model))
+
+    def _size(self, model: LoadedModel) -> tuple[int, int]:
         height, width = model.network.input_size
         with torch.inference_mode():
             shape = _early_features(model, torch.zeros(1, 4, height, width)).shape[-2:]
         return min(int(shape[0]), MAX_SIDE), min(int(shape[1]), MAX_SIDE)
 
-    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
+    def _distance(self, pair: PairBatch) -> NDArray[np.float32]:
         views, size = pair.harmonised, pair.model.network.input_size
         images = (
             (np.stack([v.sim for v in views]), np.stack([v.sim_depth for v in views])),
@@ -101,7 +114,7 @@ class HarmonisedDistance(_HarmonisedKind):
         return np.asarray(distance.cpu().numpy(), dtype=np.float32)
 
 
-class HarmonisedDifference(_HarmonisedKind):
+class HarmonisedDifference(_HarmonisedKind, ImageHeatmapKind):
     """Model-free baseline sqrt(c d), NaN where either depth is unknown.
 
     c is the mean |RGB difference| over channels in deviations of the sim image, d the depth
@@ -110,13 +123,15 @@ class HarmonisedDifference(_HarmonisedKind):
 
     name = "harmonised_difference"
     unit = ""
-    model_free = True
-    needs_depth = True
 
-    def size(self, model: LoadedModel) -> tuple[int, int]:
-        return MAX_SIDE, MAX_SIDE
+    def outputs(self, model: LoadedModel | None) -> list[OutputSpec]:
+        return self._outputs((MAX_SIDE, MAX_SIDE))
 
-    def distance(self, pair: PairBatch) -> NDArray[np.float32]:
+    def compute(self, pair: ImagePair) -> HeatArrays:
+        known = [harmonised.measured for harmonised in pair.harmonised]
+        return self._maps(self._distance(pair), known, pair, (MAX_SIDE, MAX_SIDE))
+
+    def _distance(self, pair: ImagePair) -> NDArray[np.float32]:
         distances = []
         for view in pair.harmonised:
             spread = np.maximum(view.sim.std(axis=(0, 1)), 1.0)

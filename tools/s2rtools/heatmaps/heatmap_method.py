@@ -23,12 +23,25 @@ HeatArrays = dict[tuple[str | None, str | None], NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SideImages:
+    """The images of one side of a batch of B pairs, at the stored size.
+
+    rgb (B, H, W, 3) uint8, depth (B, H, W) raw and valid (B, H, W).
+    """
+
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    valid: NDArray[np.bool_]
+    depth_scale: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SideBatch:
     """One side of a batch of B pairs.
 
-    x (B, 4, h, w) tensor, the network's input; rgb (B, H, W, 3) uint8, depth (B, H, W) raw and
-    valid (B, H, W) at the stored size; features (B, C, fh, fw) and embedding (B, D) tensors;
-    prediction and truth (B, 3) in metres, metres, radians.
+    x (B, 4, h, w) tensor, the network's input; the images as in `SideImages`; features
+    (B, C, fh, fw) and embedding (B, D) tensors; prediction and truth (B, 3) in metres, metres,
+    radians.
     """
 
     x: Tensor
@@ -42,15 +55,12 @@ class SideBatch:
     truth: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class PairBatch:
-    """Both sides of a batch after the forward pass; `alignment` for kinds that need it."""
+class ImagePair:
+    """The images of both sides of a batch; `alignment` for kinds that need it."""
 
-    model: LoadedModel
-    backend: Backend
-    sim: SideBatch
-    real: SideBatch
-    alignment: ImageAlignment | None = None
+    sim: SideImages | SideBatch
+    real: SideImages | SideBatch
+    alignment: ImageAlignment | None
 
     def aligned(self) -> ImageAlignment:
         """The rigs of both sides. Raises RequestError if they are not calibrated."""
@@ -66,6 +76,26 @@ class PairBatch:
         view = self.aligned().sim_view
         sides = (zip(s.rgb, s.depth, s.valid, strict=True) for s in (self.sim, self.real))
         return [view.harmonise(sim, real) for sim, real in zip(*sides, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class ImageBatch(ImagePair):
+    """The images of a batch of pairs, without a network."""
+
+    sim: SideImages
+    real: SideImages
+    alignment: ImageAlignment | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PairBatch(ImagePair):
+    """Both sides of a batch after the forward pass."""
+
+    model: LoadedModel
+    backend: Backend
+    sim: SideBatch
+    real: SideBatch
+    alignment: ImageAlignment | None = None
 
     def side(self, side: str | None) -> SideBatch:
         return self.sim if side == "sim" else self.real
@@ -95,9 +125,9 @@ class HeatmapKind(ABC):
 
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
-    `model_free` kinds need no network; `uses_features` tells whether `compute` reads the features
-    and predictions of the pair, `uses_truth` whether it reads the true poses; `aligned` kinds
-    compare both views by calibrated rigs.
+    `model_free` kinds need no network, see `ImageHeatmapKind`; `uses_features` tells whether
+    `compute` reads the features and predictions of the pair, `uses_truth` whether it reads the true
+    poses; `aligned` kinds compare both views by calibrated rigs.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
 
@@ -134,6 +164,20 @@ class HeatmapKind(ABC):
     def ray(self, mode: str | None) -> Ray:
         """The camera whose pixels the map lies on."""
         return "rgb"
+
+
+class ImageHeatmapKind(HeatmapKind):
+    """A heatmap method that needs images alone, so that runs without a network have it, too."""
+
+    model_free = True
+
+    @abstractmethod
+    def outputs(self, model: LoadedModel | None) -> list[OutputSpec]:
+        """The arrays that `compute` fills, the same for every model."""
+
+    @abstractmethod
+    def compute(self, pair: ImagePair) -> HeatArrays:
+        """The arrays of all outputs for a batch."""
 
 
 def feature_size(model: LoadedModel) -> tuple[int, int]:

@@ -6,13 +6,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
+from s2rtools.heatmaps.heatmap_method import (
+    HeatArrays,
+    ImageHeatmapKind,
+    ImagePair,
+    OutputSpec,
+    Ray,
+)
 from s2rtools.models.pose_network import LoadedModel
 
 SIZE = 128
 
 
-class PixelDifference(HeatmapKind):
+class PixelDifference(ImageHeatmapKind):
     """Absolute difference of both images, averaged over areas to 128 x 128.
 
     Mode `rgb`: mean over channels, after each image is standardised per channel. Mode `depth`: in
@@ -21,17 +27,16 @@ class PixelDifference(HeatmapKind):
 
     name = "pixel_difference"
     params = {"size": SIZE}  # noqa: RUF012
-    model_free = True
     uses_truth = False
 
-    def outputs(self, model: LoadedModel) -> list[OutputSpec]:
+    def outputs(self, model: LoadedModel | None) -> list[OutputSpec]:
         shape, axes = (SIZE, SIZE), ("row", "column")
         return [
             OutputSpec(None, "rgb", shape, axes, "standard deviations", "float16"),
             OutputSpec(None, "depth", shape, axes, "m", "float16"),
         ]
 
-    def compute(self, pair: PairBatch) -> HeatArrays:
+    def compute(self, pair: ImagePair) -> HeatArrays:
         sim, real = pair.sim, pair.real
         rgb = np.stack([
             _small(np.abs(_normalised(a) - _normalised(b)).mean(axis=2, dtype=np.float32))

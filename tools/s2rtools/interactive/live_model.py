@@ -114,7 +114,8 @@ class LiveModel:
         self._store = s2rstore.open(store.path, generation=store.generation)
         try:
             self.run = self._store.run(run)
-            self._backend = open_float32(load_model(self._store, self.run.model, trust), threads)
+            model = self.run.network("live prediction")
+            self._backend = open_float32(load_model(self._store, model, trust), threads)
             height, width = self._backend.model.network.input_size
             self._backend.forward_all(np.zeros((1, 4, height, width), dtype=np.float32))
         except BaseException:

@@ -56,7 +56,7 @@ class NightReport:
         night = self.night
         return [
             ("data set", f"{night.dataset} ({night.dataset_hash[:12]})"),
-            ("run", f"{night.run} (model {night.model})"),
+            ("run", f"{night.run} ({f'model {night.model}' if night.model else 'imported'})"),
             ("selection", night.expression),
             ("threshold", f"{night.threshold:g}"),
             ("evidence since", f"{night.evidence_since}, {night.evidence_age} days old"),

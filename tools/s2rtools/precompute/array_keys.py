@@ -113,6 +113,9 @@ class ArrayKeys:
 
     @cached_property
     def _model(self) -> Facts:
+        """Empty for imported predictions, whose key depends on their values alone."""
+        if self._run.model is None:
+            return {}
         model = self._store.models[self._run.model]
         return {
             "model": model.sha256,

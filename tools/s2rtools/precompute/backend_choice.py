@@ -101,7 +101,7 @@ def _kept(store: Store, run: Run, requested: str, inputs: str) -> RunBackends | 
 
 def _input_key(store: Store, run: Run) -> str:
     """Key of the model and of what it looks at: the choice holds for these."""
-    model = store.models[run.model]
+    model = store.models[run.network("the choice of a backend")]
     sides = [[run.domain(side), run.adjustments(side)] for side in SIDES]
     return content_key({"model": model.sha256, "convention": model.convention, "sides": sides})
 
@@ -116,7 +116,7 @@ class _Sample:
 
     @cached_property
     def model(self) -> LoadedModel:
-        return load_model(self._store, self._run.model, self._trust)
+        return load_model(self._store, self._run.network("inference"), self._trust)
 
     def frames(self) -> list[tuple[int, PairFrames]]:
         """First iid and frames of the pairs at each place."""

@@ -14,7 +14,7 @@ from s2rstore.files.lease import Lease
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.processors import available_processors
-from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import rig_calibration
@@ -22,9 +22,11 @@ from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
 from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
 from s2rtools.precompute.run_backends import RunBackends
+from s2rtools.precompute.tasks.image_heatmaps import image_stages
 from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
 from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stages
@@ -103,10 +105,14 @@ def _compute_run(
     """
     lease.check()
     root, run = current.root, current.get().run(name)
+    if run.is_imported:
+        kinds = _without_network(name, kinds, reporter)
     if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
         current.get(), run, lease.check
     ):
         reporter.say(f"{run.sim_domain} | {run.real_domain}: rigs calibrated")
+    if run.model is None:
+        return _compute_imported(current, run, kinds, options, reporter, lease)
     model = model_outline(current.get(), run.model, options.trust)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
     backends = run_backends(
@@ -126,6 +132,56 @@ def _compute_run(
     is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
+    return is_new
+
+
+def _without_network(
+    name: str, kinds: Sequence[str], reporter: ProgressReporter
+) -> tuple[str, ...]:
+    """Those of the heatmap kinds that need no network; reports the others."""
+    others = [kind for kind in kinds if kind not in IMAGE_KINDS]
+    if others:
+        reporter.say(f"{name}: imported predictions; {', '.join(others)} left out (no network)")
+    return tuple(kind for kind in kinds if kind in IMAGE_KINDS)
+
+
+def _compute_imported(
+    current: CurrentStore,
+    run: Run,
+    kinds: Sequence[str],
+    options: PrecomputeOptions,
+    reporter: ProgressReporter,
+    lease: Lease,
+) -> bool:
+    """Bring a run of imported predictions up to date; True if a new generation was published.
+
+    Computes what needs no network: the heatmaps of `kinds` and their map grids, and with embeddings
+    projection and outliers. Instances that were appended after the import stay without predictions.
+    """
+    store, forwards = current.get(), list[Stage]()
+    heatmaps: list[Stage] = []
+    maps: list[Stage] = []
+    for part in store.parts:
+        forward = imported_stage(store, run, part)
+        if forward is not None:
+            keys = ArrayKeys(current.hashes, run, part)
+            images = image_stages(keys, run, part, kinds)
+            forwards.append(forward)
+            heatmaps += images
+            maps += map_stages(store, keys, forward, images)
+    if not forwards:
+        raise RequestError(f"run {run.run!r}: its imported arrays are missing; import it again")
+    groups = [heatmaps, maps]
+    if forwards[0].specs_of_kind("embedding"):
+        fit, *later = projections = _projections(store, run, forwards, options.refit)
+        groups += [[fit], later, outlier_stages(projections)]
+    for group in groups:
+        lease.check()
+        _compute_stages(current.root, group, store.array_paths, None, options, reporter, lease)
+    stages = [*forwards, *(stage for group in groups for stage in group)]
+    is_new = publish_run(current.get(), run.run, stages, None, lease.check)
+    atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
+    reporter.say(f"{run.run}: {'published' if is_new else 'up to date'}")
     return is_new
 
 
@@ -172,14 +228,14 @@ def _projections(store: Store, run: Run, forwards: Sequence[Stage], refit: bool)
             stages = projection_stages(forwards, record.shape[0])
             if record.path in {spec.path(run.run) for spec in stages[0].specs}:
                 return stages
-    return projection_stages(forwards, len(store.instances))
+    return projection_stages(forwards, sum(forward.rows for forward in forwards))
 
 
 def _compute_stages(
     root: Path,
     stages: Sequence[Stage],
     published: Collection[str],
-    backends: RunBackends,
+    backends: RunBackends | None,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
@@ -192,7 +248,7 @@ def _compute_stages(
         total = sum(len(unit.instances) for unit in units)
         reporter.begin(f"{units[0].stage.run}: {label}", total)
         workers = min(options.workers, len(units), available_processors())
-        if any(unit.stage.is_network for unit in units):
+        if backends is not None and any(unit.stage.is_network for unit in units):
             workers = backends.limit_workers(workers)
         opener = partial(UnitComputer, backends, options.trust)
         for unit in run_units(root, units, opener, workers):

@@ -28,17 +28,17 @@ def prediction_columns(
 ) -> dict[str, Any]:
     """Columns of table `prediction` for one side.
 
-    `poses` (N, 3): x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its metrics are NaN and its rank is 0 (both become NULL).
+    `poses` (n, 3) of the first n instances: x and y in metres, heading in radians. A pose that is
+    not finite is a missing prediction: its metrics are NaN and its rank is 0 (both become NULL).
     """
+    n = len(poses)
     known = np.isfinite(poses).all(axis=1, keepdims=True)
     poses = np.where(known, poses, np.nan)
     x, y, heading = poses.T
-    dx, dy = x - truth.x, y - truth.y
+    dx, dy = x - truth.x[:n], y - truth.y[:n]
     error = np.sqrt(dx * dx + dy * dy)
-    heading_error = pose_metrics.heading_error(heading, truth.heading)
+    heading_error = pose_metrics.heading_error(heading, truth.heading[:n])
     rank = pose_metrics.rank(error)
-    n = len(truth)
     return {
         "run": np.full(n, run, dtype=object),
         "iid": np.arange(n, dtype=np.int32),
@@ -51,7 +51,7 @@ def prediction_columns(
         "loss": pose_metrics.pose_loss(error, heading_error),
         "accuracy": pose_metrics.accuracy(error, accuracy_scale),
         "rank": np.where(rank > 0, rank, np.nan),
-        "split": np.array(SPLITS, dtype=object)[split],
+        "split": np.array(SPLITS, dtype=object)[split[:n]],
         "outlier": outlier,
     }
 

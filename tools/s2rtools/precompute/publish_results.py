@@ -15,7 +15,7 @@ import torch
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
-from s2rstore.index.transaction import edit
+from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord
@@ -36,22 +36,25 @@ def publish_run(
     store: Store,
     run: str,
     stages: Sequence[Stage],
-    backend: dict[str, Any],
+    backend: dict[str, Any] | None,
     check: Callable[[], None] = lambda: None,
 ) -> bool:
     """Publish a run whose stages are complete; False if the index is already up to date.
 
-    `check` is called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as
-    they belong to the same predictions.
+    `backend` is None for imported predictions, which may cover the first parts only. `check` is
+    called before that, see `edit`. Arrays of other heatmap kinds stay listed as long as they belong
+    to the same predictions.
     """
     specs = [spec for stage in stages for spec in stage.specs]
-    key = _run_key(specs)
+    key = run_key(specs)
     predicted = {spec.path(run) for spec in specs if spec.kind == "prediction"}
     count = sum(spec.rows for spec in specs if spec.kind == "prediction") // len(SIDES)
-    if count != len(store.instances):
+    if backend is not None and count != len(store.instances):
         raise RequestError(f"{store.path}: instances were added meanwhile; run the command again")
     listed = store.array_parts(run)
     same = bool(predicted & {record.path for record in listed})
+    if backend is None and not same:
+        raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
     listed = listed if same else []
     if _are_listed(store, run, specs, listed) and not store.missing_columns("prediction"):
         return False
@@ -62,6 +65,8 @@ def publish_run(
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
     other_arrays = [r for r in listed if (r.kind, r.side, r.mode) not in computed]
     with edit(root, check) as draft:
+        if backend is None:
+            _check_not_imported_again(draft, run, predicted)
         for table in ("prediction", "projection", "zarr_array"):
             draft.delete(table, run=run)
         for table, rows in columns:
@@ -70,9 +75,17 @@ def publish_run(
             draft.insert_row("zarr_array", asdict(record))
         for spec in specs:
             draft.insert_row("zarr_array", array_row(root, run, spec))
-        draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
+        if backend is not None:
+            draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
         draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, previous))
     return True
+
+
+def _check_not_imported_again(draft: IndexTransaction, run: str, predicted: set[str]) -> None:
+    """Raise RequestError where the run has other imported predictions by now."""
+    query = "SELECT path FROM zarr_array WHERE run = ? AND kind = 'prediction'"
+    if {path for (path,) in draft.rows(query, [run])} != predicted:
+        raise RequestError(f"run {run!r}: was imported again meanwhile; run the command again")
 
 
 def _are_listed(
@@ -88,7 +101,7 @@ def _are_listed(
     )
 
 
-def _run_key(specs: Sequence[ArraySpec]) -> str:
+def run_key(specs: Sequence[ArraySpec]) -> str:
     """The key of the predictions of all parts."""
     keys = list(dict.fromkeys(spec.key for spec in specs if spec.kind == "prediction"))
     return keys[0] if len(keys) == 1 else content_key({"parts": keys})
@@ -97,23 +110,30 @@ def _run_key(specs: Sequence[ArraySpec]) -> str:
 def _instance_columns(
     store: Store, run: str, specs: Sequence[ArraySpec]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Columns of the tables `prediction` and `projection`, each with its table."""
-    splits = store.provenance(f"model:{store.run(run).model}")
+    """Columns of the tables `prediction` and `projection`, each with its table.
+
+    Imported predictions may be those of the first parts alone, and without embeddings.
+    """
+    record = store.run(run)
+    splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
     n = len(store.instances)
-    scale = store.dataset.accuracy_scale
     for side in SIDES:
-        poses, distances, plane = (
-            np.asarray(
-                open_parts([s for s in specs if (s.kind, s.side) == (kind, side)], store.path, run)
-            )
+        arrays = {
+            kind: np.asarray(open_parts(parts, store.path, run))
             for kind in ("prediction", outliers.KIND, "umap")
-        )
-        split = decode_split(splits.get(f"split:{store.run(run).domain(side)}"), n)
-        scores = outliers.outlier_scores(distances)
-        columns = prediction_columns(run, side, poses, store.instances, scale, split, scores)
+            if (parts := [s for s in specs if (s.kind, s.side) == (kind, side)])
+        }
+        split = decode_split(splits.get(f"split:{record.domain(side)}"), n)
+        poses = arrays["prediction"]
+        scores = np.full(len(poses), np.nan)
+        if outliers.KIND in arrays:
+            scores = outliers.outlier_scores(arrays[outliers.KIND])
+        columns = prediction_columns(run, side, poses, store.instances,
+                                     store.dataset.accuracy_scale, split, scores)  # fmt: skip
         yield "prediction", columns
-        u, v = plane.astype(np.float64).T
-        yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
+        if "umap" in arrays:
+            u, v = arrays["umap"].astype(np.float64).T
+            yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
 
 
 def array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
@@ -157,11 +177,12 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
 
 
 def _environments(
-    specs: Sequence[ArraySpec], backend: dict[str, Any], previous: dict[str, str]
+    specs: Sequence[ArraySpec], backend: dict[str, Any] | None, previous: dict[str, str]
 ) -> dict[str, Any]:
     """For each array key, the device and the library versions of the process that published it."""
     known = parse_object(previous.get("arrays", "{}"), "arrays")
-    uses_gpu = str(backend["name"]).startswith("cuda") and torch.cuda.is_available()
+    name = "" if backend is None else str(backend["name"])
+    uses_gpu = name.startswith("cuda") and torch.cuda.is_available()
     here = {
         "device": torch.cuda.get_device_name() if uses_gpu else processor_name(),
         "libraries": {name: metadata.version(name) for name in _NUMERIC if _is_installed(name)},
@@ -175,13 +196,12 @@ def _is_installed(package: str) -> bool:
 
 def _provenance(
     specs: Sequence[ArraySpec],
-    backend: dict[str, Any],
+    backend: dict[str, Any] | None,
     ranges: dict[str, list[float]],
     previous: dict[str, str],
 ) -> dict[str, Any]:
     """Provenance of a run; entries of `previous` for kinds that stay listed are retained."""
     facts: dict[str, Any] = {
-        "backend": backend,
         "heat ranges": parse_object(previous.get("heat ranges", "{}"), "heat ranges") | ranges,
         "projection": asdict(SETTINGS),
         "outlier": asdict(outliers.SETTINGS),
@@ -190,6 +210,8 @@ def _provenance(
         "packages": {name: metadata.version(name) for name in _PACKAGES},
         "arrays": _environments(specs, backend, previous),
     }
+    if backend is not None:
+        facts["backend"] = backend
     kinds = sorted({spec.kind for spec in specs} & set(HEATMAP_KINDS))
     surfaces = {kind: HEATMAP_KINDS[kind].surface for kind in kinds if HEATMAP_KINDS[kind].aligned}
     facts["surfaces"] = parse_object(previous.get("surfaces", "{}"), "surfaces") | surfaces

@@ -101,11 +101,11 @@ def drop_run(root: Path, name: str) -> bool:
 def insert_run(
     draft: IndexTransaction,
     name: str,
-    model: str,
+    model: str | None,
     domains: tuple[str, str],
     chains: Chains | None = None,
 ) -> None:
-    """Insert a run into the next generation."""
+    """Insert a run into the next generation; `model` is None for imported predictions."""
     chains = chains or {"sim": [], "real": []}
     draft.insert_row(
         "run",

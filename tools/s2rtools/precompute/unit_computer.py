@@ -16,6 +16,7 @@ from s2rtools.precompute import unit_results
 from s2rtools.precompute.frame_reader import Renderers, RunFrames
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks import (
+    image_heatmaps,
     map_grids,
     network_outputs,
     outliers,
@@ -28,8 +29,8 @@ from s2rtools.precompute.work_units import ArraySpec, WorkUnit
 class UnitComputer:
     """Computes work units of one store; models are loaded once per process."""
 
-    def __init__(self, backends: RunBackends, trust: bool, root: Path, threads: int) -> None:
-        """`backends` are those that the arrays' keys contain."""
+    def __init__(self, backends: RunBackends | None, trust: bool, root: Path, threads: int) -> None:
+        """`backends` are those that the arrays' keys contain; None where no unit runs a network."""
         self._root, self._threads = root, threads
         self._store = s2rstore.open(root)
         self._run_backends, self._trust = backends, trust
@@ -61,10 +62,14 @@ class UnitComputer:
         if unit.stage.name == "frames":
             frames = RunFrames(self._store, run, renderers=self._renderers)
             return rendered_frames.render_frames(frames, unit)
-        if run.model not in self._backends:
-            model = load_model(self._store, run.model, self._trust)
-            self._backends = {run.model: self._run_backends.open(model, self._threads)}
-        return network_outputs.compute_outputs(self._store, run, *self._backends[run.model], unit)
+        if unit.stage.name == image_heatmaps.STAGE:
+            return dict(image_heatmaps.compute_heatmaps(self._store, run, unit))
+        name = run.network(unit.stage.name)
+        if name not in self._backends:
+            assert self._run_backends is not None
+            model = load_model(self._store, name, self._trust)
+            self._backends = {name: self._run_backends.open(model, self._threads)}
+        return network_outputs.compute_outputs(self._store, run, *self._backends[name], unit)
 
 
 def encoded(

@@ -57,7 +57,9 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         reporter.advance(1)
         evaluated = []
         for run in map(store.run, runs):
-            backend = open_backend(load_model(store, run.model, settings.trust), "torch")
+            backend = open_backend(
+                load_model(store, run.network("scoring"), settings.trust), "torch"
+            )
             evaluated.append((run, backend))
         table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()
@@ -89,7 +91,9 @@ def save_report(root: Path, report: ScoreReport) -> bool:
 
 def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
     store.require_poses("scoring")
-    runs = [store.run(name) for name in dict.fromkeys(requested)] or list(store.runs.values())
+    runs = [store.run(name) for name in dict.fromkeys(requested)] or [
+        run for run in store.runs.values() if not run.is_imported
+    ]
     missing = [run.run for run in runs if not run.key]
     if len(missing) == len(runs) or (requested and missing):
         names = ", ".join(missing) or "runs"

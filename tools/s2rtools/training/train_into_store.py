@@ -76,7 +76,8 @@ def train_into_store(
             raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
         start, start_splits = None, None
         if request.start is not None:
-            start = load_model(store, store.run(request.start).model)
+            model = store.run(request.start).network("training that begins with it")
+            start = load_model(store, model)
             facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
             start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
         size = (start.network if start else build_network(request.architecture)).input_size

@@ -120,7 +120,8 @@ def evaluate(
         raise RequestError(f"--run {settings.run}: {store.path} has no poses to judge the task by")
     if settings.run is not None:
         run = store.run(settings.run)
-        backend = Backend(load_model(store, run.model, settings.trust))
+        model = run.network("judging translators by it")
+        backend = Backend(load_model(store, model, settings.trust))
     reports = []
     for number, translator in enumerate(translators):
         progress(number / len(translators), translator.name)

@@ -16,6 +16,8 @@ from s2rtools.datasets.scan import InputIssue
 
 _MOST_POSES = 4_000_000
 """Poses that are held at once, 80 bytes each; 50 Hz for six links and four hours."""
+_SAME = 1e-6
+"""Difference of elements of a pose (metres, 1) below which it is repeated without change."""
 
 
 @dataclass(slots=True)
@@ -36,7 +38,8 @@ class PoseLog:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], list[InputIssue]]:
         """Ascending times (K,), in seconds since `origin` (ns), poses (K, 4, 4), and issues.
 
-        Unusable poses and repeated times are left out. `name` names the log in the issues.
+        Unusable poses, and those with the time of another, are left out. `name` names the log in
+        the issues.
         """
         issues = []
         stamps = np.frombuffer(self.times, dtype=np.int64)
@@ -55,8 +58,12 @@ class PoseLog:
         if late:
             detail = f"{late} of {len(stamps)} before the one in front of them; sorted"
             issues.append(InputIssue("unordered stamps", name, detail))
-        stamps, first = np.unique(stamps, return_index=True)
-        return (stamps - origin) * 1e-9, poses[first], issues
+        stamps, first, row = np.unique(stamps, return_index=True, return_inverse=True)
+        apart = np.abs(poses - poses[first][row]).max(axis=(1, 2)) > _SAME
+        if apart.any():
+            detail = f"{int(apart.sum())} of {len(poses)} with the stamp of another are left out"
+            issues.append(InputIssue("repeated stamps", name, detail))
+        return (stamps - origin).astype(np.float64) * 1e-9, poses[first], issues
 
 
 class FrameTree:
@@ -128,7 +135,7 @@ class FrameTree:
             known, poses, bad = log.ordered(origin, name)
             issues += bad
             if static is not None and len(poses):
-                if np.abs(poses - poses[-1]).max() > 1e-6:
+                if np.abs(poses - poses[-1]).max() > _SAME:
                     issues.append(InputIssue("changing static transform", name, "the last is used"))
                 result = poses[-1] @ result
             else:

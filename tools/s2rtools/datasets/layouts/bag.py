@@ -35,7 +35,12 @@ from s2rtools.datasets.recorded_folders import (
     require_frames,
     trajectory_name,
 )
-from s2rtools.datasets.recorded_poses import mutual_nearest, orthonormal, poses_at
+from s2rtools.datasets.recorded_poses import (
+    FORWARD_TO_OPTICAL,
+    mutual_nearest,
+    orthonormal,
+    poses_at,
+)
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -50,8 +55,6 @@ from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
 _OPTICAL, _FORWARD = "optical", "forward"
-_FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""Axes x right, y down, z forward in those x forward, y left, z up."""
 _SCALE = "depth_scale"
 _MAX_GAP = 0.2
 _TOLERANCE = 0.02
@@ -98,7 +101,8 @@ class _BagPart:
         self._depth = None if self.topics.depth is None else ImageIndex(self.bag, self.topics.depth)
         self._tree = FrameTree(path)
         self._log = PoseLog()
-        self._world_frame, self._body_frame = "", ""
+        self._worlds: set[str] = set()
+        self._body_frame = ""
         self._infos: dict[str, Any] = {}
         self._scan()
         self.camera, self.depth_camera = self._cameras()
@@ -130,7 +134,7 @@ class _BagPart:
     def _add_pose(self, recorded: int, message: Any) -> None:
         pose = getattr(message.pose, "pose", message.pose)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
-        self._world_frame = plain(message.header.frame_id)
+        self._worlds.add(plain(message.header.frame_id))
         if self.bag.types[self.topics.pose] == ODOMETRY:
             self._body_frame = plain(message.child_frame_id)
 
@@ -182,7 +186,7 @@ class _BagPart:
         """Frames with depth and pose; the others are reported."""
         rows, depth_rows = self._associated()
         origin = int(self._rgb.times[0])
-        seconds = (self._rgb.times[rows] - origin) * 1e-9
+        seconds = (self._rgb.times[rows] - origin).astype(np.float64) * 1e-9
         poses = self._poses(seconds, origin)
         missing = np.isnan(poses).any(axis=(1, 2))
         max_gap = self._options.positive("gap", _MAX_GAP)
@@ -196,7 +200,7 @@ class _BagPart:
         sizes = tuple((each.height, each.width) for each in (self.camera, depth_camera))
         frames = _frames(self._rgb, self._depth, rows[good], depth_rows[good], sizes)
         return RecordedTrajectory(
-            frames, orthonormal(poses[good]), self._rgb.times[rows[good]] * 1e-9
+            frames, orthonormal(poses[good]), self._rgb.times[rows[good]].astype(np.float64) * 1e-9
         )
 
     def _associated(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -206,7 +210,9 @@ class _BagPart:
             return np.arange(count), np.full(count, -1)
         tolerance = self._options.positive("tolerance", _TOLERANCE)
         origin = self._rgb.times[0]
-        times, depth_times = ((index.times - origin) * 1e-9 for index in (self._rgb, self._depth))
+        times, depth_times = (
+            (index.times - origin).astype(np.float64) * 1e-9 for index in (self._rgb, self._depth)
+        )
         partners = mutual_nearest(times, depth_times, tolerance)
         lonely = np.flatnonzero(partners < 0)
         names = [self._rgb.name(row) for row in lonely.tolist()]
@@ -232,8 +238,16 @@ class _BagPart:
                 )
             body, poses = camera, np.eye(4)
         else:
-            self.world = self._world_frame
+            if len(self._worlds) > 1:
+                worlds = ", ".join(sorted(self._worlds))
+                raise RequestError(
+                    f"{self.bag.path}: poses of {self.topics.pose} are in frames {worlds}"
+                )
+            self.world = next(iter(self._worlds))
             body = values.get("body") or self._body_frame or camera
+            if "body" not in values and not self._body_frame and self.topics.transforms:
+                detail = f"taken as those of frame {camera!r}; if they are of another, set body="
+                self.issues.append(InputIssue("frame assumed", self.topics.pose, detail))
             links = [] if body == camera else self._tree.chain(camera, body)
             place = f"{self.bag.path.name}:{self.topics.pose}"
             times, known, bad = self._log.ordered(origin, place)
@@ -253,7 +267,7 @@ class _BagPart:
             "axes": axes,
         }
         result = poses @ chained
-        return np.asarray(result @ _FORWARD_TO_OPTICAL if axes == _FORWARD else result)
+        return np.asarray(result @ FORWARD_TO_OPTICAL if axes == _FORWARD else result)
 
     def _only_frame(self) -> str:
         frames = sorted(self._rgb.frames)

@@ -139,7 +139,7 @@ def freeze(evidence: Evidence, request: GapRequest, measured: GapResult) -> tupl
         "dataset_hash": store.dataset.hash,
         "run": run.run,
         "run_key": run.key,
-        "model_sha256": store.models[run.model].sha256,
+        "model_sha256": run.model and store.models[run.model].sha256,
         "expression": evidence.expression,
     }
     settings, requested = request.settings, request.requested_axes

@@ -39,7 +39,8 @@ class FeatureSource:
 def feature_source(store: Store, run: str, description: Path | None) -> FeatureSource:
     """The embeddings of a run, or the network of a description file. Raises RequestError.
 
-    Embeddings are comparable if they come from the same weights and precision.
+    Embeddings are comparable if they come from the same weights and precision. Of imported ones
+    nothing is known but themselves, so they are comparable if they are equal.
     """
     record = store.run(run)
     if description is not None:
@@ -55,10 +56,11 @@ def feature_source(store: Store, run: str, description: Path | None) -> FeatureS
         rows = [stored_array.read_rows(array, a, b)[chosen] for a, b, chosen in _spans(iids)]
         return _finite(np.concatenate(rows).astype(np.float64), iids, run, side)
 
-    model = store.models[record.model]
+    if record.model is None:
+        return FeatureSource(read, {"features": "imported embedding", "key": str(record.key)})
     identity: dict[str, str | int | float] = {
         "features": "embedding",
-        "features_sha256": model.sha256,
+        "features_sha256": store.models[record.model].sha256,
         "precision": record.precision or "",
     }
     return FeatureSource(read, identity)

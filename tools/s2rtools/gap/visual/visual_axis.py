@@ -75,7 +75,7 @@ class VisualAxis(Axis):
         store, run = evidence.store, evidence.run
         reason = instance_selection.uncomputed_reason(evidence)
         if reason is None and not any(r.kind == "embedding" for r in store.array_kinds(run)):
-            reason = f"run {run!r} has no embeddings; run `s2r precompute`"
+            reason = f"run {run!r} has no embeddings; {store.run(run).embedding_command} makes them"
         return reason
 
     def measure(self, evidence: Evidence, settings: GapSettings) -> AxisResult:
@@ -170,6 +170,11 @@ def _sample(evidence: Evidence, iids: NDArray[np.int64] | None = None) -> _Sampl
 def _anchor_run(evidence: Evidence, run: Run) -> Run:
     """The declared run whose sim images are the bad state; its features must fit those of `run`."""
     raw = evidence.store.run(evidence.anchor_run)
+    if (raw.model is None or run.model is None) and raw != run and evidence.features is None:
+        raise RequestError(
+            f"--anchor-run {raw.run}: embeddings of different runs are comparable where one model "
+            "made them, which is not known of imported predictions; use --features"
+        )
     if raw.model != run.model and evidence.features is None:
         raise RequestError(
             f"--anchor-run {raw.run}: uses model {raw.model}, whose embedding differs from that of "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -65,9 +65,9 @@ def network_stages(
     ]
     stages = []
     for kind in kinds:
-        heatmaps = _kind_specs(
-            part, kind, model, backends, *keys.heatmap(kind, backends.kind_facts(kind), rendered)
-        )
+        described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
+        key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
+        heatmaps = heatmap_specs(part, kind, *described, *key_of_kind)
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
@@ -86,11 +86,15 @@ def _described(
     return known[key]
 
 
-def _kind_specs(
-    part: Part, name: str, model: LoadedModel, backends: RunBackends, key: str, is_shared: bool
+def heatmap_specs(
+    part: Part,
+    name: str,
+    outputs: Sequence[OutputSpec],
+    attributes: Mapping[str, str],
+    key: str,
+    is_shared: bool,
 ) -> list[ArraySpec]:
-    kind = HEATMAP_KINDS[name]
-    outputs, attributes = _described(kind, model, backends.differences or "float32")
+    """The arrays of a heatmap kind in a part, for its `outputs`."""
     return [
         ArraySpec(name, out.side, out.mode, tuple(out.shape), out.dtype, ("iid", *out.axes),
                   out.unit, key, part.instances, tuple(sorted(attributes.items())),

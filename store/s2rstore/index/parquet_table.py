@@ -1,0 +1,104 @@
+"""Read columns of a Parquet file that came from outside: numbers, texts, lists and bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError, first_line
+from s2rstore.files.input_files import check_regular
+from s2rstore.index.locked_connection import connect_to_file, escaped, literal_path
+
+MAX_ROWS = 4_000_000
+"""Rows that a file may have."""
+
+
+def read_columns(
+    path: Path, numbers: Collection[str], texts: Collection[str]
+) -> dict[str, NDArray[Any]]:
+    """The requested columns that a file has, in its order of rows.
+
+    `numbers` as float64, times as seconds since 1970, NaN where there is no number; `texts` as
+    objects, empty where there is none. Raises RequestError where the file cannot be read.
+    """
+    check_regular(path)
+    table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
+    try:
+        with closing(connect_to_file(path)) as connection:
+            (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]
+            if count > MAX_ROWS:
+                raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
+            described = connection.execute(f"DESCRIBE SELECT * FROM {table}").fetchall()
+            types = {str(name): str(kind) for name, kind, *_ in described}
+            values = {
+                name: _number(name, kind) if name in numbers else _text(name)
+                for name, kind in types.items()
+                if name in numbers or name in texts
+            }
+            if not values:
+                return {}
+            listed = ", ".join(f'{value} AS "{name}"' for name, value in values.items())
+            found = connection.execute(f"SELECT {listed} FROM {table}").fetchnumpy()
+    except duckdb.Error as error:
+        raise RequestError(f"{path}: not a Parquet file ({first_line(error)})") from error
+    return {
+        name: np.ma.filled(found[name], np.nan) if name in numbers else np.asarray(found[name])
+        for name in values
+    }
+
+
+def _number(name: str, kind: str) -> str:
+    value = f'epoch("{name}")' if kind.startswith(("TIMESTAMP", "DATE")) else f'"{name}"'
+    return f"TRY_CAST({value} AS DOUBLE)"
+
+
+def _text(name: str) -> str:
+    return f"coalesce(TRY_CAST(\"{name}\" AS VARCHAR), '')"
+
+
+def read_vectors(path: Path, column: str, elements: Sequence[int]) -> NDArray[np.float64]:
+    """Elements (N, E), by number from 0, of a column of lists; NaN where there is no number.
+
+    Raises RequestError where the file cannot be read, or has no such column.
+    """
+    name = _quoted(column)
+    listed = ", ".join(
+        f"list_extract(CAST({name} AS DOUBLE[]), {int(element) + 1}) AS v{number}"
+        for number, element in enumerate(elements)
+    )
+    found = _select(path, f"SELECT {listed} FROM {{table}}")
+    return np.column_stack([np.ma.filled(values, np.nan) for values in found.values()])
+
+
+def read_blobs(path: Path, column: str, field: str, start: int, count: int) -> list[bytes]:
+    """The bytes in a field of a column of records, of `count` rows from `start`; b"" for none."""
+    query = f"SELECT struct_extract({_quoted(column)}, '{escaped(field)}') AS v FROM {{table}}"
+    found = _select(path, f"{query} LIMIT {int(count)} OFFSET {int(start)}")
+    return [bytes(value) if isinstance(value, bytes | bytearray) else b"" for value in found["v"]]
+
+
+def _select(path: Path, query: str) -> dict[str, NDArray[Any]]:
+    """The columns of a query on `{table}`, which stands for the file."""
+    check_regular(path)
+    table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
+    try:
+        with closing(connect_to_file(path)) as connection:
+            (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]
+            if count > MAX_ROWS:
+                raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
+            found: dict[str, NDArray[Any]] = connection.execute(
+                query.replace("{table}", table)
+            ).fetchnumpy()
+            return found
+    except duckdb.Error as error:
+        raise RequestError(f"{path}: cannot be read ({first_line(error)})") from error
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'

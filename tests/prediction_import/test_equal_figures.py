@@ -1,0 +1,255 @@
+"""Predictions of a run, exported and imported under another name, give equal figures everywhere."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.maintenance.verify import verify
+from s2rstore.records import SIDES
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtui.charts import registry
+from s2rtui.cli import main
+from tests.support.appended import append_trajectory
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("computed")
+KINDS = ("activation", "pixel_difference", "harmonised_difference")
+ARRAYS = (
+    "prediction", "embedding", "pca", "umap", "neighbour_distance", "pixel_difference",
+    "harmonised_difference", "map:pixel_difference", "map:harmonised_difference",
+)  # fmt: skip
+QUERIES = (
+    "worst15", "real.error > 1 & gap > 0", "like(3, 5)", "sim.like(3, 5) | umap.real(-9, -9, 9, 9)",
+    "real.outlier > 1", "heading:90+-60",
+)  # fmt: skip
+
+
+def sql(store: Path, query: str, out: Path) -> Path:
+    assert main(["sql", str(store), query, "--format", "csv", "--out", str(out)]) == 0
+    return out
+
+
+def import_exported(store: Path, folder: Path, name: str = "exported") -> None:
+    """Import the predictions and embeddings of run `vanilla` as another run."""
+    query = "SELECT * EXCLUDE run FROM prediction WHERE run = 'vanilla' ORDER BY iid % 7, side, iid"
+    file = sql(store, query, folder / "predictions.csv")
+    order = np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    words = ["run", "import", name, "--predictions", str(file), "--store", str(store)]
+    with s2rstore.open(store) as opened:
+        for side in SIDES:
+            _, array = opened.array("vanilla", "embedding", side)
+            iids = order["iid"][order["side"] == side]
+            np.save(folder / f"{side}.npy", array.at(iids))
+            words += ["--embeddings", f"{side}:{folder}/{side}.npy"]
+    assert main(words) == 0
+
+
+@pytest.fixture(scope="module")
+def imported(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with the computed runs `vanilla` and, imported from its predictions, `exported`."""
+    folder = tmp_path_factory.mktemp("imported")
+    store = folder / "s.s2r"
+    shutil.copytree(trained_store, store)
+    precompute(store, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+    import_exported(store, folder)
+    reporter = SilentReporter()
+    assert precompute(store, reporter, ["exported"], PrecomputeOptions(KINDS)) == ["exported"]
+    assert any("activation left out" in line for line in reporter.lines)
+    return store
+
+
+def output(capsys: pytest.CaptureFixture[str], words: Sequence[str], run: str) -> str:
+    assert main([*words, "--run", run]) in (0, 3)
+    return capsys.readouterr().out.replace(run, "RUN")
+
+
+def test_all_arrays_without_a_network_are_equal(imported: Path) -> None:
+    with s2rstore.open(imported) as store:
+        found = {(r.kind, r.side, r.mode): r for r in store.array_kinds("exported")}
+        expected = {
+            (r.kind, r.side, r.mode): r for r in store.array_kinds("vanilla") if r.kind in ARRAYS
+        }
+        assert found.keys() == expected.keys()
+        for key, record in found.items():
+            values, others = (np.asarray(store.stored(r)[:]) for r in (record, expected[key]))
+            assert values.dtype == others.dtype
+            np.testing.assert_allclose(
+                values.astype(float), others.astype(float), rtol=1e-5, atol=1e-5, err_msg=str(key)
+            )
+
+
+def test_model_free_heatmaps_are_stored_once(imported: Path) -> None:
+    with s2rstore.open(imported) as store:
+        for kind in ("pixel_difference", "harmonised_difference"):
+            paths = [
+                {r.path for r in store.array_parts(run) if r.kind == kind}
+                for run in ("vanilla", "exported")
+            ]
+            assert paths[0] == paths[1]
+
+
+def test_all_rows_are_equal(imported: Path) -> None:
+    columns = "iid, * EXCLUDE (run, iid, outlier, sim_u, sim_v, real_u, real_v)"
+    with s2rstore.open(imported) as store:
+        columns = columns.replace("outlier, ", "")
+        query = f"SELECT {columns} FROM pair WHERE run = ? ORDER BY iid"
+        names = [d[0] for d in store.connection().execute(query, ["vanilla"]).description]
+        found, expected = (store.execute(query, [run]) for run in ("exported", "vanilla"))
+    assert len(found) == 40
+    for row, other in zip(found, expected, strict=True):
+        for name, a, b in zip(names, row, other, strict=True):
+            if name.endswith("_outlier"):
+                assert a == pytest.approx(b, rel=1e-4)
+            else:
+                assert a == b, name
+
+
+@pytest.mark.parametrize("view", [name for name in registry.NAMES if name not in (
+    "adjust", "history", "overview", "umap", "list", "compare")])  # fmt: skip
+def test_views_print_the_same(
+    imported: Path, view: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for more in (["--format", "csv"], ["--words"]):
+        words = ["show", str(imported), view, *more]
+        assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
+
+
+def test_the_comparison_of_both_runs_shows_no_difference(
+    imported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["show", str(imported), "compare", "--with", "vanilla", "--json", "--run", "exported"]
+    assert main(words) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert rows
+    for row in rows:
+        assert (row["first mean"], row["equal"]) == (row["second mean"], row["n"])
+
+
+def test_the_lists_of_runs_show_the_same_figures(
+    imported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["runs", str(imported), "--json"]) == 0
+    rows = {row["run"]: row for row in json.loads(capsys.readouterr().out)}
+    model, exported = rows["vanilla"], rows["exported"]
+    assert (exported.pop("model"), exported.pop("note")) == (None, "imported")
+    assert exported == {key: model[key] for key in exported} | {"run": "exported"}
+    assert main(["show", str(imported), "overview", "--format", "json"]) == 0
+    first, second = (
+        {key: value for key, value in row.items() if key != "run"}
+        for row in json.loads(capsys.readouterr().out)
+    )
+    assert first == second
+
+
+@pytest.mark.parametrize("query", QUERIES)
+def test_queries_select_the_same(
+    imported: Path, query: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["query", str(imported), query, "--count"]
+    assert output(capsys, words, "exported") == output(capsys, words, "vanilla")
+
+
+@pytest.mark.parametrize("axis", ["task", "visual"])
+def test_the_gap_is_the_same(imported: Path, axis: str, capsys: pytest.CaptureFixture[str]) -> None:
+    reports = []
+    for run in ("exported", "vanilla"):
+        report = json.loads(output(capsys, ["gap", str(imported), "--axis", axis, "--json"], run))
+        for each in report["axes"]:
+            each.pop("fingerprint")
+        reports.append({
+            key: value for key, value in report.items()
+            if key not in ("run_key", "model", "model_sha256", "note")
+        })  # fmt: skip
+    assert reports[0] == reports[1]
+
+
+def test_a_report_and_figures_show_the_run(imported: Path, tmp_path: Path) -> None:
+    words = [str(imported), "--run", "exported"]
+    page = tmp_path / "report.html"
+    assert main(["report", *words, "--select", "worst15", "--out", str(page)]) == 0
+    assert "exported" in page.read_text()
+    for view in ("geomap", "instance", "umap"):
+        heat = ["--heat", "pixel_difference:rgb"] if view != "umap" else []
+        assert main(["export", *words, "--view", view, *heat, "--out",
+                     str(tmp_path / f"{view}.png")]) == 0  # fmt: skip
+
+
+@pytest.mark.parametrize("words", [
+    ("export", "{store}", "--run", "exported", "--view", "geomap", "--heat", "activation",
+     "--out", "{out}.png"),
+    ("train", "--recipe", "finetune", "--from", "exported", "--store", "{store}"),
+])  # fmt: skip
+def test_commands_that_need_a_network_name_the_run(
+    imported: Path, tmp_path: Path, words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([word.format(store=imported, out=tmp_path / "f") for word in words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "run 'exported': its predictions were imported" in line
+    assert line.endswith("needs a network")
+
+
+def test_nothing_is_computed_twice_and_nothing_is_damaged(imported: Path) -> None:
+    reporter = SilentReporter()
+    assert precompute(imported, reporter, ["exported"], PrecomputeOptions(KINDS)) == []
+    assert reporter.steps == 0
+    assert verify(imported) == []
+
+
+def test_instances_that_are_appended_stay_without_predictions(
+    imported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = tmp_path / "s.s2r"
+    shutil.copytree(imported, store)
+    append_trajectory(store, "zz", 5)
+    options = PrecomputeOptions(("pixel_difference",))
+    precompute(store, SilentReporter(), ["exported"], options)
+    with s2rstore.open(store) as opened:
+        assert opened.coverage("exported").summary == "imported for 40 of 45 instances"
+        assert np.count_nonzero(opened.run_columns("exported").valid) == 40
+        assert np.isnan(opened.run_columns("exported").sim.x[40:]).all()
+    assert verify(store) == []
+    assert main(["show", str(store), "rooms", "--run", "exported"]) == 0
+    note = "run exported: imported for 40 of 45 instances"
+    assert note in capsys.readouterr().err
+    import_exported(store, tmp_path, "again")
+    precompute(store, SilentReporter(), ["again"], options)
+    assert verify(store) == []
+
+
+def test_precompute_of_an_import_that_was_replaced_is_refused(
+    imported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    from s2rtools.precompute import pipeline
+
+    store = tmp_path / "s.s2r"
+    shutil.copytree(imported, store)
+    query = "SELECT iid, side, x + 0.1 AS x, y, heading FROM prediction WHERE run = 'vanilla'"
+    file = sql(store, query, tmp_path / "moved.csv")
+    words = ["run", "import", "exported", "--predictions", str(file), "--store", str(store)]
+    compute = pipeline._compute_stages
+
+    def replaced(*arguments: object) -> None:
+        compute(*arguments)  # type: ignore[arg-type]
+        if not (tmp_path / "done").exists():
+            (tmp_path / "done").touch()
+            assert main(words) == 0
+
+    monkeypatch.setattr(pipeline, "_compute_stages", replaced)
+    with s2rstore.open(store) as opened:
+        before = opened.run("exported").key
+    with pytest.raises(Exception, match="run 'exported': was imported again meanwhile"):
+        precompute(store, SilentReporter(), ["exported"], PrecomputeOptions(KINDS))
+    monkeypatch.undo()
+    with s2rstore.open(store) as opened:
+        assert opened.run("exported").key != before
+        assert not any(record.kind == "umap" for record in opened.array_kinds("exported"))
+    assert precompute(store, SilentReporter(), ["exported"], PrecomputeOptions(KINDS))
+    assert verify(store) == []

@@ -1,0 +1,238 @@
+"""Recordings as LeRobot data sets of versions 2 and 3, read without network.
+
+The format knows neither the pose nor the intrinsics of a camera: the option `pose` names the
+entries of `observation.state` that are the robot's pose on the floor, or the camera's pose.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from s2rstore.errors import RequestError
+from s2rstore.index.parquet_table import read_columns, read_vectors
+from s2rtools.datasets.lazy_sequence import LazySequence
+from s2rtools.datasets.lerobot_files import (
+    Episode,
+    ImageStore,
+    Info,
+    ParquetImages,
+    StoredImage,
+    VideoImages,
+    episodes_of,
+    read_info,
+)
+from s2rtools.datasets.numeric_rows import report_unusable
+from s2rtools.datasets.path_containment import PathContainment
+from s2rtools.datasets.recorded_folders import existing_folder, folder_name, require_frames
+from s2rtools.datasets.recorded_poses import (
+    FORWARD_TO_OPTICAL,
+    orthonormal,
+    poses_from_quaternions,
+)
+from s2rtools.datasets.recording import (
+    Layout,
+    ReadOptions,
+    RecordedFrame,
+    RecordedTrajectory,
+    Recording,
+)
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
+from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
+
+_STATE = "observation.state"
+_NUMBERS = ("episode_index", "frame_index", "timestamp")
+
+
+def read_lerobot(path: Path, options: ReadOptions) -> Recording:
+    """Read a data set's folder; each episode is a trajectory.
+
+    Raises RequestError if a file is missing or damaged, if an option is missing, if the videos
+    cannot be decoded, or if no frame has a pose.
+    """
+    info = read_info(existing_folder(path))
+    key = _image_key(path, info, options)
+    entries = _pose_entries(path, info, options)
+    containment = PathContainment(path, options.allow_outside)
+    episodes = {f"episode_{each.number:06d}": each for each in episodes_of(path, info, key)}
+    names = choose_trajectories(options.trajectories, episodes, path)
+    if not names:
+        raise RequestError(f"{path}: no episodes in it")
+    feature = info.features[key]
+    images: ImageStore = (
+        VideoImages(containment, feature.codec)
+        if feature.dtype == "video"
+        else ParquetImages(containment, key)
+    )
+    data = _DataFiles(containment, entries)
+    first = episodes[names[0]]
+    start = first.first_frame if first.video else int(data.rows(first)[0])
+    size = _first_size(path, images, first, start, feature.codec)
+    camera = camera_option(options, "camera", size)
+    if camera is None:
+        raise RequestError(f"{path}: a LeRobot data set has no intrinsics; set camera=fx,fy,cx,cy")
+    if (camera.height, camera.width) != size:
+        raise RequestError(f"{path}: images are {size[1]}x{size[0]}, unlike the option camera")
+    recording = Recording("lerobot", folder_name(path), path, camera)
+    height = options.positive("height", 1.0) if "height" in options.values else 0.0
+    is_level = len(entries) == 3
+    if is_level:
+        recording.up = (0.0, 0.0, 1.0)
+        if "height" not in options.values:
+            detail = "the camera is put on the floor; set height=METRES"
+            recording.issues.append(InputIssue("height unknown", str(path), detail))
+    for name in names:
+        trajectory = _trajectory(episodes[name], data, images, size, height, recording.issues)
+        if len(trajectory.frames):
+            recording.trajectories[name] = trajectory
+    require_frames("lerobot", path, recording.trajectories, recording.issues)
+    recording.provenance = {
+        "version": info.codebase_version,
+        "images": key,
+        "codec": feature.codec if feature.dtype == "video" else "images",
+        "pose": options.values["pose"],
+        "height_m": height,
+    }
+    recording.outside_folders = containment.outside_folders
+    return recording
+
+
+class _DataFiles:
+    """Numbers of the frames of each episode; the file that was read last is kept."""
+
+    def __init__(self, containment: PathContainment, entries: list[int]) -> None:
+        self._containment, self._entries = containment, entries
+        self._file = ""
+        self._numbers: dict[str, NDArray[np.float64]] = {}
+        self._state = np.zeros((0, len(entries)))
+
+    def rows(self, episode: Episode) -> NDArray[np.intp]:
+        """Rows of the episode in its file, by frame. Raises RequestError if it has none."""
+        if episode.data != self._file:
+            path = self._containment.resolve(episode.data, str(self._containment.folder))
+            self._numbers = read_columns(path, _NUMBERS, ())
+            if missing := [name for name in _NUMBERS if name not in self._numbers]:
+                raise RequestError(f"{path}: no column {missing[0]}")
+            self._state = read_vectors(path, _STATE, self._entries)
+            self._file = episode.data
+        rows = np.flatnonzero(self._numbers["episode_index"] == episode.number)
+        rows = rows[np.isfinite(self._numbers["frame_index"][rows])]
+        if not len(rows):
+            raise RequestError(f"{episode.data}: no frames of episode {episode.number}")
+        return rows[np.argsort(self._numbers["frame_index"][rows], kind="stable")]
+
+    def numbers(self, name: str, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._numbers[name][rows]
+
+    def state(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        return self._state[rows]
+
+
+def _trajectory(
+    episode: Episode,
+    data: _DataFiles,
+    images: ImageStore,
+    size: tuple[int, int],
+    height: float,
+    issues: list[InputIssue],
+) -> RecordedTrajectory:
+    rows = data.rows(episode)
+    if episode.video is None:
+        file, numbers = episode.data, rows
+    else:
+        file = episode.video
+        numbers = data.numbers("frame_index", rows).astype(np.intp) + episode.first_frame
+    poses = _poses(data.state(rows), height)
+    good = report_unusable(poses, lambda row: f"{file}:{numbers[row]}", issues)
+    kept = numbers[good]
+
+    def frame(row: int) -> RecordedFrame:
+        return RecordedFrame(StoredImage(images, file, int(kept[row]), size))
+
+    times = data.numbers("timestamp", rows)[good]
+    return RecordedTrajectory(LazySequence(len(kept), frame), orthonormal(poses[good]), times)
+
+
+def _poses(state: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+    """Camera poses (N, 4, 4) of states x, y, heading (radians) or x, y, z, qx, qy, qz, qw.
+
+    A robot's camera looks along its heading, level, at `height` metres.
+    """
+    if state.shape[1] == 7:
+        return poses_from_quaternions(state[:, :3], state[:, 3:])
+    finite = np.isfinite(state).all(axis=1)
+    turns = Rotation.from_rotvec(np.outer(state[finite, 2], [0.0, 0.0, 1.0]))
+    poses = np.full((len(state), 4, 4), np.nan)
+    poses[finite] = np.eye(4)
+    poses[finite, :3, :3] = turns.as_matrix()
+    poses[finite, :2, 3] = state[finite, :2]
+    poses[finite, 2, 3] = height
+    return np.asarray(poses @ FORWARD_TO_OPTICAL)
+
+
+def _image_key(path: Path, info: Info, options: ReadOptions) -> str:
+    keys = [
+        name
+        for name, feature in info.features.items()
+        if feature.dtype in ("video", "image") and not feature.is_depth
+    ]
+    chosen = options.values.get("rgb")
+    listed = ", ".join(keys) or "none"
+    if chosen is not None and chosen not in keys:
+        raise RequestError(f"{path}: no images rgb={chosen} (has: {listed})")
+    if chosen is None and len(keys) != 1:
+        raise RequestError(f"{path}: {len(keys)} cameras; choose one with rgb= (has: {listed})")
+    return chosen or keys[0]
+
+
+def _pose_entries(path: Path, info: Info, options: ReadOptions) -> list[int]:
+    """Numbers of the entries of the state that the option `pose` names, by name or number."""
+    if _STATE not in info.features:
+        raise RequestError(f"{path}: no feature {_STATE}, in which poses would be")
+    feature = info.features[_STATE]
+    known, count = feature.entries(), int(np.prod(feature.shape)) if feature.shape else 0
+    listed = ", ".join(known) or f"0 to {count - 1}"
+    text = options.values.get("pose")
+    if text is None:
+        raise RequestError(f"{path}: name the entries of {_STATE}, pose=x,y,theta (has: {listed})")
+    entries = []
+    for name in text.split(","):
+        if name in known:
+            entries.append(known.index(name))
+        elif re.fullmatch(r"\d{1,4}", name) and int(name) < count:
+            entries.append(int(name))
+        else:
+            raise RequestError(f"{path}: no entry {name!r} in {_STATE} (has: {listed})")
+    if len(entries) not in (3, 7):
+        raise RequestError(f"option pose={text}: name x,y,heading or x,y,z,qx,qy,qz,qw")
+    return entries
+
+
+def _first_size(
+    path: Path, images: ImageStore, episode: Episode, number: int, codec: str
+) -> tuple[int, int]:
+    """(height, width) of an image. Raises RequestError if it cannot be decoded."""
+    image = images.read(episode.video or episode.data, number)
+    if isinstance(image, InputIssue):
+        advice = ""
+        if episode.video is not None and (path / episode.video).is_file():
+            advice = f"; the videos are in {codec}, convert them to H.264: ffmpeg -c:v libx264"
+        raise RequestError(f"{image.file}: {image.kind} ({image.detail}){advice}")
+    height, width = image.pixels.shape[:2]
+    return height, width
+
+
+LAYOUT = Layout(
+    read_lerobot,
+    "LeRobot data set of version 2 or 3",
+    {
+        "pose": f"entries of {_STATE}: x,y,heading in radians, or x,y,z,qx,qy,qz,qw of the camera",
+        "height": "metres of the camera above the floor with pose=x,y,heading",
+        "rgb": "feature of the images, if there are several",
+        "camera": CAMERA_OPTION,
+    },
+)

@@ -1,0 +1,1 @@
+"""Import predicted poses that another program made, as a run without a network."""

@@ -1,0 +1,283 @@
+"""The predictions of one file: rows matched with instances, poses in metres and radians."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.index.row_check import MAX_COORDINATE
+from s2rstore.records import SIDES, SPLITS, Side
+from s2rtools.motion_logs.tum_reader import yaw
+from s2rtools.precompute.prediction_rows import UNSEEN
+from s2rtools.prediction_import import instance_matching, pose_units, row_matching
+from s2rtools.prediction_import.instance_matching import UNKNOWN, ImportTarget
+from s2rtools.prediction_import.pose_units import AUTO, Units
+from s2rtools.prediction_import.prediction_table import PredictionTable
+from s2rtools.prediction_import.row_matching import NONE, Matches
+
+MAX_HEADING = 1e6
+"""Largest heading that is read, radians."""
+_LENGTH_TOLERANCE = 0.05
+"""Difference of a quaternion's length from 1 that is rounding."""
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_REQUIRED = "x, y and heading (or heading_deg, or qx, qy, qz and qw)"
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingOptions:
+    """How the numbers of a file are read.
+
+    `heading` is a convention of `pose_units` or `AUTO`; `tolerance` is in seconds.
+    """
+
+    units: Units = field(default_factory=Units)
+    heading: str = "0+h"
+    tolerance: float = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilePredictions:
+    """Usable predictions of a file: at most one for each instance and side.
+
+    `iids`, `sides` (indexes into `SIDES`), `rows` of the table and `splits` (indexes into
+    `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map.
+    `row_sides` are those of all rows, None where a row has both. `facts` describe how the file was
+    read, `summary` in one line.
+    """
+
+    table: PredictionTable
+    iids: NDArray[np.int64]
+    sides: NDArray[np.int8]
+    rows: NDArray[np.int64]
+    poses: Floats
+    splits: NDArray[np.int8]
+    row_sides: NDArray[np.int8] | None
+    facts: dict[str, Any]
+    summary: str
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Entries:
+    """Predictions as the file has them, one or two for each row.
+
+    `rows`, `sides` and `iids` (n,), the latter `NONE` where unknown; `numbers` (n, 3): x, y and
+    heading, which comes from the columns `heading_from`.
+    """
+
+    rows: NDArray[np.int64]
+    sides: NDArray[np.int8]
+    iids: NDArray[np.int64]
+    numbers: Floats
+    heading_from: str
+    splits: NDArray[np.int8]
+
+    def chosen(self, entries: NDArray[Any]) -> _Entries:
+        return _Entries(self.rows[entries], self.sides[entries], self.iids[entries],
+                        self.numbers[entries], self.heading_from, self.splits[entries])  # fmt: skip
+
+
+def read_predictions(
+    table: PredictionTable, side: Side | None, target: ImportTarget, options: ReadingOptions
+) -> FilePredictions:
+    """Match the rows of a table and bring their poses into the map.
+
+    `side` is that of all rows, None where the table tells it. Rows that cannot be used are added
+    to the issues of the table. Raises RequestError where columns are missing or nothing fits.
+    """
+    is_wide = side is None and instance_matching.has_both_sides(table)
+    count, sides = len(table), None
+    if not is_wide:
+        sides = instance_matching.row_sides(table, side, target)
+    named, matches, sides_found = instance_matching.match_rows(
+        table, np.zeros(count, dtype=np.int8) if sides is None else sides, target,
+        options.tolerance, pose_units.TIMES[options.units.time],
+    )  # fmt: skip
+    row_sides = None if is_wide else sides_found
+    entries = _usable(table, _entries(table, matches, row_sides))
+    length, angle = _units(table, entries, options.units, target)
+    scale = np.array([length.scale, length.scale, angle.scale])
+    entries = _first_of_each(table, _in_range(table, entries, entries.numbers * scale))
+    poses = entries.numbers * scale
+    truth = target.store.instances
+    errors = pose_units.heading_errors(poses[:, 2], truth.heading[entries.iids])
+    where = str(table.path)
+    convention = options.heading
+    if convention == AUTO:
+        convention = pose_units.best_convention(errors, len(entries.iids), where)
+    warnings = pose_units.convention_warnings(
+        entries.numbers[:, 2], angle.name, convention, truth.heading[entries.iids], where
+    )
+    poses[:, 2] = pose_units.to_map(poses[:, 2], convention)
+    facts = {
+        "file": table.path.name,
+        "columns": list(table.columns),
+        "rows": count,
+        "matched_by": named,
+        "used": len(entries.iids),
+        "not_used": dict(table.issues.counts),
+        "length": length.name,
+        "angle": angle.name,
+        "heading": convention,
+    }
+    if matches.offsets is not None:
+        largest = float(np.nanmax(matches.offsets))
+        facts["matched_by"] = f"{named} (largest difference {largest:.2g} s)"
+    off = np.hypot(*(poses[:, :2].T - [truth.x[entries.iids], truth.y[entries.iids]]))
+    medians = [
+        f"{name} {np.median(off[entries.sides == code]):.3g} m"
+        for code, name in enumerate(SIDES)
+        if (entries.sides == code).any()
+    ]
+    summary = (
+        f"{table.path.name}: {facts['used']} predictions in {count} rows, matched by "
+        f"{facts['matched_by']}; positions in {length}, headings in {angle}, map heading "
+        f"{convention}; median error {', '.join(medians)}, heading "
+        f"{math.degrees(errors[convention]):.3g} deg"
+    )
+    return FilePredictions(
+        table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides, facts,
+        summary, warnings,
+    )  # fmt: skip
+
+
+def _entries(
+    table: PredictionTable, matches: Matches, row_sides: NDArray[np.int8] | None
+) -> _Entries:
+    """All predictions of a table; two for each row where `row_sides` is None."""
+    rows = np.arange(len(table))
+    if row_sides is not None:
+        numbers, heading_from = _pose_numbers(table)
+        splits = _splits(table, "split")
+        return _Entries(rows, row_sides, matches.iids, numbers, heading_from, splits)
+    (sim, heading_from), (real, other) = (_columns(table, f"{side}_") for side in SIDES)
+    if heading_from != other:
+        raise RequestError(f"{table.path}: sim and real headings differ in unit; name both alike")
+    sides = np.repeat(np.array([0, 1], dtype=np.int8), len(table))
+    splits = np.concatenate([_splits(table, f"{side}_split") for side in SIDES])
+    numbers = np.concatenate([sim, real])
+    return _Entries(
+        np.tile(rows, 2), sides, np.tile(matches.iids, 2), numbers, heading_from, splits
+    )
+
+
+def _pose_numbers(table: PredictionTable) -> tuple[Floats, str]:
+    """x, y and heading of each row (n, 3), and the columns that the heading comes from."""
+    numbers = table.numbers
+    if "heading" in numbers or "heading_deg" in numbers:
+        return _columns(table, "")
+    if not {*_QUATERNION, "x", "y"} <= set(numbers):
+        raise _missing(table)
+    return np.column_stack([numbers["x"], numbers["y"], _yaw(table)]), "quaternion"
+
+
+def _columns(table: PredictionTable, prefix: str) -> tuple[Floats, str]:
+    numbers = table.numbers
+    headings = [name for name in ("heading", "heading_deg") if prefix + name in numbers]
+    if len(headings) > 1:
+        raise RequestError(f"{table.path}: has {prefix}heading and {prefix}heading_deg; remove one")
+    names = [f"{prefix}x", f"{prefix}y", *(prefix + name for name in headings)]
+    if not headings or any(name not in numbers for name in names):
+        raise _missing(table)
+    return np.column_stack([numbers[name] for name in names]), headings[0]
+
+
+def _missing(table: PredictionTable) -> RequestError:
+    has = ", ".join(table.columns) or "no known column"
+    return RequestError(f"{table.path}: needs columns {_REQUIRED}; has {has}")
+
+
+def _yaw(table: PredictionTable) -> Floats:
+    """Yaw of the quaternions (n,), NaN where they are not normalised."""
+    quaternions = np.column_stack([table.numbers[name] for name in _QUATERNION])
+    length = np.linalg.norm(quaternions, axis=1)
+    is_unit = np.abs(length - 1) <= _LENGTH_TOLERANCE
+    table.issues.add_rows(
+        "quaternion not normalised",
+        np.flatnonzero(np.isfinite(length) & ~is_unit),
+        lambda row: f"{table.place(row)} length {length[row]:.4g}",
+    )
+    heading, rows = np.full(len(length), np.nan), np.flatnonzero(is_unit)
+    heading[rows] = yaw(quaternions[rows], table.place)
+    return heading
+
+
+def _splits(table: PredictionTable, column: str) -> NDArray[np.int8]:
+    """Index into `SPLITS` of each row; `unseen` where the file does not say."""
+    if column not in table.texts:
+        return np.full(len(table), UNSEEN, dtype=np.int8)
+    known: dict[str, int] = {"": UNSEEN}
+    known |= {name: code for code, name in enumerate(SPLITS)}
+    values = table.texts[column]
+    for row, value in enumerate(values):
+        if value not in known:
+            allowed = ", ".join(SPLITS)
+            raise RequestError(f"{table.path}: {table.place(row)}: {column} {value!r}: one of "
+                               f"{allowed}")  # fmt: skip
+    return np.array([known[value] for value in values], dtype=np.int8)
+
+
+def _usable(table: PredictionTable, entries: _Entries) -> _Entries:
+    """The entries with instance, side and numbers; reports those without numbers.
+
+    Raises RequestError where there is none.
+    """
+    is_named = (entries.iids != NONE) & (entries.sides != UNKNOWN)
+    is_finite = np.isfinite(entries.numbers).all(axis=1)
+    table.issues.add_rows(
+        "no number",
+        np.flatnonzero(is_named & ~is_finite),
+        lambda k: f"{_place(table, entries, k)} x, y or heading is not a number",
+    )
+    if not (is_named & is_finite).any():
+        reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
+        raise RequestError(f"{table.path}: no row can be used ({reasons})")
+    return entries.chosen(is_named & is_finite)
+
+
+def _units(
+    table: PredictionTable, entries: _Entries, units: Units, target: ImportTarget
+) -> tuple[pose_units.Unit, pose_units.Unit]:
+    """The units of positions and headings: declared by option or column, or recognised."""
+    where, bounds = str(table.path), target.store.dataset.bounds
+    length = pose_units.length_unit(units.length, entries.numbers[:, :2], bounds, where)
+    declared = {"heading_deg": "deg", "quaternion": "rad"}.get(entries.heading_from, units.angle)
+    return length, pose_units.angle_unit(declared, entries.numbers[:, 2], where)
+
+
+def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entries:
+    """The entries whose `poses`, metres and radians, are plausible; reports the others."""
+    is_far = (np.abs(poses[:, :2]) > MAX_COORDINATE).any(axis=1)
+    is_far |= np.abs(poses[:, 2]) > MAX_HEADING
+    table.issues.add_rows(
+        "out of range",
+        np.flatnonzero(is_far),
+        lambda k: f"{_place(table, entries, k)} beyond {MAX_COORDINATE:g} m or {MAX_HEADING:g} rad",
+    )
+    return entries.chosen(~is_far)
+
+
+def _first_of_each(table: PredictionTable, entries: _Entries) -> _Entries:
+    """The first entry of each instance and side; reports the others."""
+    first, repeated = row_matching.first_of_each(2 * entries.iids + entries.sides)
+    table.issues.add_rows(
+        "duplicate row",
+        repeated,
+        lambda k: (
+            f"{_place(table, entries, k)} repeats instance {entries.iids[k]} of "
+            f"{_place(table, entries, repeated[k])}, which is used"
+        ),
+    )
+    return entries.chosen(first)
+
+
+def _place(table: PredictionTable, entries: _Entries, entry: int) -> str:
+    """Where an entry is, such as `predictions.csv:12 (real)`."""
+    return f"{table.place(int(entries.rows[entry]))} ({SIDES[entries.sides[entry]]})"

@@ -1,0 +1,151 @@
+"""Read the rows of a file of predictions: CSV, Parquet or TUM.
+
+A row of a CSV or Parquet file names its instance, its side and a pose, in the columns of `COLUMNS`;
+other columns are ignored. A row of a TUM file is `timestamp tx ty tz qx qy qz qw`.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.index import parquet_table
+from s2rtools.datasets.csv_rows import parse_float, read_rows
+from s2rtools.motion_logs import row_checks
+from s2rtools.prediction_import.row_issues import RowIssues
+
+NUMBERS: dict[str, str] = {
+    "iid": "iid", "seq": "seq", "timestamp": "timestamp", "time": "timestamp",
+    "x": "x", "tx": "x", "y": "y", "ty": "y",
+    "heading": "heading", "yaw": "heading", "theta": "heading", "heading_deg": "heading_deg",
+    "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw",
+    **{f"{side}_{name}": f"{side}_{name}"
+       for side in ("sim", "real") for name in ("x", "y", "heading", "heading_deg")},
+}  # fmt: skip
+"""Columns of numbers and what they mean."""
+TEXTS: dict[str, str] = {
+    "side": "side", "domain": "domain", "trajectory": "trajectory", "image": "image",
+    "rgb_path": "image", "path": "image", "split": "split", "sim_split": "sim_split",
+    "real_split": "real_split",
+}  # fmt: skip
+"""Columns of texts and what they mean."""
+COLUMNS = {**NUMBERS, **TEXTS}
+"""All columns that are read; several names may mean the same."""
+_TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictionTable:
+    """The rows of a file: `numbers` float64 (n,), NaN where there is none, and `texts` (n,).
+
+    Both are by the names of `COLUMNS`'s values. `lines` (n,) are those of the file, `lines_are`
+    says what they count.
+    """
+
+    path: Path
+    lines: NDArray[np.int64]
+    numbers: Mapping[str, NDArray[np.float64]]
+    texts: Mapping[str, NDArray[Any]]
+    columns: tuple[str, ...]
+    lines_are: str = "line"
+    issues: RowIssues = field(default_factory=RowIssues)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def place(self, row: int) -> str:
+        """Where a row is, such as `predictions.csv:12`."""
+        line = int(self.lines[row])
+        return f"{self.path.name}:{line}" if self.lines_are == "line" else f"row {line}"
+
+
+def read_table(path: Path) -> PredictionTable:
+    """Read a file of predictions by its suffix. Raises RequestError where it is malformed."""
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise RequestError(f"{path}: unknown suffix (known: {', '.join(READERS)})")
+    table = reader(path)
+    if not len(table):
+        raise RequestError(f"{path}: no rows")
+    return table
+
+
+def _read_csv(path: Path) -> PredictionTable:
+    lines = array("q")
+    columns: dict[str, array[float] | list[str]] = {}
+    for line, row in read_rows(path, COLUMNS):
+        if not columns:
+            columns = {name: array("d") if name in NUMBERS else [] for name in row}
+        lines.append(line)
+        for name, values in columns.items():
+            if isinstance(values, list):
+                values.append(row[name])
+            else:
+                values.append(parse_float(row[name]))
+    arrays = {
+        name: np.array(values, dtype=object if isinstance(values, list) else np.float64)
+        for name, values in columns.items()
+    }
+    return _table(path, np.array(lines, dtype=np.int64), arrays, "line")
+
+
+def _read_parquet(path: Path) -> PredictionTable:
+    columns = parquet_table.read_columns(path, NUMBERS, TEXTS)
+    count = len(next(iter(columns.values()))) if columns else 0
+    return _table(
+        path,
+        np.arange(1, count + 1),
+        columns,
+        "row",
+    )
+
+
+def _table(
+    path: Path,
+    lines: NDArray[np.int64],
+    columns: Mapping[str, NDArray[Any]],
+    lines_are: str,
+) -> PredictionTable:
+    """The table with the names of `COLUMNS`'s values. Raises RequestError for repeated ones."""
+    by_meaning: dict[str, str] = {}
+    for name in columns:
+        other = by_meaning.setdefault(COLUMNS[name], name)
+        if other != name:
+            raise RequestError(f"{path}: columns {other} and {name} mean the same; remove one")
+    return PredictionTable(
+        path,
+        lines,
+        {NUMBERS[name]: values for name, values in columns.items() if name in NUMBERS},
+        {TEXTS[name]: values for name, values in columns.items() if name in TEXTS},
+        tuple(columns),
+        lines_are,
+    )
+
+
+def _read_tum(path: Path) -> PredictionTable:
+    issues = RowIssues()
+    lines, rows = array("q"), array("d")
+    for number, line in enumerate(row_checks.text_of(path).splitlines(), start=1):
+        values = line.split()
+        if not values or values[0].startswith("#"):
+            continue
+        if len(values) != len(_TUM):
+            place = f"{path.name}:{number}"
+            issues.add("malformed row", place, f"{len(values)} values; TUM has {len(_TUM)}")
+            values = ["nan"] * len(_TUM)
+        lines.append(number)
+        rows.extend(map(parse_float, values))
+    columns = np.array(rows).reshape(-1, len(_TUM)).T
+    numbers = {name: values for name, values in zip(_TUM, columns, strict=True) if name != "z"}
+    return PredictionTable(path, np.array(lines), numbers, {}, _TUM, "line", issues)
+
+
+READERS = {".csv": _read_csv, ".parquet": _read_parquet, ".tum": _read_tum, ".txt": _read_tum}
+"""Readers by suffix."""

@@ -1,0 +1,97 @@
+"""Files of one side or of both, and which embeddings go with which rows of predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.records import SIDES, Side
+from s2rtools.prediction_import.embedding_file import InstanceEmbeddings, Values, open_embeddings
+from s2rtools.prediction_import.file_predictions import FilePredictions
+
+
+@dataclass(frozen=True, slots=True)
+class SidedFile:
+    """A file of one side, or of both where `side` is None."""
+
+    path: Path
+    side: Side | None = None
+
+
+def parse_file(text: str) -> SidedFile:
+    """A file as `FILE`, `sim:FILE` or `real:FILE`."""
+    for side in SIDES:
+        if text.startswith(f"{side}:"):
+            return SidedFile(Path(text.removeprefix(f"{side}:")), side)
+    return SidedFile(Path(text))
+
+
+@dataclass(frozen=True, slots=True)
+class PredictionFile:
+    """A file of predictions that has been read."""
+
+    file: SidedFile
+    predictions: FilePredictions
+
+
+def read_embeddings(
+    embeddings: Sequence[SidedFile], files: Sequence[PredictionFile], count: int
+) -> dict[Side, InstanceEmbeddings]:
+    """The embeddings of both sides for `count` instances; empty where there are no files.
+
+    The rows of a file are those of the predictions of both sides, or of its side. Raises
+    RequestError where they do not go with the predictions.
+    """
+    if not embeddings:
+        return {}
+    by_side: dict[Side, InstanceEmbeddings] = {}
+    for each in embeddings:
+        values = open_embeddings(each.path)
+        for code, side in enumerate(SIDES):
+            if each.side not in (None, side):
+                continue
+            if side in by_side:
+                raise RequestError(f"--embeddings {each.path}: the {side} side has a file already")
+            predictions, rows = _aligned_rows(each, files, side, values)
+            chosen = predictions.sides == code
+            by_side[side] = InstanceEmbeddings(
+                each.path, values, count, predictions.iids[chosen], rows[predictions.rows[chosen]]
+            )
+    for side in SIDES:
+        if side not in by_side:
+            raise RequestError(f"--embeddings: none for the {side} side; add {side}:FILE.npy")
+    sim, real = by_side["sim"], by_side["real"]
+    if (sim.shape, sim.dtype) != (real.shape, real.dtype):
+        raise RequestError(
+            f"--embeddings: sim has {sim.shape[1]} numbers as {sim.dtype}, real {real.shape[1]} as "
+            f"{real.dtype}; both must be alike"
+        )
+    return by_side
+
+
+def _aligned_rows(
+    embedding: SidedFile, files: Sequence[PredictionFile], side: Side, values: Values
+) -> tuple[FilePredictions, NDArray[np.int64]]:
+    """The predictions that embeddings go with, and the embedding of each row of their file."""
+    option = f"--embeddings {embedding.path}"
+    matching = [each for each in files if each.file.side in (None, side)]
+    if len(matching) != 1:
+        raise RequestError(
+            f"{option}: goes with one file of predictions of the {side} side, not {len(matching)}"
+        )
+    file, predictions = matching[0].file, matching[0].predictions
+    if embedding.side is None and (file.side is not None or predictions.row_sides is None):
+        raise RequestError(f"{option}: of which side? give a file for each as sim:FILE, real:FILE")
+    count, name = len(predictions.table), file.path.name
+    rows = np.arange(count)
+    if embedding.side != file.side and predictions.row_sides is not None:
+        is_side = predictions.row_sides == SIDES.index(side)
+        count, rows, name = int(is_side.sum()), np.cumsum(is_side) - 1, f"{name} ({side})"
+    if len(values) != count:
+        raise RequestError(f"{option}: {len(values)} rows; {name} has {count}")
+    return predictions, rows
