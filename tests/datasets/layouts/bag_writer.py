@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
@@ -143,12 +143,17 @@ class BagFile:
         kind = "tf2_msgs/msg/TFMessage"
         self.add(topic, kind, time + LATENCY, self.make(kind, transforms=[stamped]))
 
-    def write(self, definitions: bool = True) -> Path:
+    def write(self, compression: str = "") -> Path:
+        """`compression` is FILE, MESSAGE or STORAGE for ROS 2, BZ2 or LZ4 for ROS 1."""
         if self.ros1:
             writer: Any = Writer1(self.path)
         else:
             plugin = StoragePlugin["MCAP" if "mcap" in self.path.name else "SQLITE3"]
             writer = Writer2(self.path, version=9, storage_plugin=plugin)
+        if compression and self.ros1:
+            writer.set_compression(Writer1.CompressionFormat[compression])
+        elif compression:
+            writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
         serialize = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
         with writer as bag:
             connections: dict[str, Any] = {}

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets import ReadOptions, Recording, read
+from s2rtools.datasets.bags import messages
 from s2rtools.datasets.scan import InputIssue
 from tests.datasets.layouts.bag_writer import (
     CAMERA,
@@ -85,6 +86,25 @@ def without_poses(path: Path, scene: Walk) -> BagFile:
     return walk_bag(path, scene, pose="")
 
 
+@pytest.mark.parametrize(
+    ("name", "compression"),
+    [
+        ("one.bag", "BZ2"),
+        ("one.bag", "LZ4"),
+        ("folder", "FILE"),
+        ("folder", "MESSAGE"),
+        ("folder-mcap", "FILE"),
+        ("folder-mcap", "MESSAGE"),
+        ("folder-mcap", "STORAGE"),
+    ],
+)
+def test_compressed_bags(tmp_path: Path, scene: Walk, name: str, compression: str) -> None:
+    walk_bag(tmp_path / name, scene).write(compression)
+    recording = read("bag", tmp_path / name)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_transforms_lead_from_the_world_to_the_cameras_optical_frame(
     tmp_path: Path, scene: Walk, name: str
@@ -124,6 +144,25 @@ def test_odometry_is_moved_from_the_robot_to_the_camera(tmp_path: Path, scene: W
     truth = [level(0.1 * row, 0.05 * row) @ MOUNT @ OPTICAL for row in range(len(scene))]
     assert_poses(recording, np.array(truth))
     assert recording.provenance["one"]["pose_frame"] == "base_link"
+
+
+def test_poses_of_an_unnamed_frame_beside_transforms_are_reported(
+    tmp_path: Path, scene: Walk
+) -> None:
+    bag = walk_bag(tmp_path / "one.bag", scene)
+    bag.transform("/tf_static", nanoseconds(scene)[0], "base_link", CAMERA, MOUNT)
+    bag.write()
+    assert kinds(read("bag", bag.path)) == {"frame assumed": 1}
+    declared = read("bag", bag.path, ReadOptions({"body": "base_link"}))
+    assert kinds(declared) == {}
+    assert_poses(declared, scene.poses @ MOUNT)
+
+
+def test_poses_in_several_worlds_are_refused(tmp_path: Path, scene: Walk) -> None:
+    bag = walk_bag(tmp_path / "one.bag", scene)
+    bag.pose("/pose", nanoseconds(scene)[-1] + 1000, scene.poses[-1], frame="odom")
+    with pytest.raises(RequestError, match="poses of /pose are in frames map, odom"):
+        read("bag", bag.write())
 
 
 def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scene: Walk) -> None:
@@ -518,3 +557,47 @@ def test_images_are_read_from_several_threads(tmp_path: Path, scene: Walk) -> No
         found = list(pool.map(lambda frame: image(frame.rgb.read()).pixels, frames))
     expected = [scene.rgb[row] for row in (7, 1, 5, 0, 3, 2, 6, 4) * 3]
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_images_are_found_in_any_order_with_little_memory(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """RGB and depth recorded at one time, and no more than two images kept."""
+    scene = walk(24)
+    monkeypatch.setattr(messages, "_RECENT_BYTES", 2 * scene.rgb[0].nbytes)
+    monkeypatch.setattr(messages, "_AHEAD", 300_000_000)
+    bag = BagFile(tmp_path / name)
+    for row, time in enumerate(nanoseconds(scene)):
+        bag.image(RGB, time, scene.rgb[row], "rgb8")
+        bag.image(DEPTH, time, scene.depth[row], "16UC1")
+        bag.info(INFO, time)
+        bag.pose("/pose", time, scene.poses[row])
+    (trajectory,) = read("bag", bag.write()).trajectories.values()
+    rows = [*range(24), *range(23, -1, -1), 0, 2, 1, 5, 4, 20, 3]
+    for row in rows:
+        frame = trajectory.frames[row]
+        assert frame.depth is not None
+        np.testing.assert_array_equal(image(frame.depth.read()).pixels, scene.depth[row])
+        np.testing.assert_array_equal(image(frame.rgb.read()).pixels, scene.rgb[row])
+
+
+def test_in_the_order_of_the_bag_each_message_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = walk(20)
+    path = walk_bag(tmp_path / "folder-mcap", scene).write()
+    (trajectory,) = read("bag", path).trajectories.values()
+    starts: list[int] = []
+    begin = messages.BagMessages._start
+
+    def counted(self, topic: str, recorded: int) -> None:
+        starts.append(recorded)
+        begin(self, topic, recorded)
+
+    monkeypatch.setattr(messages.BagMessages, "_start", counted)
+    for frame in trajectory.frames:
+        assert frame.depth is not None
+        image(frame.rgb.read())
+        image(frame.depth.read())
+    assert len(starts) <= 2

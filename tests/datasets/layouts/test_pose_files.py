@@ -88,6 +88,7 @@ BAD_POSES = {
     "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 one": "one",
     "": "0 values",
     "1 0 0 2e7 0 1 0 0 0 0 1 0 0 0 0 1": "from the origin",
+    "1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1": "last row is 1 2 3 1",
 }
 
 
@@ -105,7 +106,7 @@ def test_bad_poses_are_reported(scene, scan, layout: str, text: str) -> None:
     assert BAD_POSES[text] in issue.detail
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\0", b"1 " * 20_000])
+@pytest.mark.parametrize("content", [b"\xff\xfe\0", b"1 " * 20_000], ids=["binary", "large"])
 def test_pose_files_of_other_content_are_reported(scan, content: bytes) -> None:
     folder, frames = scan
     (folder / "pose/0.txt").write_bytes(content)

@@ -13,12 +13,20 @@ from s2rstore.errors import RequestError
 from s2rstore.security.memory_limit import bounded_memory
 from s2rtools.common.bag_files import LARGEST_UNPACKED, READING_MEMORY, check_bag, unreadable
 
+_Key = tuple[str, int, int]
+"""Topic, recording time and stamp."""
+_RECENT_BYTES = 32 << 20
+"""Messages that are kept because threads request them in another order."""
+_AHEAD = 500_000_000
+"""Nanoseconds to a message that is reached by reading those in front of it."""
+
 
 class BagMessages:
     """The messages of a ROS 1 bag, a ROS 2 folder, or a `.db3` or `.mcap` file.
 
-    The bag stays open as long as this object lives. A message is read by the time at which it was
-    recorded, through the index of the bag; only an MCAP file without one is read from its start.
+    The bag stays open as long as this object lives. A message is found by the time at which it was
+    recorded, through the index of the bag; an MCAP file without one is read from its start unless
+    messages are requested in their order.
     """
 
     def __init__(self, path: Path) -> None:
@@ -29,6 +37,11 @@ class BagMessages:
         check_bag(path)
         self.path = path
         self._lock = threading.Lock()
+        self._recent: dict[_Key, Any] = {}
+        self._recent_bytes = 0
+        self._requested: set[str] = set()
+        self._cursor: Iterator[tuple[Any, int, bytes]] | None = None
+        self._position = 0
         stack = ExitStack()
         weakref.finalize(self, stack.close)
         try:
@@ -74,18 +87,56 @@ class BagMessages:
     def at(self, topic: str, recorded: int, stamp: int) -> Any:
         """The message of `topic` with a recording time and the stamp of its header, in ns.
 
-        May be called from any thread. Raises RequestError if it cannot be read.
+        May be called from any thread. In about the order of the bag, each message is read once.
+        Raises RequestError if it cannot be read.
         """
-        chosen = self._connections[topic]
+        key = topic, recorded, stamp
         try:
             with self._lock:
-                for connection, _, raw in self._reader.messages(chosen, recorded, recorded + 1):
-                    message = self._message(connection, raw)
-                    if stamp_of(message) == stamp:
-                        return message
+                if key not in self._recent and not self._is_ahead(key):
+                    self._start(topic, recorded)
+                    self._read_on(key)
+                if key in self._recent:
+                    return self._recent[key]
         except Exception as error:
+            self._cursor = None
             raise unreadable(self.path, error) from error
         raise RequestError(f"{self.path}: topic {topic} has no message at {recorded} any more")
+
+    def _start(self, topic: str, recorded: int) -> None:
+        """Continue reading at a time, on all topics of which messages were requested."""
+        self._requested.add(topic)
+        chosen = [each for name in sorted(self._requested) for each in self._connections[name]]
+        self._cursor = self._reader.messages(chosen, start=recorded)
+        self._position = recorded
+
+    def _is_ahead(self, key: _Key) -> bool:
+        """Whether a message was found by reading on, if it is not far."""
+        topic, recorded, _ = key
+        if topic not in self._requested or not 0 <= recorded - self._position <= _AHEAD:
+            return False
+        try:
+            return self._read_on(key)
+        except Exception:  # perhaps of a damaged message in front of it
+            return False
+
+    def _read_on(self, key: _Key) -> bool:
+        """Read the messages up to one, and keep the last of them; whether it was found."""
+        for connection, position, raw in self._cursor or ():
+            self._position = position
+            message = self._message(connection, raw)
+            found = connection.topic, position, stamp_of(message)
+            if found not in self._recent:
+                self._recent[found] = message
+                self._recent_bytes += len(message.data)
+            while self._recent_bytes > _RECENT_BYTES and len(self._recent) > 1:
+                self._recent_bytes -= len(self._recent.pop(next(iter(self._recent))).data)
+            if found == key:
+                return True
+            if position > key[1]:
+                return False
+        self._cursor = None
+        return False
 
     def _message(self, connection: Any, raw: bytes) -> Any:
         return self._reader.deserialize(raw, connection.msgtype)

@@ -101,7 +101,8 @@ class _BagPart:
         self._depth = None if self.topics.depth is None else ImageIndex(self.bag, self.topics.depth)
         self._tree = FrameTree(path)
         self._log = PoseLog()
-        self._world_frame, self._body_frame = "", ""
+        self._worlds: set[str] = set()
+        self._body_frame = ""
         self._infos: dict[str, Any] = {}
         self._scan()
         self.camera, self.depth_camera = self._cameras()
@@ -133,7 +134,7 @@ class _BagPart:
     def _add_pose(self, recorded: int, message: Any) -> None:
         pose = getattr(message.pose, "pose", message.pose)
         self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
-        self._world_frame = plain(message.header.frame_id)
+        self._worlds.add(plain(message.header.frame_id))
         if self.bag.types[self.topics.pose] == ODOMETRY:
             self._body_frame = plain(message.child_frame_id)
 
@@ -237,8 +238,16 @@ class _BagPart:
                 )
             body, poses = camera, np.eye(4)
         else:
-            self.world = self._world_frame
+            if len(self._worlds) > 1:
+                worlds = ", ".join(sorted(self._worlds))
+                raise RequestError(
+                    f"{self.bag.path}: poses of {self.topics.pose} are in frames {worlds}"
+                )
+            self.world = next(iter(self._worlds))
             body = values.get("body") or self._body_frame or camera
+            if "body" not in values and not self._body_frame and self.topics.transforms:
+                detail = f"taken as those of frame {camera!r}; if they are of another, set body="
+                self.issues.append(InputIssue("frame assumed", self.topics.pose, detail))
             links = [] if body == camera else self._tree.chain(camera, body)
             place = f"{self.bag.path.name}:{self.topics.pose}"
             times, known, bad = self._log.ordered(origin, place)

@@ -40,7 +40,7 @@ from s2rtools.datasets.stated_cameras import checked, opencv_camera
 from s2rtools.datasets.text_lines import read_lines
 
 _SEQUENCE = re.compile(r"[0-9]{2,4}")
-_IMAGE = re.compile(r"([0-9]+)\.(?:png|jpg)")
+_IMAGE = re.compile(r"([0-9]+)\.(?:png|jpg)", re.IGNORECASE)
 _CAMERAS = ("2", "0", "1", "3")
 """In order of preference: colour before grey, left before right."""
 

@@ -35,8 +35,8 @@ from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Reco
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
 from s2rtools.datasets.stated_cameras import checked, opencv_camera
 
-_RGB = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)")
-_DEPTH = re.compile(r"([0-9]+)\.png")
+_RGB = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
+_DEPTH = re.compile(r"([0-9]+)\.png", re.IGNORECASE)
 _POSE = re.compile(r"([0-9]+)\.txt")
 _PLACES = ("intrinsic/intrinsic_{}.txt", "intrinsics_{}.txt", "intrinsic_{}.txt")
 _SKEW_LIMIT = 1e-3

@@ -89,7 +89,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         name=folder_name(folder),
         root=folder,
         camera=fit_to_images(colour, size, folder, issues),
-        depth_camera=fit_to_images(depth, depth_size, folder, issues),
+        depth_camera=fit_to_images(depth, depth_size, folder, issues, "depth_camera"),
         depth_raw_max=RAW_MAX,
         trajectories=trajectories,
         issues=issues,
