@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
-from s2rstore.arrays.row_array import PartedArray, RowArray
+from s2rstore.arrays.row_array import PartedArray, RowArray, row_numbers
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, NotComputedError, RequestError
 from s2rstore.files import layout, safe_files
@@ -20,8 +22,9 @@ from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
+from s2rstore.index.trajectory_parts import trajectory_parts
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side
+from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side, TrajectoryPart
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -174,17 +177,19 @@ class Store(IndexCatalog):
         """
         self.domain(domain)
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
-        for trajectory, first in self._first_iids.items():
-            count = self._counts[trajectory]
-            low, high = max(start, first), min(stop, first + count)
+        place = bisect_right(self.trajectory_parts, start, key=lambda part: part.first_iid)
+        for part in self.trajectory_parts[max(place - 1, 0) :]:
+            if part.first_iid >= stop:
+                break
+            first, low, high = part.first_iid, max(start, part.first_iid), min(stop, part.stop)
             if low < high:
-                self._check_images(domain, trajectory)
+                self._check_images(domain, part.trajectory)
                 for image in images:
                     if image == "depth" and not self.has_poses:
                         size = self.dataset.frame_height, self.dataset.frame_width
                         parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
                         continue
-                    array = self.frames_array(domain, trajectory, image)
+                    array = self.frames_array(domain, part, image)
                     parts[image].append(array.rows(low - first, high - first))
         return {
             image: rows[0] if len(rows) == 1 else np.concatenate(rows)
@@ -216,42 +221,49 @@ class Store(IndexCatalog):
                 f"(domains: {', '.join(domains)})"
             )
 
-    def first_iid(self, trajectory: str) -> int:
-        """The iid of a trajectory's first instance; its rows follow without gaps."""
-        return self._first_iids[trajectory]
+    def iids_of(self, trajectory: str) -> NDArray[np.int64]:
+        """The instances of a trajectory in recording order, which is that of their iids."""
+        parts = [part for part in self.trajectory_parts if part.trajectory == trajectory]
+        ranges = [np.arange(part.first_iid, part.stop, dtype=np.int64) for part in parts]
+        return np.concatenate(ranges) if ranges else np.zeros(0, dtype=np.int64)
+
+    def in_recording_order(self, rows: Any) -> NDArray[np.int64]:
+        """Instances, given by different iids or a mask (N,), by trajectory and position in it.
+
+        That is the order of their iids unless instances were appended to a trajectory.
+        """
+        iids = np.sort(row_numbers(rows))
+        return iids[np.argsort(self.instances.trajectory[iids], kind="stable")]
 
     @cached_property
-    def _counts(self) -> dict[str, int]:
-        return {trajectory.trajectory: trajectory.instances for trajectory in self.trajectories}
+    def trajectory_parts(self) -> tuple[TrajectoryPart, ...]:
+        """In order of their instances; each has frame arrays of its own."""
+        parts = trajectory_parts(self.execute)
+        counts: Counter[str] = Counter()
+        stop = 0
+        for part in parts:
+            if part.first_iid != stop:
+                break
+            stop = part.stop
+            counts[part.trajectory] += part.instances
+        stated = {each.trajectory: each.instances for each in self.trajectories if each.instances}
+        if dict(counts) != stated or stop != len(self.instances):
+            raise RequestError(
+                f"{self.path}: the instances of a trajectory do not follow one another in the "
+                "index; run `s2r verify`"
+            )
+        return tuple(parts)
 
-    @cached_property
-    def _first_iids(self) -> dict[str, int]:
-        columns = self.instances
-        first_iids = {}
-        codes, first = np.unique(columns.trajectory, return_index=True)
-        for code, start in zip(codes.tolist(), first.tolist(), strict=True):
-            count = self._counts[columns.trajectory_names[code]] if code >= 0 else 0
-            rows = columns.trajectory[start : start + count]
-            if not 0 < count == np.count_nonzero(columns.trajectory == code) == rows.size or (
-                (rows != code).any()
-            ):
-                raise RequestError(
-                    f"{self.path}: the instances of a trajectory do not follow one another in the "
-                    "index; run `s2r verify`"
-                )
-            first_iids[columns.trajectory_names[code]] = start
-        return dict(sorted(first_iids.items(), key=lambda item: item[1]))
-
-    def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
-        """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
+    def frames_array(self, domain: str, part: TrajectoryPart, image: str) -> StoredArray:
+        """The images of one kind, `rgb` or `depth`, of a part of a trajectory in one domain.
 
         RequestError where the array differs from the index.
         """
-        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
+        relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
         with self._lock:
             if relative not in self._arrays:
                 array = stored_array.open_read(self.path / relative, self.path)
-                size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
+                size = part.instances, self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")

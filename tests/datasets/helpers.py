@@ -35,7 +35,7 @@ def add(
     scan: Scan, store: Path, strict: bool = False, lines: list[str] | None = None
 ) -> dict[str, int]:
     said = [] if lines is None else lines
-    return append(scan, store, "s2r ingest", strict, lambda steps: None, said.append)
+    return append(scan, store, "s2r ingest", strict, lambda steps: None, said.append).instances
 
 
 def files(store: Path) -> dict[str, str]:

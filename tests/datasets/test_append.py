@@ -44,8 +44,7 @@ def rows_by_trajectory(store: Path) -> dict[str, object]:
         for domain in opened.domains:
             images = opened.frames(domain, 0, len(opened.instances))
             for trajectory in opened.trajectories:
-                first = opened.first_iid(trajectory.trajectory)
-                rows = slice(first, first + trajectory.instances)
+                rows = opened.iids_of(trajectory.trajectory)
                 digest = hashlib.sha256(images["rgb"][rows].tobytes())
                 digest.update(images["depth"][rows].tobytes())
                 found[f"{domain} {trajectory.trajectory}"] = digest.hexdigest()
@@ -83,11 +82,11 @@ def test_trajectories_are_in_the_order_of_their_instances(scan: Scan, store: Pat
         assert [t.trajectory for t in opened.trajectories] == ["c", "a", "b"]
         truth = opened.instances
         assert truth.trajectory.tolist() == [0] * N + [1] * N + [2] * N
-        assert [opened.first_iid(name) for name in "cab"] == [0, N, 2 * N]
+        assert [opened.iids_of(name)[0] for name in "cab"] == [0, N, 2 * N]
         both = opened.frames("sim", N - 2, N + 2)["rgb"]
         for row, iid in enumerate(range(N - 2, N + 2)):
             assert (both[row] == opened.frame(iid, "sim").rgb).all()
-        expected = opened.frames_array("sim", "a", "rgb")[0]
+        expected = opened.frames_array("sim", opened.trajectory_parts[1], "rgb")[0]
         assert (opened.frame(N, "sim").rgb == expected).all()
 
 

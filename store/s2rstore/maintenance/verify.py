@@ -233,13 +233,19 @@ class _Verification:
     def _check_frames(self) -> None:
         images = ("rgb", "depth") if self.store.has_poses else ("rgb",)
         imaged = self.store.imaged_trajectories
-        pairs = ((domain, name) for domain in imaged for name in sorted(imaged[domain]))
-        for names in ((*pair, image) for pair, image in product(pairs, images)):
-            relative = "/".join((layout.FRAMES, *names))
+        pairs = [
+            (domain, part)
+            for domain in imaged
+            for part in self.store.trajectory_parts
+            if part.trajectory in imaged[domain]
+        ]
+        for (domain, part), image in product(pairs, images):
+            relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
             is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
             if not is_covered:
                 self.uncovered["the metadata of frames"] = None
-            self._check_array(relative, partial(self.store.frames_array, *names), is_covered)
+            open_array = partial(self.store.frames_array, domain, part, image)
+            self._check_array(relative, open_array, is_covered)
 
     def _check_arrays(self) -> None:
         """Check every array once; several runs may list one."""
