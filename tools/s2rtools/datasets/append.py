@@ -103,7 +103,7 @@ def append(
         scan = in_store_terms(scan, store)
         found = additions(scan, store, progress)
         for name in found.rows:
-            further = "; instances behind it are added" if name in found.continued else ""
+            further = "; its further instances are added" if name in found.continued else ""
             report_line(f"trajectory {name}: already in the store{further}")
         if found.unchanged and found.is_empty:
             if strict:
