@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
-from s2rstore.index.trajectory_parts import trajectory_parts
+from s2rstore.index.trajectory_parts import check_contiguous, trajectory_parts
 from s2rstore.lru_cache import LruCache
 from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side, TrajectoryPart
 
@@ -232,27 +231,24 @@ class Store(IndexCatalog):
 
         That is the order of their iids unless instances were appended to a trajectory.
         """
-        iids = np.sort(row_numbers(rows))
+        iids = row_numbers(rows)
+        if np.asarray(rows).dtype != bool:
+            iids = np.sort(iids)
+        if self._follows_recordings:
+            return iids
         return iids[np.argsort(self.instances.trajectory[iids], kind="stable")]
+
+    @cached_property
+    def _follows_recordings(self) -> bool:
+        """Whether the order of iids is that of the trajectories."""
+        return bool((np.diff(self.instances.trajectory) >= 0).all())
 
     @cached_property
     def trajectory_parts(self) -> tuple[TrajectoryPart, ...]:
         """In order of their instances; each has frame arrays of its own."""
-        parts = trajectory_parts(self.execute)
-        counts: Counter[str] = Counter()
-        stop = 0
-        for part in parts:
-            if part.first_iid != stop:
-                break
-            stop = part.stop
-            counts[part.trajectory] += part.instances
-        stated = {each.trajectory: each.instances for each in self.trajectories if each.instances}
-        if dict(counts) != stated or stop != len(self.instances):
-            raise RequestError(
-                f"{self.path}: the instances of a trajectory do not follow one another in the "
-                "index; run `s2r verify`"
-            )
-        return tuple(parts)
+        parts = tuple(trajectory_parts(self.execute))
+        check_contiguous(parts, self.trajectories, self.path)
+        return parts
 
     def frames_array(self, domain: str, part: TrajectoryPart, image: str) -> StoredArray:
         """The images of one kind, `rgb` or `depth`, of a part of a trajectory in one domain.

@@ -35,7 +35,7 @@ def test_a_trajectory_is_added_in_the_frame_size_of_the_store(
     output = capsys.readouterr()
     assert output.out == ""
     assert output.err.count("already in the store") == 2
-    assert output.err.count("no new instance; nothing to append") == 1
+    assert output.err.count("no new instances or domains; nothing to append") == 1
     assert main(["verify", store]) == 0
 
 

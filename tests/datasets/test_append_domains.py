@@ -6,6 +6,8 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 import s2rstore
@@ -223,3 +225,18 @@ def test_a_killed_addition_leaves_the_store_and_a_rerun_succeeds(
     add(whole, store)
     assert verify(store) == []
     assert rows_by_trajectory(store) == rows_by_trajectory(once)
+
+
+def test_an_added_domain_has_one_depth_type_in_a_trajectory(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
+    whole = scan_of("sim2realviz", tmp_path / "data", header=header)
+    records = list(whole.trajectories["a"])
+    for record in records[6:]:
+        file = record.sources[EDIT].depth
+        png = file.with_suffix(".png")
+        cv2.imwrite(str(png), cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.uint16))
+        png.replace(file)
+    store = start(whole, tmp_path / "s.s2r", a=5)
+    assert add(whole, store) == {"a": 1}
+    assert kinds(whole) == {"mixed depth types": N - 6}
+    assert verify(store) == []

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import duckdb
 
-from s2rstore.records import TrajectoryPart
+from s2rstore.errors import RequestError
+from s2rstore.records import Trajectory, TrajectoryPart
 
 Query = Callable[[str], Sequence[tuple[Any, ...]]]
 
@@ -43,6 +45,24 @@ def trajectory_parts(execute: Query) -> list[TrajectoryPart]:
         parts.append(TrajectoryPart(trajectory, part, first_iid, count, rows[trajectory]))
         rows[trajectory] += count
     return parts
+
+
+def check_contiguous(
+    parts: Sequence[TrajectoryPart], trajectories: Sequence[Trajectory], path: Path
+) -> None:
+    """Raise RequestError unless the parts follow one another and hold all stated instances."""
+    counts: Counter[str] = Counter()
+    stop = 0
+    for part in parts:
+        if part.first_iid != stop:
+            break
+        stop = part.stop
+        counts[part.trajectory] += part.instances
+    if counts != Counter({each.trajectory: each.instances for each in trajectories}):
+        raise RequestError(
+            f"{path}: the instances of a trajectory do not follow one another in the index; run "
+            "`s2r verify`"
+        )
 
 
 def has_continued_trajectory(connection: duckdb.DuckDBPyConnection) -> bool:

@@ -44,7 +44,12 @@ from s2rtools.datasets.index_rows import (
 )
 from s2rtools.datasets.instance_agreement import Additions, additions, stored_depth_types
 from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.new_domains import DomainFrames, insert_domains, write_domain_frames
+from s2rtools.datasets.new_domains import (
+    DomainFrames,
+    depth_types,
+    insert_domains,
+    write_domain_frames,
+)
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.store_agreement import in_store_terms
 from s2rtools.datasets.stored_instances import StoredRecords
@@ -84,7 +89,7 @@ def append(
 ) -> Appended:
     """Decode, check and store what a scan has and the store `target` does not have.
 
-    That are new trajectories, further instances behind those of a trajectory, and domains that
+    These are new trajectories, further instances behind those of a trajectory, and domains that
     image every instance. New instances follow the existing ones, by trajectory name, then in
     recording order. Bounds, rooms and floor plan stay those of the store. Instances with an
     unusable frame are left out and reported in `scan.issues`. `progress` is called with the number
@@ -108,7 +113,7 @@ def append(
         if found.unchanged and found.is_empty:
             if strict:
                 refuse_unusable(scan, strict)
-            report_line(f"{target}: no new instance; nothing to append")
+            report_line(f"{target}: no new instances or domains; nothing to append")
             return Appended({})
         added = replace(scan, trajectories=_added_records(scan, found))
         report_outside_bounds(added)
@@ -142,20 +147,17 @@ def _added_records(scan: Scan, found: Additions) -> dict[str, Sequence[InstanceR
 def _write(
     added: Scan, scan: Scan, store: Store, found: Additions, folder: Path, progress: ReportProgress
 ) -> _Written:
-    """Write the frames of new instances and of new domains below `folder`."""
-    part = len(store.parts)
-    places = {
-        name: FramePlace(
-            TrajectoryPart.later_folder(name, part), stored_depth_types(store, name)
-        )
-        for name in found.continued
-    }  # fmt: skip
-    stored = write_frames(added, folder, progress, places) if added.trajectories else {}
+    """Write the frames of new domains and of new instances below `folder`."""
     domain_frames: DomainFrames = []
     if found.domains:
         domain_frames = write_domain_frames(
             scan, store, found.domains, found.rows, folder, progress
         )
+    part, places = len(store.parts), {}
+    for name in found.continued:
+        types = stored_depth_types(store, name) | depth_types(folder, found.domains, name)
+        places[name] = FramePlace(TrajectoryPart.later_folder(name, part), types)
+    stored = write_frames(added, folder, progress, places) if added.trajectories else {}
     ends = {name: TrajectoryEnd.of(store, name) for name in found.continued if name in stored}
     return _Written(stored, found.domains, domain_frames, ends)
 

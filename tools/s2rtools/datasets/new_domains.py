@@ -37,11 +37,10 @@ def write_domain_frames(
     where a frame is unusable.
     """
     written: DomainFrames = []
-    depth_types: dict[str, dict[str, str]] = {}
     for part in store.trajectory_parts:
         name = part.trajectory
         records = _records(scan, domains, part, rows[name])
-        place = FramePlace(part.folder, depth_types.get(name, {}))
+        place = FramePlace(part.folder, depth_types(root, domains, name) if part.row else {})
         before = len(scan.issues)
         of_part = replace(scan, trajectories={name: records})
         stored = write_trajectory(of_part, root, name, progress, place)
@@ -53,8 +52,6 @@ def write_domain_frames(
                 f"{store.path}"
             )
         written.append((part, stored))
-        if name not in depth_types:
-            depth_types[name] = {each: _depth_type(root, each, part) for each in domains}
     return written
 
 
@@ -82,6 +79,9 @@ def _records(
     return LazySequence(part.instances, record)
 
 
-def _depth_type(root: Path, domain: str, part: TrajectoryPart) -> str:
-    folder = root / layout.FRAMES / domain / part.folder / "depth"
-    return stored_array.open_read(folder, root).layout.dtype
+def depth_types(root: Path, domains: Sequence[str], trajectory: str) -> dict[str, str]:
+    """The numpy type of a trajectory's depth images, as written below `root`, in some domains."""
+    folders = {name: root / layout.FRAMES / name / trajectory / "depth" for name in domains}
+    return {
+        name: stored_array.open_read(folder, root).layout.dtype for name, folder in folders.items()
+    }
