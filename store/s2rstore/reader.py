@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
-from s2rstore.arrays.row_array import PartedArray, RowArray
+from s2rstore.arrays.row_array import PartedArray, RowArray, row_numbers
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, NotComputedError, RequestError
 from s2rstore.files import layout, safe_files
@@ -20,8 +21,17 @@ from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns, RunColumns
+from s2rstore.index.trajectory_parts import check_contiguous, trajectory_parts
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, ArrayRecord, Coverage, Domain, Side, needs_network
+from s2rstore.records import (
+    NO_RUN,
+    ArrayRecord,
+    Coverage,
+    Domain,
+    Side,
+    TrajectoryPart,
+    needs_network,
+)
 
 # Which plane of a heatmap's leading axis each mode shows.
 _PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
@@ -247,18 +257,15 @@ class Store(IndexCatalog):
         """
         has_depth = self.domain(domain).has_depth
         parts: dict[str, list[NDArray[Any]]] = {image: [] for image in images}
-        for trajectory, first in self._first_iids.items():
-            count = self._counts[trajectory]
-            low, high = max(start, first), min(stop, first + count)
-            if low < high:
-                self._check_images(domain, trajectory)
-                for image in images:
-                    if image == "depth" and not has_depth:
-                        size = self.dataset.frame_height, self.dataset.frame_width
-                        parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
-                        continue
-                    array = self.frames_array(domain, trajectory, image)
-                    parts[image].append(array.rows(low - first, high - first))
+        for part, low, high in self._parts_of(start, stop):
+            self._check_images(domain, part.trajectory)
+            for image in images:
+                if image == "depth" and not has_depth:
+                    size = self.dataset.frame_height, self.dataset.frame_width
+                    parts[image].append(np.zeros((high - low, *size), dtype=np.uint8))
+                    continue
+                array = self.frames_array(domain, part, image)
+                parts[image].append(array.rows(low - part.first_iid, high - part.first_iid))
         return {
             image: rows[0] if len(rows) == 1 else np.concatenate(rows)
             for image, rows in parts.items()
@@ -275,57 +282,58 @@ class Store(IndexCatalog):
         is 0, in images of the size of RGB.
         """
         self.domain(domain)
-        for trajectory, first in self._first_iids.items():
-            low, high = max(start, first), min(stop, first + self._counts[trajectory])
-            if low >= high:
-                continue
-            if not self.has_source_frames(domain, trajectory):
+        for part, low, high in self._parts_of(start, stop):
+            if not self.has_source_frames(domain, part):
                 yield low, self.frames(domain, low, high, images)
                 continue
             stored = self._stored_images(domain, images)
-            arrays = {image: self.source_array(domain, trajectory, image) for image in stored}
-            block = {k: each.rows(low - first, high - first) for k, each in arrays.items()}
+            rows = low - part.first_iid, high - part.first_iid
+            block = {each: self.source_array(domain, part, each).rows(*rows) for each in stored}
             if len(stored) < len(images):
-                height, width = self.source_array(domain, trajectory, "rgb").shape[1:3]
+                height, width = self.source_array(domain, part, "rgb").shape[1:3]
                 block["depth"] = np.zeros((high - low, height, width), dtype=np.uint8)
             yield low, block
+
+    def _parts_of(self, start: int, stop: int) -> Iterator[tuple[TrajectoryPart, int, int]]:
+        """The parts of trajectories with some of iids [start, stop), first and last + 1 of each."""
+        place = bisect_right(self.trajectory_parts, start, key=lambda part: part.first_iid)
+        for part in self.trajectory_parts[max(place - 1, 0) :]:
+            if part.first_iid >= stop:
+                return
+            low, high = max(start, part.first_iid), min(stop, part.stop)
+            if low < high:
+                yield part, low, high
 
     def _stored_images(self, domain: str, images: Iterable[str]) -> list[str]:
         """The images of a domain that are stored: without `depth` where it has none."""
         has_depth = self.domain(domain).has_depth
         return [image for image in images if has_depth or image != "depth"]
 
-    def has_source_frames(self, domain: str, trajectory: str) -> bool:
+    def has_source_frames(self, domain: str, part: TrajectoryPart) -> bool:
         """Whether the store holds images of the size of their source besides the frames."""
-        name = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES['rgb']}"
+        name = f"{layout.FRAMES}/{domain}/{part.folder}/{SOURCE_IMAGES['rgb']}"
         return f"{name}/{stored_array.METADATA}" in self.checksums
 
     def has_source_images(self, domain: str, start: int, stop: int) -> bool:
         """Whether `source_frames` and `frames` differ for any of iids [start, stop)."""
-        return any(
-            self.has_source_frames(domain, trajectory)
-            for trajectory, first in self._first_iids.items()
-            if max(start, first) < min(stop, first + self._counts[trajectory])
-        )
+        return any(self.has_source_frames(domain, p) for p, _, _ in self._parts_of(start, stop))
 
     def source_size(self, domain: str, iid: int) -> dict[str, list[int]] | None:
         """Rows and columns of the source of each image, if they are stored; else None."""
-        for trajectory, first in self._first_iids.items():
-            if first <= iid < first + self._counts[trajectory]:
-                if not self.has_source_frames(domain, trajectory):
-                    return None
+        for part, _, _ in self._parts_of(iid, iid + 1):
+            if self.has_source_frames(domain, part):
                 stored = self._stored_images(domain, SOURCE_IMAGES)
-                arrays = {i: self.source_array(domain, trajectory, i) for i in stored}
+                arrays = {image: self.source_array(domain, part, image) for image in stored}
                 return {image: list(array.shape[1:3]) for image, array in arrays.items()}
         return None
 
-    def source_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
+    def source_array(self, domain: str, part: TrajectoryPart, image: str) -> StoredArray:
         """As `frames_array`, at the size of the source images."""
-        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{SOURCE_IMAGES[image]}"
+        relative = f"{layout.FRAMES}/{domain}/{part.folder}/{SOURCE_IMAGES[image]}"
         with self._lock:
             if relative not in self._arrays:
                 array = stored_array.open_read(self.path / relative, self.path)
-                shape = self._counts[trajectory], *array.shape[1:3]
+                shape = part.instances, *array.shape[1:3]
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
                 _check_metadata(array, (*shape, 3) if image == "rgb" else shape, types, expected)
@@ -357,42 +365,46 @@ class Store(IndexCatalog):
                 f"(domains: {', '.join(domains)})"
             )
 
-    def first_iid(self, trajectory: str) -> int:
-        """The iid of a trajectory's first instance; its rows follow without gaps."""
-        return self._first_iids[trajectory]
+    def iids_of(self, trajectory: str) -> NDArray[np.int64]:
+        """The instances of a trajectory in recording order, which is that of their iids."""
+        parts = [part for part in self.trajectory_parts if part.trajectory == trajectory]
+        ranges = [np.arange(part.first_iid, part.stop, dtype=np.int64) for part in parts]
+        return np.concatenate(ranges) if ranges else np.zeros(0, dtype=np.int64)
+
+    def in_recording_order(self, rows: Any) -> NDArray[np.int64]:
+        """Instances, given by different iids or a mask (N,), by trajectory and position in it.
+
+        That is the order of their iids unless instances were appended to a trajectory.
+        """
+        iids = row_numbers(rows)
+        if np.asarray(rows).dtype != bool:
+            iids = np.sort(iids)
+        if self._follows_recordings:
+            return iids
+        return iids[np.argsort(self.instances.trajectory[iids], kind="stable")]
 
     @cached_property
-    def _counts(self) -> dict[str, int]:
-        return {trajectory.trajectory: trajectory.instances for trajectory in self.trajectories}
+    def _follows_recordings(self) -> bool:
+        """Whether the order of iids is that of the trajectories."""
+        return bool((np.diff(self.instances.trajectory) >= 0).all())
 
     @cached_property
-    def _first_iids(self) -> dict[str, int]:
-        columns = self.instances
-        first_iids = {}
-        codes, first = np.unique(columns.trajectory, return_index=True)
-        for code, start in zip(codes.tolist(), first.tolist(), strict=True):
-            count = self._counts[columns.trajectory_names[code]] if code >= 0 else 0
-            rows = columns.trajectory[start : start + count]
-            if not 0 < count == np.count_nonzero(columns.trajectory == code) == rows.size or (
-                (rows != code).any()
-            ):
-                raise RequestError(
-                    f"{self.path}: the instances of a trajectory do not follow one another in the "
-                    "index; run `s2r verify`"
-                )
-            first_iids[columns.trajectory_names[code]] = start
-        return dict(sorted(first_iids.items(), key=lambda item: item[1]))
+    def trajectory_parts(self) -> tuple[TrajectoryPart, ...]:
+        """In order of their instances; each has frame arrays of its own."""
+        parts = tuple(trajectory_parts(self.execute))
+        check_contiguous(parts, self.trajectories, self.path)
+        return parts
 
-    def frames_array(self, domain: str, trajectory: str, image: str) -> StoredArray:
-        """A trajectory's images of one kind, `rgb` or `depth`, of one domain.
+    def frames_array(self, domain: str, part: TrajectoryPart, image: str) -> StoredArray:
+        """The images of one kind, `rgb` or `depth`, of a part of a trajectory in one domain.
 
         RequestError where the array differs from the index.
         """
-        relative = f"{layout.FRAMES}/{domain}/{trajectory}/{image}"
+        relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
         with self._lock:
             if relative not in self._arrays:
                 array = stored_array.open_read(self.path / relative, self.path)
-                size = self._counts[trajectory], self.dataset.frame_height, self.dataset.frame_width
+                size = part.instances, self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")

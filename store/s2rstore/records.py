@@ -181,6 +181,34 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
+class TrajectoryPart:
+    """Instances [`first_iid`, `stop`) of a trajectory: those that belong to one part of the store.
+
+    `row` is the position of the first of them in the trajectory.
+    """
+
+    trajectory: str
+    part: int
+    first_iid: int
+    instances: int
+    row: int
+
+    @property
+    def stop(self) -> int:
+        return self.first_iid + self.instances
+
+    @property
+    def folder(self) -> str:
+        """The folder of their frames in that of a domain."""
+        return self.later_folder(self.trajectory, self.part) if self.row else self.trajectory
+
+    @staticmethod
+    def later_folder(trajectory: str, part: int) -> str:
+        """The folder of instances that follow others; names of trajectories hold no `@`."""
+        return f"{trajectory}@{part}"
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
     """A network in the store; `input` is its input contract.
 

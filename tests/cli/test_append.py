@@ -27,7 +27,7 @@ def test_a_trajectory_is_added_in_the_frame_size_of_the_store(
     capsys.readouterr()
     assert main(["ingest", *source, "--store", store, "--append"]) == 0
     output = capsys.readouterr()
-    assert output.out == f"{store}: 4 instances added, now 8; new trajectories a (4)\n"
+    assert output.out == f"{store}: 4 instances added, now 8; trajectories a (4)\n"
     assert "trajectory b: already in the store\n" in output.err
     with s2rstore.open(store) as opened:
         assert '"trajectories":{"a":4}' in opened.provenance("dataset")["append:1"]
@@ -35,7 +35,7 @@ def test_a_trajectory_is_added_in_the_frame_size_of_the_store(
     output = capsys.readouterr()
     assert output.out == ""
     assert output.err.count("already in the store") == 2
-    assert output.err.count("no new trajectory; nothing to append") == 1
+    assert output.err.count("no new instances or domains; nothing to append") == 1
     assert main(["verify", store]) == 0
 
 

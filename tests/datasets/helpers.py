@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+import s2rstore
 from s2rstore.files import layout
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.append import append
@@ -35,7 +36,32 @@ def add(
     scan: Scan, store: Path, strict: bool = False, lines: list[str] | None = None
 ) -> dict[str, int]:
     said = [] if lines is None else lines
-    return append(scan, store, "s2r ingest", strict, lambda steps: None, said.append)
+    return append(scan, store, "s2r ingest", strict, lambda steps: None, said.append).instances
+
+
+def rows_by_trajectory(store: Path) -> dict[str, object]:
+    """All rows of instances, frames and trajectories without iids, and the frames themselves."""
+    with s2rstore.open(store) as opened:
+        found: dict[str, object] = {
+            "trajectory": opened.execute("FROM trajectory ORDER BY trajectory"),
+            "room": opened.execute("FROM room ORDER BY position"),
+            "domain": opened.execute("SELECT * EXCLUDE (hash) FROM domain ORDER BY domain"),
+            "instance": opened.execute(
+                "SELECT * EXCLUDE (iid) FROM instance ORDER BY trajectory, seq"
+            ),
+            "frame": opened.execute(
+                "SELECT trajectory, seq, frame.* EXCLUDE (iid) FROM frame JOIN instance USING "
+                "(iid) ORDER BY trajectory, seq, domain"
+            ),
+        }
+        for domain, imaged in opened.imaged_trajectories.items():
+            for trajectory in sorted(imaged):
+                digest = hashlib.sha256()
+                for iid in opened.iids_of(trajectory):
+                    for image in opened.frames(domain, int(iid), int(iid) + 1).values():
+                        digest.update(image.tobytes())
+                found[f"{domain} {trajectory}"] = digest.hexdigest()
+    return found
 
 
 def files(store: Path) -> dict[str, str]:

@@ -20,40 +20,17 @@ from s2rtools.datasets.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
-from tests.datasets.helpers import SIZE, add, files, ingest, kinds, scan_of
+from tests.datasets.helpers import (
+    SIZE,
+    add,
+    files,
+    ingest,
+    kinds,
+    rows_by_trajectory,
+    scan_of,
+)
 from tests.support import image_folders, pairs
 from tests.support.copies import copy_store
-
-
-def rows_by_trajectory(store: Path) -> dict[str, object]:
-    """All rows of instances, frames and trajectories without iids, and the frames themselves."""
-    with s2rstore.open(store) as opened:
-        found: dict[str, object] = {
-            "trajectory": opened.execute("FROM trajectory ORDER BY trajectory"),
-            "room": opened.execute("FROM room ORDER BY position"),
-            "domain": opened.execute("FROM domain ORDER BY domain"),
-            "instance": opened.execute(
-                "SELECT * EXCLUDE (iid) FROM instance ORDER BY trajectory, seq"
-            ),
-            "frame": opened.execute(
-                "SELECT trajectory, seq, frame.* EXCLUDE (iid) FROM frame JOIN instance USING "
-                "(iid) ORDER BY trajectory, seq, domain"
-            ),
-            "checksums": {
-                file: digest
-                for file, digest in opened.checksums.items()
-                if not file.startswith("assets/")
-            },
-        }
-        for domain in opened.domains:
-            images = opened.frames(domain, 0, len(opened.instances))
-            for trajectory in opened.trajectories:
-                first = opened.first_iid(trajectory.trajectory)
-                rows = slice(first, first + trajectory.instances)
-                digest = hashlib.sha256(images["rgb"][rows].tobytes())
-                digest.update(images["depth"][rows].tobytes())
-                found[f"{domain} {trajectory.trajectory}"] = digest.hexdigest()
-    return found
 
 
 def test_appending_equals_ingesting_at_once_except_for_the_iids(
@@ -61,7 +38,10 @@ def test_appending_equals_ingesting_at_once_except_for_the_iids(
 ) -> None:
     ingest("sim2realviz", source[0], tmp_path / "once.s2r", header=source[1])
     assert add(scan, store) == {"a": N, "b": N}
-    assert rows_by_trajectory(store) == rows_by_trajectory(tmp_path / "once.s2r")
+    once = tmp_path / "once.s2r"
+    assert rows_by_trajectory(store) == rows_by_trajectory(once)
+    with s2rstore.open(store) as opened, s2rstore.open(once) as other:
+        assert opened.checksums == other.checksums
     assert verify(store) == []
     assert check(store).notes == ()
 
@@ -87,11 +67,11 @@ def test_trajectories_are_in_the_order_of_their_instances(scan: Scan, store: Pat
         assert [t.trajectory for t in opened.trajectories] == ["c", "a", "b"]
         truth = opened.instances
         assert truth.trajectory.tolist() == [0] * N + [1] * N + [2] * N
-        assert [opened.first_iid(name) for name in "cab"] == [0, N, 2 * N]
+        assert [opened.iids_of(name)[0] for name in "cab"] == [0, N, 2 * N]
         both = opened.frames("sim", N - 2, N + 2)["rgb"]
         for row, iid in enumerate(range(N - 2, N + 2)):
             assert (both[row] == opened.frame(iid, "sim").rgb).all()
-        expected = opened.frames_array("sim", "a", "rgb")[0]
+        expected = opened.frames_array("sim", opened.trajectory_parts[1], "rgb")[0]
         assert (opened.frame(N, "sim").rgb == expected).all()
 
 

@@ -70,7 +70,7 @@ def test_frames_are_averaged_over_areas_to_one_size_in_the_order_of_the_index(
 ) -> None:
     with s2rstore.open(store_path) as store:
         assert (store.dataset.frame_height, store.dataset.frame_width) == FRAME
-        night, loop = store.first_iid("real_night"), store.first_iid("sim_loop")
+        night, loop = (store.iids_of(name)[0] for name in ("real_night", "sim_loop"))
         real = store.frames("real", night, night + 3, ("rgb",))["rgb"]
         sim = store.frames("sim", loop, loop + 5, ("rgb",))["rgb"]
     assert np.array_equal(real, [expected(100 + n, REAL_SIZE) for n in range(3)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from itertools import product
 from pathlib import Path
 
@@ -15,10 +15,14 @@ from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import run_frames
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.build import build
+from s2rtools.datasets.scan import ScanOptions
 from s2rtools.gap.visual import visual_axis
 from s2rtools.scoring import heatmap_metrics
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.heatmap_metrics import score_heatmaps
+from s2rtools.synthetic_world.factors import complete_severities
 from s2rtools.training import pretrained
 from s2rtools.translator_evaluation import report
 from s2rtui.charts.instance.model import instance_input
@@ -40,9 +44,11 @@ pytestmark = pytest.mark.xdist_group("hidden shards")
 RUNS = ("vanilla", "up")
 """Runs of the store; the sim camera of `up` is moved."""
 COUNT = 6
-"""Instances of either part."""
-IIDS = (0, COUNT)
-"""An instance of either part."""
+"""Instances of either trajectory."""
+FIRST = 4
+"""Instances of the first part; the others of `traj1` are in the second one."""
+IIDS = (0, FIRST, COUNT)
+"""An instance of the first part, and one of either trajectory in the second part."""
 HEATS = (
     "activation:loss", "activation:x", "activation:y", "activation:heading", "feature_distance",
     "pixel_difference:rgb", "pixel_difference:depth", "harmonised_distance",
@@ -53,16 +59,19 @@ MOVES = "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6"
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A computed world of two parts with all heatmaps of two runs."""
+    """A computed world of two parts with all heatmaps of two runs; `traj1` is continued."""
     store = tmp_path_factory.mktemp("hidden") / "w.s2r"
-    ingest = "ingest", "world", "--instances", str(COUNT), "--store", str(store)
-    assert main([*ingest, "--size", "64", "--trajectory", "traj1"]) == 0
+    world = {"count": COUNT, "factors": complete_severities()}
+    scan = IMPORTERS["world"](Path(), ScanOptions(frame=(64, 64), world=world))
+    first = replace(scan, trajectories={"traj1": scan.trajectories["traj1"][:FIRST]})
+    build(first, store, "s2r ingest", True, lambda steps: None)
     pretrained.add_pretrained_models(store)
     moved = "--model", "vanilla", "--adjust", MOVES, "--store", str(store)
     assert main(["run", "add", "up", *moved]) == 0
     runs = [word for run in RUNS for word in ("--run", run)]
     assert main(["precompute", str(store), *runs]) == 0
-    assert main([*ingest, "--append"]) == 0
+    assert main(["ingest", "world", "--instances", str(COUNT), "--store", str(store),
+                 "--append"]) == 0  # fmt: skip
     assert main(["precompute", str(store), *runs]) == 0
     fit = "translate", "fit", "levels", "--store", str(store), "--name", "T"
     assert main(list(fit)) == 0

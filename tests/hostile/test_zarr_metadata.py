@@ -199,7 +199,7 @@ def test_flipped_metadata_without_checksum_is_rejected_or_has_no_effect(tmp_path
     undetected = []
     with s2rstore.open(root) as store:
         record, array = store.array("vanilla", "activation", "real")
-        frames = store.frames_array("sim", "a", "rgb")
+        frames = store.frames_array("sim", store.trajectory_parts[0], "rgb")
         values = {frames.path: frames[:], array.path: array[:]}
     for path, before in values.items():
         content = (path / "zarr.json").read_bytes()

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.arrays import array_writer
+from s2rstore.arrays.stored_array import METADATA
 from s2rstore.errors import NotComputedError, RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, TrajectoryPart
 from s2rtools.precompute import pipeline
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
@@ -31,7 +36,7 @@ FIRST = 24
 
 
 def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> None:
-    """Declare that the instances up to each stop were ingested together.
+    """Declare that the instances of the one trajectory up to each stop were ingested together.
 
     `first_hash` is the hash of the first part, that of the data set by default.
     """
@@ -40,13 +45,32 @@ def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> 
             first_hash or store.dataset.hash,
             *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops),
         ]
+        frames = {domain: store.frames(domain, 0, stops[-1]) for domain in store.domains}
     with edit(path) as draft:
         draft.delete("part")
+        for (domain, images), (part, ends) in product(
+            frames.items(), enumerate(pairwise((0, *stops)))
+        ):
+            folder = TrajectoryPart.later_folder("traj1", part) if part else "traj1"
+            for image, rows in images.items():
+                name = f"{layout.FRAMES}/{domain}/{folder}/{image}"
+                draft.record_checksums(write_frames(path, name, rows[slice(*ends)]))
         for part, (first, stop) in enumerate(zip((0, *stops), stops, strict=False)):
             draft.insert_row(
                 "part",
                 {"part": part, "first_iid": first, "instances": stop - first, "hash": hashes[part]},
             )
+
+
+def write_frames(path: Path, name: str, rows: np.ndarray) -> dict[str, str]:
+    """Write an array of frames in place of another one; gives the checksum of its metadata."""
+    shutil.rmtree(path / name, ignore_errors=True)
+    array_writer.create(
+        path / name, array_writer.plan_layout(len(rows), rows.shape[1:], str(rows.dtype), 64)
+    )
+    file = array_writer.write_shard(path / name, 0, rows)
+    Ledger(path).add_entries([LedgerEntry(name, file.path, file.bytes, file.sha256, len(rows))])
+    return {f"{name}/{METADATA}": safe_files.sha256(path, f"{name}/{METADATA}")}
 
 
 def withdraw_later_arrays(path: Path, condition: str) -> None:

@@ -55,9 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             layout.add_argument("--trajectory", action="append", default=[],
                                 help="read only this trajectory (repeatable)")  # fmt: skip
             layout.add_argument("--append", action="store_true",
-                                help="add the trajectories that the store does not have to it; "
-                                "frame size, domains and cameras must be those of the "
-                                "store")  # fmt: skip
+                                help="add what the store does not have: trajectories, instances "
+                                "behind those of a trajectory, domains of all instances; frame "
+                                "size and cameras must be those of the store")  # fmt: skip
         layout.add_argument("--size", type=int,
                             help=f"{edge} of stored frames, pixels (default {size}; with --append "
                             "that of the store)")  # fmt: skip
@@ -168,15 +168,19 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print(printable(f"s2r: interrupted; append to {options.store} again"), file=sys.stderr)
         return 130
-    if not added:
-        return 0
     with s2rstore.open(options.store) as store:
         count, runs = len(store.instances), any(run.key for run in store.runs.values())
-        checks = convention_report.check_stored(store, store.parts[-1].first_iid)
-    trajectories = ", ".join(f"{name} ({number})" for name, number in added.items())
+        checks = []
+        if added.instances:
+            checks = convention_report.check_stored(store, store.parts[-1].first_iid)
+    if added.domains:
+        print(f"{options.store}: {', '.join(added.domains)} added")
+    if not added.instances:
+        return 0
+    trajectories = ", ".join(f"{name} ({number})" for name, number in added.instances.items())
     print(
-        f"{options.store}: {sum(added.values())} instances added, now {count}; "
-        f"new trajectories {trajectories}"
+        f"{options.store}: {sum(added.instances.values())} instances added, now {count}; "
+        f"trajectories {trajectories}"
     )
     if checks:
         print(printable(convention_report.line(checks)), file=sys.stderr)

@@ -57,9 +57,10 @@ class IndexCatalog:
         """
         self.path = Path(path)
         current = layout.read_current(self.path)
-        if current.schema != schema.VERSION:
+        if current.schema not in schema.VERSIONS:
+            known = " and ".join(map(str, schema.VERSIONS))
             raise RequestError(
-                f"{path}: schema {current.schema}, this program reads {schema.VERSION}; "
+                f"{path}: schema {current.schema}, this program reads {known}; "
                 "use the release that wrote it, or ingest again"
             )
         self.generation = current.generation if generation is None else generation
@@ -403,4 +404,6 @@ def _domain(row: dict[str, Any]) -> Domain:
         Intrinsics(*(row.pop(f"{image}_{figure}") for figure in figures))
         for image in ("rgb", "depth")
     )
-    return Domain(rgb=rgb, depth=depth, sources=row.pop("source"), **row)
+    sources = row.pop("source")
+    row.pop("hash")
+    return Domain(rgb=rgb, depth=depth, sources=sources, **row)

@@ -179,6 +179,8 @@ def check_domains(index: Path, rows: Sequence[Row], has_poses: bool = True) -> l
         sources = check.parsed("source", dict) if row["source"] else {}
         if not all(isinstance(value, str) for value in sources.values()):
             check.refuse("source", "not an object of texts")
+        if row["hash"] is not None:
+            layout.checked_hash(row["hash"], f"{index}: table domain: hash of {row['domain']!r}")
         checked.append({**row, "source": sources})
     return checked
 

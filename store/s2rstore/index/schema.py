@@ -10,6 +10,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 VERSION = 1
+"""The schema number of a store, in `CURRENT.json`."""
+CONTINUED_VERSION = 2
+"""That of a store in which instances were appended to a trajectory.
+
+Earlier releases, which look for all frames of a trajectory in one array, refuse such a store.
+"""
+VERSIONS = (VERSION, CONTINUED_VERSION)
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
@@ -73,8 +80,8 @@ TABLES: tuple[Table, ...] = (
         (
             "hash",
             "VARCHAR",
-            "SHA-256 over poses, frames and calibration; with several rows in table part: SHA-256 "
-            "over their hashes, joined in order",
+            "SHA-256 over poses, frames and calibration; with rows in table part: SHA-256 over "
+            "their hashes in order and those in table domain by name, joined",
         ),
         ("bounds_x0", "DOUBLE", "left edge of the floor plan, m"),
         ("bounds_y0", "DOUBLE", "edge of the floor plan with the smaller y, m"),
@@ -95,7 +102,7 @@ TABLES: tuple[Table, ...] = (
     ),
     table_of(
         "trajectory",
-        "recordings; their instances follow one another",
+        "recordings; their instances follow one another within a part",
         "trajectory",
         ("trajectory", "VARCHAR", "name"),
         ("recorded_at", "VARCHAR", "when it was recorded, as the source states it"),
@@ -140,6 +147,13 @@ TABLES: tuple[Table, ...] = (
             "has_depth",
             "BOOLEAN",
             "false: RGB images without depth, whose columns are NULL; NULL = true",
+            True,
+        ),
+        (
+            "hash",
+            "VARCHAR",
+            "SHA-256 over the frames and calibration of a domain that was added to the instances "
+            "of a store; NULL = covered by the hashes of the parts",
             True,
         ),
     ),

@@ -21,6 +21,7 @@ from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.files.safe_files import FolderEntry
 from s2rstore.index import locked_connection, row_files, schema
+from s2rstore.index.trajectory_parts import trajectory_parts
 
 _IN_HISTORY = re.compile(
     rf"{layout.HISTORY}/\.(?P<name>[^/]*\.duckdb)"
@@ -60,7 +61,7 @@ def prune(root: Path, keep: int = 3, dry_run: bool = False) -> PruneResult:
         _locked_histories(root) as histories,
     ):
         current = layout.read_current(root)
-        if current.schema != schema.VERSION:
+        if current.schema not in schema.VERSIONS:
             raise RequestError(f"{root}: schema {current.schema}; prune it with its own release")
         path = safe_files.checked_path(root, current.index)
         if safe_files.kind(root, current.index) is None:
@@ -152,10 +153,15 @@ def _unreferenced(root: Path, indexes: list[str]) -> list[str]:
 
 
 def frame_folders(connection: duckdb.DuckDBPyConnection) -> set[str]:
-    """The folders in which the frames of an index may lie: one per domain and trajectory."""
-    query = "SELECT domain, trajectory FROM domain CROSS JOIN trajectory"
-    rows = connection.execute(query).fetchall()
-    return {f"{layout.FRAMES}/{domain}/{trajectory}" for domain, trajectory in rows}
+    """The folders in which the frames of an index may lie.
+
+    There is one for each domain and trajectory, and one for each later part of a trajectory.
+    """
+    parts = trajectory_parts(lambda query: connection.execute(query).fetchall())
+    rows = connection.execute("SELECT trajectory FROM trajectory").fetchall()
+    folders = {row[0] for row in rows} | {part.folder for part in parts}
+    domains = connection.execute("SELECT domain FROM domain").fetchall()
+    return {f"{layout.FRAMES}/{domain}/{folder}" for (domain,) in domains for folder in folders}
 
 
 def _used_translators(connection: duckdb.DuckDBPyConnection) -> set[str]:

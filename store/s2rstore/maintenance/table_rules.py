@@ -84,14 +84,19 @@ _RULES = (
     ),
 )
 
-# Readers find an instance's row in the frames of its trajectory by this order.
+# Readers find an instance's row in the frames of its trajectory and part by this order.
 _ORDER = """
+    WITH placed AS (
+        SELECT trajectory, iid, seq, part, lag(iid) OVER earlier AS last_iid,
+               lag(seq) OVER earlier AS last_seq, lag(part) OVER earlier AS last_part
+        FROM instance ASOF JOIN (SELECT unnest(?::INTEGER[]) AS part) ON iid >= part
+        WINDOW earlier AS (PARTITION BY trajectory ORDER BY iid))
     SELECT count(*) FROM (
-        SELECT trajectory, count(*) AS n, max(iid) - min(iid) + 1 AS span,
-               min(seq) AS first, max(seq) AS last, count(DISTINCT seq) AS seqs
-        FROM instance GROUP BY trajectory) i
+        SELECT trajectory, count(*) AS n, min(seq) AS first, count(seq) AS seqs,
+               bool_or(seq <= last_seq OR (part = last_part AND iid <> last_iid + 1)) AS mixed
+        FROM placed GROUP BY trajectory) i
     LEFT JOIN trajectory t USING (trajectory)
-    WHERE t.instances IS DISTINCT FROM n OR span <> n OR first < 0 OR seqs <> n
+    WHERE t.instances IS DISTINCT FROM n OR first < 0 OR seqs <> n OR mixed
 """
 
 _OWN_POSE_RULES = (
@@ -148,7 +153,7 @@ def table_damages(store: Store, current: layout.Current) -> Iterator[Damage]:
     )[0]
     if total and (least, most, distinct) != (0, total - 1, total):
         yield Damage("table instance", f"iid is not 0 .. {total - 1}, each once")
-    (unordered,) = store.execute(_ORDER)[0]
+    (unordered,) = store.execute(_ORDER, [[part.first_iid for part in store.parts]])[0]
     if unordered:
         yield Damage("table instance", f"{unordered} trajectories: not the stated rows in order")
     if not store.has_poses and (count := store.execute(_PARTLY_IMAGED)[0][0]):

@@ -235,32 +235,21 @@ class _Verification:
     def _check_frames(self) -> None:
         self._note_resized_frames()
         imaged = self.store.imaged_trajectories
-        arrays = (
-            (domain, name, image)
-            for domain in imaged
-            for name in sorted(imaged[domain])
-            for image in (("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",))
-        )
-        for names in arrays:
-            relative = "/".join((layout.FRAMES, *names))
-            is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
-            if not is_covered:
-                self.uncovered["the metadata of frames"] = None
-            self._check_array(relative, partial(self.store.frames_array, *names), is_covered)
-        for domain, name in product(self.store.domains, sorted(self._trajectories_with_sources())):
+        for domain, part in product(imaged, self.store.trajectory_parts):
+            if part.trajectory not in imaged[domain]:
+                continue
+            for image in ("rgb", "depth") if self.store.domain(domain).has_depth else ("rgb",):
+                relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
+                is_covered = f"{relative}/{stored_array.METADATA}" in self.store.checksums
+                if not is_covered:
+                    self.uncovered["the metadata of frames"] = None
+                open_array = partial(self.store.frames_array, domain, part, image)
+                self._check_array(relative, open_array, is_covered)
             for image, array in SOURCE_IMAGES.items():
-                relative = "/".join((layout.FRAMES, domain, name, array))
-                open_array = partial(self.store.source_array, domain, name, image)
+                relative = f"{layout.FRAMES}/{domain}/{part.folder}/{array}"
                 if f"{relative}/{stored_array.METADATA}" in self.store.checksums:
+                    open_array = partial(self.store.source_array, domain, part, image)
                     self._check_array(relative, open_array, True)
-
-    def _trajectories_with_sources(self) -> set[str]:
-        return {
-            trajectory.trajectory
-            for trajectory in self.store.trajectories
-            for domain in self.store.domains
-            if self.store.has_source_frames(domain, trajectory.trajectory)
-        }
 
     def _note_resized_frames(self) -> None:
         """Note the trajectories of which a release up to 0.2.0 kept resized frames alone."""

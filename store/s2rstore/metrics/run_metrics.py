@@ -47,12 +47,12 @@ def side_metrics(
     chosen = columns.valid if members is None else columns.valid & members
     part = columns.side(side)
     keep = chosen & held_out(store, run)
-    errors = part.error[keep]
+    errors, ordered = part.error[keep], store.in_recording_order(keep)
     return SideMetrics(
         n=int(keep.sum()),
         trained_on=int(chosen.sum() - keep.sum()),
         accuracy=bootstrap.mean_interval(
-            part.accuracy[keep], store.instances.trajectory[keep]
+            part.accuracy[ordered], store.instances.trajectory[ordered]
         ).clipped(0.0, 1.0),
         mean_error=float(errors.mean()) if errors.size else float("nan"),
         median_error=float(np.median(errors)) if errors.size else float("nan"),

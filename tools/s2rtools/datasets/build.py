@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
@@ -19,7 +19,7 @@ from s2rstore.index.transaction import edit
 from s2rtools.datasets import convention_report
 from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.floor_plans import plan_from_depth
-from s2rtools.datasets.frame_writing import ReportProgress, write_trajectory
+from s2rtools.datasets.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import write_index
 from s2rtools.datasets.scan import InputIssue, Scan
 from s2rtools.datasets.stored_instances import StoredRecords
@@ -92,14 +92,21 @@ def report_outside_bounds(scan: Scan) -> None:
             scan.issues.append(InputIssue("pose outside the bounds", file, detail))
 
 
-def write_frames(scan: Scan, root: Path, progress: ReportProgress) -> StoredRecords:
+def write_frames(
+    scan: Scan,
+    root: Path,
+    progress: ReportProgress,
+    places: Mapping[str, FramePlace] | None = None,
+) -> StoredRecords:
     """Write the frames of all trajectories below `root`; returns the usable instances.
 
-    Trajectories without a usable instance are left out; it is an issue if that leaves none.
+    `places` are those of trajectories that have frames in the store already. Trajectories without
+    a usable instance are left out; it is an issue if that leaves none.
     """
     stored: StoredRecords = {}
     for name in scan.trajectories:
-        if (trajectory := write_trajectory(scan, root, name, progress)) is not None:
+        place = (places or {}).get(name)
+        if (trajectory := write_trajectory(scan, root, name, progress, place)) is not None:
             stored[name] = trajectory
     if not stored:
         scan.issues.append(InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}"))

@@ -12,6 +12,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -47,17 +48,31 @@ DepthTypes = tuple[str, ...]
 """The depth type of each domain, in the order of the records' sources."""
 
 
+@dataclass(frozen=True, slots=True)
+class FramePlace:
+    """Where frames of a trajectory are written that has frames in the store already.
+
+    `folder` is their folder in that of each domain, `depth_types` the depth type that they must
+    have in a domain, because the others have it.
+    """
+
+    folder: str
+    depth_types: Mapping[str, str]
+
+
 def write_trajectory(
-    scan: Scan, root: Path, name: str, progress: ReportProgress
+    scan: Scan, root: Path, name: str, progress: ReportProgress, place: FramePlace | None = None
 ) -> StoredTrajectory | None:
     """Write the frames of a trajectory's usable instances below `root`; None where none is usable.
+
+    They are written to a folder of the trajectory's name in that of each domain, or to `place`.
 
     Every source is decoded once, by one thread per processor, or fewer if source images are large,
     to bound the memory. In memory are the frames of one shard of every domain. `progress` is
     called with twice the number of decoded frames. Issues are added to the scan.
     """
     records = scan.trajectories[name]
-    writer = _TrajectoryWriter(scan, root, name)
+    writer = _TrajectoryWriter(scan, root, name, place or FramePlace(name, {}))
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
     with ThreadPoolExecutor(threads) as pool:
@@ -89,8 +104,9 @@ def _decode(scan: Scan, record: InstanceRecord) -> tuple[Frames, Sources, list[I
 class _TrajectoryWriter:
     """Writes the instances of one trajectory, those of each combination of depth types apart."""
 
-    def __init__(self, scan: Scan, root: Path, name: str) -> None:
-        self._scan, self._root, self._name = scan, root, name
+    def __init__(self, scan: Scan, root: Path, name: str, place: FramePlace) -> None:
+        self._scan, self._root, self._name, self._place = scan, root, name, place
+        self._domains: tuple[str, ...] = ()
         self._groups: dict[DepthTypes, _Group] = {}
         self._rows, self._group_numbers = array("i"), array("i")
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
@@ -109,11 +125,12 @@ class _TrajectoryWriter:
                 detail = "not the size of the trajectory's first image"
                 self._scan.issues.append(InputIssue("wrong size", file, detail))
                 return
-        types = tuple(_depth_type(frame) for frame in frames.values())
+        types = tuple(depth_type(frame) for frame in frames.values())
         if types not in self._groups:
             stored = StoredTrajectory(self._scan.trajectories[self._name])
             number = len(self._groups)
-            self._groups[types] = _Group(self._root, self._name, number, frames, stored)
+            self._groups[types] = _Group(self._root, self._place.folder, number, frames, stored)
+            self._domains = tuple(frames)
         group = self._groups[types]
         if issues := tuple(issue for frame in frames.values() for issue in frame.issues):
             self._conversions[row] = issues
@@ -122,12 +139,16 @@ class _TrajectoryWriter:
         group.add(row, frames, sources)
 
     def finish(self) -> StoredTrajectory | None:
-        """Keep the most common depth types; the instances of other types become issues."""
+        """Keep the depth types of the place, or else the most common ones.
+
+        The instances of other types become issues.
+        """
         if not self._groups:
             return None
         expected = tuple(
-            Counter(types[place] for types in self._types()).most_common(1)[0][0]
-            for place in range(len(next(iter(self._groups))))
+            self._place.depth_types.get(domain)
+            or Counter(types[number] for types in self._types()).most_common(1)[0][0]
+            for number, domain in enumerate(self._domains)
         )
         self._report(expected)
         kept = self._groups.pop(expected, None)
@@ -166,21 +187,21 @@ class _Group:
     """
 
     def __init__(
-        self, root: Path, name: str, number: int, domains: Iterable[str], stored: StoredTrajectory
+        self, root: Path, folder: str, number: int, domains: Iterable[str], stored: StoredTrajectory
     ) -> None:
         self._base = f"{_OTHER_TYPES}/{number}" if number else layout.FRAMES
         self.number, self.stored = number, stored
-        self._root, self._name = root, name
+        self._root, self._folder = root, folder
         self._arrays = {
             domain: {
-                image: _GrowingArray(root, f"{self._base}/{domain}/{name}/{image}")
+                image: _GrowingArray(root, f"{self._base}/{domain}/{folder}/{image}")
                 for image in ("rgb", "depth")
             }
             for domain in domains
         }
         self._sources = {
             domain: {
-                image: SourceArray(root, f"{self._base}/{domain}/{name}/{image}")
+                image: SourceArray(root, f"{self._base}/{domain}/{folder}/{image}")
                 for image in SOURCE_IMAGES.values()
             }
             for domain in domains
@@ -210,9 +231,9 @@ class _Group:
         """Complete the arrays, put them in their places and list their files in the ledger."""
         entries: list[LedgerEntry] = []
         for domain, arrays in self._arrays.items():
-            written = f"{self._base}/{domain}/{self._name}"
-            place = f"{layout.FRAMES}/{domain}/{self._name}"
-            key = f"frames:{domain}:{self._name}"
+            written = f"{self._base}/{domain}/{self._folder}"
+            place = f"{layout.FRAMES}/{domain}/{self._folder}"
+            key = f"frames:{domain}:{self._folder}"
             files = [
                 (image, shard, entry)
                 for image, each in (arrays | self._sources[domain]).items()
@@ -273,5 +294,6 @@ def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, lis
     return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
 
 
-def _depth_type(frame: DecodedFrame) -> str:
+def depth_type(frame: DecodedFrame) -> str:
+    """The numpy type of a frame's depth image, or `NO_DEPTH`."""
     return NO_DEPTH if frame.depth is None else str(frame.depth.dtype)

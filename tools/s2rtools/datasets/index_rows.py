@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections import Counter
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from s2rstore.geometry.curvature import curvature
+from s2rstore.geometry.curvature import REACH, curvature
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.index import schema
 from s2rstore.index.row_check import CAMERA_COLUMNS, DEPTH_COLUMNS
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.metrics import bootstrap
+from s2rstore.reader import Store
+from s2rstore.records import Domain
 from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredRecords, StoredTrajectory
 
@@ -34,14 +39,7 @@ def write_index(
     for room in scan.rooms:
         draft.insert_row("room", asdict(room))
     for domain in scan.domains.values():
-        row = {k: v for k, v in asdict(domain).items() if not isinstance(v, dict)}
-        for image in ("rgb", "depth"):
-            row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
-        if not domain.has_depth:
-            row |= dict.fromkeys(DEPTH_COLUMNS)
-        if not scan.has_poses:
-            row |= dict.fromkeys((*CAMERA_COLUMNS, "has_depth"))
-        draft.insert_row("domain", {**row, "source": domain.sources})
+        insert_domain(draft, domain, scan.has_poses)
     facts = {"command": command, "ingested_at": now(), "problems": problem_counts(scan)}
     draft.set_provenance("dataset", facts)
     for section, facts in scan.provenance.items():
@@ -52,47 +50,112 @@ def write_index(
     )
 
 
+def insert_domain(
+    draft: IndexTransaction, domain: Domain, has_poses: bool, sha256: str | None = None
+) -> None:
+    """Insert a domain; `sha256` is the hash of one that is added to stored instances."""
+    row = {k: v for k, v in asdict(domain).items() if not isinstance(v, dict)}
+    for image in ("rgb", "depth"):
+        row |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
+    if not domain.has_depth:
+        row |= dict.fromkeys(DEPTH_COLUMNS)
+    if not has_poses:
+        row |= dict.fromkeys((*CAMERA_COLUMNS, "has_depth"))
+    draft.insert_row("domain", {**row, "source": domain.sources, "hash": sha256})
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryEnd:
+    """The end of a stored trajectory, behind which further instances are inserted.
+
+    `instances` is their number and `seq` the position of the next one. `iids` and `headings` (k,)
+    are those of the last instances: all whose curvature depends on the next ones, and all on which
+    the curvature of these and of the next ones depends.
+    """
+
+    instances: int
+    seq: int
+    iids: NDArray[np.int64]
+    headings: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, store: Store, trajectory: str) -> TrajectoryEnd:
+        iids, truth = store.iids_of(trajectory), store.instances
+        last = iids[-2 * REACH :]
+        return cls(iids.size, int(truth.seq[last[-1]]) + 1, last, truth.heading[last])
+
+    def insert_behind(self, draft: IndexTransaction, name: str, added: StoredTrajectory) -> None:
+        """Count the instances of the trajectory, and correct the curvature of its last ones."""
+        count = self.instances + len(added)
+        draft.update("trajectory", {"trajectory": name}, {"instances": count})
+        values = self.curvatures(added)[: self.iids.size]
+        for iid, value in list(zip(self.iids.tolist(), values.tolist(), strict=True))[-REACH:]:
+            if not math.isnan(value):
+                draft.update("instance", {"iid": iid}, {"curvature": value})
+
+    def curvatures(self, added: StoredTrajectory) -> NDArray[np.float64]:
+        """The curvature of the last stored instances and the added ones, degrees.
+
+        That of the first `REACH` ones is right only where no instance precedes them.
+        """
+        return curvature(np.concatenate([self.headings, added.headings()]))
+
+
 def insert_instances(
-    draft: IndexTransaction, scan: Scan, stored: StoredRecords, first_iid: int
+    draft: IndexTransaction,
+    scan: Scan,
+    stored: StoredRecords,
+    first_iid: int,
+    ends: Mapping[str, TrajectoryEnd] | None = None,
 ) -> None:
     """Insert instances, their frames and trajectories.
 
-    They get the iids from `first_iid` on, by trajectory name, then in recording order.
+    They get the iids from `first_iid` on, by trajectory name, then in recording order. `ends` are
+    those of the trajectories that have instances already.
     """
+    ends = ends or {}
     for name in sorted(stored):
+        if name in ends:
+            ends[name].insert_behind(draft, name, stored[name])
+            continue
         row = {"recorded_at": scan.recorded_at.get(name), "instances": len(stored[name])}
         draft.insert_row("trajectory", {"trajectory": name, **row})
     room_names = list(dict.fromkeys(room.room for room in scan.rooms))
     iid = first_iid
     for name, trajectory in sorted(stored.items()):
-        curvatures = curvature(trajectory.headings())
+        end = ends.get(name)
+        if end is None:
+            first_seq, curvatures = 0, curvature(trajectory.headings())
+        else:
+            first_seq, curvatures = end.seq, end.curvatures(trajectory)[end.iids.size :]
         for start in range(0, len(trajectory), _BLOCK):
             records = trajectory.records(start, start + _BLOCK)
             columns = _instance_columns(scan, records, room_names)
-            seq = np.arange(start, start + len(records), dtype=np.int32)
+            rows = np.arange(start, start + len(records), dtype=np.int32)
             draft.insert(
                 "instance",
                 {
-                    "iid": iid + seq,
+                    "iid": iid + rows,
                     "trajectory": np.full(len(records), name, dtype=object),
-                    "seq": seq,
+                    "seq": first_seq + rows,
                     **columns,
                     "curvature": curvatures[start : start + _BLOCK],
                 },
             )
         iid += len(trajectory)
     if scan.has_poses:
-        sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in stored]
-        rows = {"what": [schema.IMAGE_SIZES] * len(stored), "key": list(stored), "value": sizes}
-        draft.insert("provenance", rows)
+        new = [name for name in stored if name not in ends]
+        sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in new]
+        facts = {"what": [schema.IMAGE_SIZES] * len(new), "key": new, "value": sizes}
+        draft.insert("provenance", facts)
     for domain in scan.domains:
         iid = first_iid
         for _, trajectory in sorted(stored.items()):
-            _insert_frames(draft, scan, trajectory, domain, iid)
+            insert_frames(draft, scan, trajectory, domain, iid)
             iid += len(trajectory)
 
 
-def _insert_frames(
+def insert_frames(
     draft: IndexTransaction, scan: Scan, trajectory: StoredTrajectory, domain: str, first_iid: int
 ) -> None:
     """Insert the frames of a trajectory in a domain, if the domain images it."""
@@ -140,10 +203,13 @@ def problem_counts(scan: Scan) -> dict[str, int]:
     return Counter(issue.kind for issue in scan.issues)
 
 
-def part_hash(scan: Scan, stored: StoredRecords) -> str:
+def part_hash(
+    scan: Scan, stored: StoredRecords, ends: Mapping[str, TrajectoryEnd] | None = None
+) -> str:
     """SHA-256 over the poses and frames of instances, and over the data set's calibration.
 
-    It is the hash of a JSON document that is made piece by piece.
+    `ends` are those of the trajectories that have instances already. It is the hash of a JSON
+    document that is made piece by piece.
     """
     facts = {
         "frame": scan.frame,
@@ -158,7 +224,8 @@ def part_hash(scan: Scan, stored: StoredRecords) -> str:
     digest = hashlib.sha256(f'{before}"rows": ['.encode())
     separator = ""
     for name in sorted(stored):
-        for seq, (r, checksums) in enumerate(stored[name]):
+        first_seq = ends[name].seq if ends and name in ends else 0
+        for seq, (r, checksums) in enumerate(stored[name], first_seq):
             row = [name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()}]
             if r.frame_poses:
                 row.append({d: (p.x, p.y, p.heading) for d, p in r.frame_poses.items()})
@@ -168,9 +235,25 @@ def part_hash(scan: Scan, stored: StoredRecords) -> str:
     return digest.hexdigest()
 
 
-def dataset_hash(part_hashes: list[str]) -> str:
-    """The hash of a data set of several parts: SHA-256 over their hashes, joined in order."""
-    return hashlib.sha256("".join(part_hashes).encode()).hexdigest()
+def domain_hash(scan: Scan, domain: str, stored: Iterable[StoredTrajectory]) -> str:
+    """SHA-256 over the frames of a domain that is added to stored instances, and its calibration.
+
+    `stored` are those of all instances of the store, in the order of their iids.
+    """
+    facts = [scan.frame, asdict(scan.domains[domain])]
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for trajectory in stored:
+        for row in range(len(trajectory)):
+            digest.update(bytes.fromhex(trajectory.checksum(domain, row).sha256))
+    return digest.hexdigest()
+
+
+def dataset_hash(hashes: Sequence[str]) -> str:
+    """The hash of a data set that was appended to: SHA-256 over hashes, joined in order.
+
+    They are those of its parts, then those of the domains that were added to them, by name.
+    """
+    return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def _dataset_row(scan: Scan, stored: StoredRecords, plan: str | None) -> dict[str, Any]:

@@ -1,18 +1,16 @@
-"""Compare a scan with the store to which its trajectories are to be appended.
+"""Compare a scan with the store to which it is to be appended.
 
 What decides on the meaning of stored values must agree: frame size, map frame, accuracy scale,
-domains with their cameras, and the recipe of rendered data. Bounds, rooms and floor plan stay those
-of the store; others in the source are reported.
+domains with their cameras, and the recipe of rendered data. The source may have further domains.
+Bounds, rooms and floor plan stay those of the store; others in the source are reported.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 from typing import Any
 
 import cv2
@@ -21,31 +19,22 @@ from s2rstore.errors import RequestError
 from s2rstore.reader import Store
 from s2rstore.records import Bounds, Domain
 from s2rstore.security.printable_text import printable_lines
-from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.build import floor_plan_image
 from s2rtools.datasets.floor_plan import read_floor_plan
-from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.scan import InputIssue, Scan
 
 _RELATIVE_TOLERANCE = 1e-9
 _ABSOLUTE_TOLERANCE = 1e-9
 _MAX_PLAN_DIFFERENCE = 2.0
 """Mean difference in grey levels of two floor plans that count as equal."""
-_THREADS = 2
-_BLOCK = 4096
-"""Stored instances that are read together."""
-
-
-@dataclass(frozen=True, slots=True)
-class _StoredInstance:
-    pose: tuple[float, float, float]
-    checksums: dict[str, str]
 
 
 def in_store_terms(scan: Scan, store: Store) -> Scan:
     """The scan with bounds, rooms and domains of the store, and without floor plan and drives.
 
-    Both share the list of issues, to which other bounds, rooms and floor plans are added. Raises
-    RequestError that names the first difference in what must agree.
+    Domains that the store does not have are kept. Both share the list of issues, to which other
+    bounds, rooms and floor plans are added. Raises RequestError that names the first difference in
+    what must agree.
     """
     for name, in_source, in_store in _differences(scan, store):
         raise RequestError(
@@ -54,31 +43,11 @@ def in_store_terms(scan: Scan, store: Store) -> Scan:
         )
     _report_other_map(scan, store)
     rooms = tuple(replace(room, room=store.stored_rooms[room.room]) for room in store.rooms)
+    domains = {name: (scan.domains | store.domains)[name] for name in sorted(scan.domains)}
     return replace(
-        scan, bounds=store.dataset.bounds, rooms=rooms, domains=dict(store.domains),
+        scan, bounds=store.dataset.bounds, rooms=rooms, domains=domains,
         accuracy_scale=store.dataset.accuracy_scale, floor_plan=None, drives=None,
     )  # fmt: skip
-
-
-def new_trajectories(
-    scan: Scan, store: Store, progress: Callable[[int], None]
-) -> tuple[list[str], list[str]]:
-    """The names of the scan's trajectories that are new, and of those that the store has already.
-
-    `progress` is called with twice the number of compared frames. Raises RequestError for a
-    trajectory that the store has with other images or poses.
-    """
-    stored = {trajectory.trajectory for trajectory in store.trajectories}
-    present = sorted(stored & scan.trajectories.keys())
-    for name in present:
-        difference = _difference(scan, name, _stored_instances(store, name), progress)
-        if difference is not None:
-            raise RequestError(
-                f"{store.path}: trajectory {name}: the source differs from what is stored "
-                f"({difference}), and stored instances are never replaced; give the trajectory "
-                "another name"
-            )
-    return sorted(scan.trajectories.keys() - stored), present
 
 
 def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object]]:
@@ -92,14 +61,17 @@ def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object
         yield "frame size (--size)", f"{width}x{height}", f"{columns}x{rows}"
     if scan.y_down != dataset.y_down:
         yield "y_down", scan.y_down, dataset.y_down
-    if not _is_close(scan.accuracy_scale, dataset.accuracy_scale):
+    if not is_close(scan.accuracy_scale, dataset.accuracy_scale):
         yield "accuracy_scale", f"{scan.accuracy_scale:g} m", f"{dataset.accuracy_scale:g} m"
-    if set(scan.domains) != set(store.domains):
+    missing = store.domains.keys() - scan.domains.keys()
+    if missing or (not store.has_poses and scan.domains.keys() != store.domains.keys()):
         yield "set of domains", ", ".join(sorted(scan.domains)), ", ".join(store.domains)
     for name, domain in scan.domains.items():
+        if name not in store.domains:
+            continue
         other = _domain_facts(store.domains[name])
         for fact, value in _domain_facts(domain).items():
-            if not _is_close(value, other[fact]):
+            if not is_close(value, other[fact]):
                 yield f"{fact} of domain {name}", value, other[fact]
     for section, facts in scan.provenance.items():
         recorded = store.provenance(section)
@@ -118,7 +90,7 @@ def _domain_facts(domain: Domain) -> dict[str, Any]:
     return facts | {name: getattr(domain, name) for name in names}
 
 
-def _is_close(a: Any, b: Any) -> bool:
+def is_close(a: Any, b: Any) -> bool:
     """Whether two values are equal, numbers up to float rounding, NaN to NaN."""
     if not (isinstance(a, int | float) and isinstance(b, int | float)):
         return bool(a == b)
@@ -149,11 +121,11 @@ def _report_other_map(scan: Scan, store: Store) -> None:
     """Add issues for bounds, rectangles of rooms and a floor plan that differ from the store's."""
     if not scan.has_poses:
         return
-    if not all(map(_is_close, _edges(scan.bounds), _edges(store.dataset.bounds))):
+    if not all(map(is_close, _edges(scan.bounds), _edges(store.dataset.bounds))):
         _report_kept(scan, "bounds")
     rooms, kept = ([_edges(room) for room in each] for each in (scan.rooms, store.rooms))
     same = len(rooms) == len(kept) and all(
-        _is_close(a, b) for one, other in zip(rooms, kept, strict=True)
+        is_close(a, b) for one, other in zip(rooms, kept, strict=True)
         for a, b in zip(one, other, strict=True)
     )  # fmt: skip
     if rooms and not same:  # names may have been changed by `s2r rooms`
@@ -178,65 +150,3 @@ def _edges(area: Any) -> tuple[float, float, float, float]:
 
 def _report_kept(scan: Scan, what: str) -> None:
     scan.issues.append(InputIssue(f"other {what}", scan.name, f"the store keeps its {what}"))
-
-
-def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance]:
-    """The instances of a trajectory in recording order."""
-    query = """
-        SELECT iid, any_value(x), any_value(y), any_value(heading), list(domain), list(sha256)
-        FROM instance JOIN frame USING (iid)
-        WHERE trajectory = ? AND iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
-    """
-    first = store.first_iid(trajectory)
-    end = first + next(t.instances for t in store.trajectories if t.trajectory == trajectory)
-    for start in range(first, end, _BLOCK):
-        stop = min(start + _BLOCK, end)
-        for _, x, y, heading, domains, sums in store.execute(query, [trajectory, start, stop]):
-            known = None not in (x, y, heading)
-            pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
-            yield _StoredInstance(pose, dict(zip(domains, sums, strict=True)))
-
-
-def _difference(
-    scan: Scan,
-    name: str,
-    stored: Iterator[_StoredInstance],
-    progress: Callable[[int], None],
-) -> str | None:
-    """The first difference of a trajectory's usable records from the stored ones; None for none.
-
-    Records whose images cannot be decoded were left out when the trajectory was ingested.
-    """
-    expected, found = next(stored, None), 0
-    with ThreadPoolExecutor(_THREADS) as pool:
-        records = scan.trajectories[name]
-        for record, checksums in map_ahead(pool, partial(_checksums, scan), records):
-            progress(2 * len(record.sources))
-            if expected is not None and expected.checksums == checksums:
-                pose = record.x, record.y, record.heading
-                if not all(map(_is_close, pose, expected.pose)):
-                    return f"the pose of {_file(scan, record, next(iter(checksums)), found)}"
-                expected, found = next(stored, None), found + 1
-            elif all(_is_usable(scan, record, domain) for domain in record.sources):
-                known = {} if expected is None else expected.checksums
-                differing = (name for name, sum in checksums.items() if known.get(name) != sum)
-                file = _file(scan, record, next(differing, next(iter(checksums))), found)
-                more = f"behind the {found} stored instances, " if expected is None else ""
-                return f"{more}{file}"
-    return None if expected is None else f"only the first {found} of the stored instances"
-
-
-def _file(scan: Scan, record: InstanceRecord, domain: str, seq: int) -> str:
-    """The files of a frame as messages name them."""
-    files = [name for name in record.sources[domain].file_names(scan) if name is not None]
-    return " or ".join(files) or f"instance {seq} in {domain}"
-
-
-def _checksums(scan: Scan, record: InstanceRecord) -> tuple[InstanceRecord, dict[str, str | None]]:
-    sources = record.sources.items()
-    return record, {name: source.checksum(scan, scan.domains[name]) for name, source in sources}
-
-
-def _is_usable(scan: Scan, record: InstanceRecord, domain: str) -> bool:
-    frame = record.sources[domain].decode(scan, scan.domains[domain])
-    return not isinstance(frame, InputIssue)

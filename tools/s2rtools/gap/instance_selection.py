@@ -17,12 +17,15 @@ Iids = NDArray[np.int64]
 
 
 def selected(evidence: Evidence) -> Iids:
-    """The selected iids, ascending and unique. Raises RequestError for iids that do not exist."""
+    """The selected iids, each once, as `Store.in_recording_order` gives them.
+
+    Raises RequestError for iids that do not exist.
+    """
     iids = np.unique(np.asarray(evidence.iids, dtype=np.int64))
     count = len(evidence.store.instances)
     if iids.size and not 0 <= iids[0] <= iids[-1] < count:
         raise RequestError(f"--select {evidence.expression}: the store holds iids 0 .. {count - 1}")
-    return iids
+    return evidence.store.in_recording_order(iids)
 
 
 def held_out(evidence: Evidence) -> Iids:
@@ -52,7 +55,10 @@ def uncomputed_reason(evidence: Evidence) -> str | None:
 def sufficient_blocks(
     evidence: Evidence, iids: Iids, min_instances: int = 20, min_blocks: int = 4
 ) -> Blocks:
-    """The blocks of `iids`. Raises InconclusiveError for too few instances or blocks."""
+    """The blocks of `iids` in recording order.
+
+    Raises InconclusiveError for too few instances or blocks.
+    """
     blocks = split_into_blocks(evidence.store.instances.trajectory[iids])
     if iids.size < min_instances or blocks.count < min_blocks:
         raise InconclusiveError(

@@ -265,17 +265,17 @@ def _reduced_differences(kind: Occlusion, sample: _Sample, backend: Backend) -> 
 
 def _bfloat16_is_faster() -> bool:
     """Whether a convolution of usual size takes far less time in bfloat16 than in float32."""
-    x, weight = torch.ones(24, 256, 14, 14), torch.ones(256, 256, 3, 3)
-    exact = WinogradConvolution(weight)
-    tile = exact.tile(24, (12, 12))
-    reduced = [values.to(torch.bfloat16) for values in (x, weight)]
-    x, reduced[0] = (v.contiguous(memory_format=torch.channels_last) for v in (x, reduced[0]))
+    weight = torch.ones(256, 256, 3, 3)
+    x = torch.ones(24, 256, 14, 14).contiguous(memory_format=torch.channels_last)
+    reduced, reduced_weight = x.to(torch.bfloat16), weight.to(torch.bfloat16)
+    convolution = WinogradConvolution(weight)
+    tile = convolution.tile(24, (12, 12))
     with torch.inference_mode():
-        seconds = [
-            _least_seconds(lambda: exact(x, tile) if tile else functional.conv2d(x, weight)),
-            _least_seconds(lambda: functional.conv2d(*reduced)),
-        ]
-    return _WORTHWHILE * seconds[1] < seconds[0]
+        exact = _least_seconds(
+            lambda: convolution(x, tile) if tile else functional.conv2d(x, weight)
+        )
+        taken = _least_seconds(lambda: functional.conv2d(reduced, reduced_weight))
+    return _WORTHWHILE * taken < exact
 
 
 def _least_seconds(compute: Callable[[], Tensor]) -> float:

@@ -77,7 +77,8 @@ class Counterfactuals:
     def __init__(self, truth: GroundTruth, evaluated: EvaluatedRuns, instances: int) -> None:
         self._truth, self._evaluated = truth, evaluated
         n = len(truth.poses)
-        self.iids = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
+        rows = np.unique(np.linspace(0, n - 1, min(n, instances)).astype(int))
+        self.iids = truth.store.in_recording_order(np.arange(n))[rows]
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
         self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
         self._by_move: dict[RigOffset, list[tuple[Run, Backend]]] = {}

@@ -102,7 +102,7 @@ def _per_frame(
 ) -> tuple[bootstrap.Interval, bootstrap.Interval, float, int, int]:
     """Mean AUROC and precision of frames with positives, base rate, frames with and without."""
     share = positive.mean(axis=(1, 2))
-    scored = np.flatnonzero((share > 0) & (share < 1))
+    scored = truth.store.in_recording_order((share > 0) & (share < 1))
     ranked = [
         RankedCells.of(cells[row], positive[row], np.random.default_rng([seed, int(row)]))
         for row in scored

@@ -125,14 +125,14 @@ class WorldData:
         A few differing pixels are accepted, because processors round differently.
         """
         for trajectory in store.trajectories:
-            name, first = trajectory.trajectory, store.first_iid(trajectory.trajectory)
-            row = trajectory.instances // 2
+            name, row = trajectory.trajectory, trajectory.instances // 2
             if name not in self.names or row >= len(self.poses[name]):
                 return False
+            iid = int(store.iids_of(name)[row])
             number = np.array([self.noise_number(name, row)])
             for side in SIDES:
                 views = self.views(side, self.poses[name][row : row + 1], number)
-                stored = store.frame(first + row, side)
+                stored = store.frame(iid, side)
                 rgb_difference = np.abs(views.rgb[0].astype(np.float32) - stored.rgb)
                 raw = self.raw_depth(views)[0].astype(np.float32)
                 depth_difference = np.abs(raw - stored.depth)
@@ -146,12 +146,11 @@ class WorldData:
 
     def noise_numbers(self, store: Store) -> NDArray[np.intp]:
         """Seeds of the noise of all instances of a store, (N,)."""
-        numbers = [
-            self.noise_number(item.trajectory, row)
-            for item in store.trajectories
-            for row in range(item.instances)
-        ]
-        return np.array(numbers, dtype=np.intp)
+        numbers = np.empty(len(store.instances), dtype=np.intp)
+        for name in store.instances.trajectory_names:
+            iids = store.iids_of(name)
+            numbers[iids] = self.noise_number(name, 0) + np.arange(iids.size)
+        return numbers
 
     def renderer(self, side: Side) -> SceneRenderer:
         return self.world.renderer(self.severities(side))

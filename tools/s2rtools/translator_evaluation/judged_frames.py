@@ -80,9 +80,9 @@ def judged_instances(
                 f"{store.path}: domain {domain} has {imaged.sum()} images; judging needs "
                 f"{MIN_IMAGES}"
             )
-        iids = np.flatnonzero(imaged & usable)
+        iids = store.in_recording_order(imaged & usable)
         if iids.size < MIN_IMAGES:
-            iids, held_out = np.flatnonzero(imaged), False
+            iids, held_out = store.in_recording_order(imaged), False
         chosen.append(_drawn(store, iids, max_images, seed))
     return JudgedInstances(chosen[0], chosen[1], held_out)
 
@@ -96,14 +96,14 @@ def _drawn(store: Store, iids: Iids, max_images: int, seed: int) -> Iids:
 
 
 def instance_blocks(store: Store, iids: Iids) -> Blocks:
-    """Blocks of instances for the bootstrap."""
+    """Blocks of instances in recording order, for the bootstrap."""
     return split_into_blocks(store.instances.trajectory[iids])
 
 
 def runs_of_neighbours(store: Store, iids: Iids) -> NDArray[np.int64]:
     """Codes (N,), equal for instances that follow one another in a recording."""
-    trajectory = store.instances.trajectory[iids]
-    breaks = (np.diff(iids) != 1) | (np.diff(trajectory) != 0)
+    truth = store.instances
+    breaks = (np.diff(truth.seq[iids]) != 1) | (np.diff(truth.trajectory[iids]) != 0)
     return np.concatenate([[0], np.cumsum(breaks)]).astype(np.int64)
 
 

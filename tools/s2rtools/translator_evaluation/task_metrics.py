@@ -203,9 +203,10 @@ def training_metrics(store: Store, run: str, name: str, held_out: Iids) -> list[
             continue
         keep = run_metrics.held_out(store, run) & run_metrics.held_out(store, record.run)
         keep &= np.isin(np.arange(len(keep)), held_out)
-        recording = store.instances.trajectory[keep]
+        compared = store.in_recording_order(keep)
+        recording = store.instances.trajectory[compared]
         plain, trained = (
-            store.run_columns(each).real.error[keep].astype(np.float64)
+            store.run_columns(each).real.error[compared].astype(np.float64)
             for each in (run, record.run)
         )
         for metric, values in (("trained_error", trained), ("trained_error_gain", plain - trained)):

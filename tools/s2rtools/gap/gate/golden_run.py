@@ -72,7 +72,8 @@ class GoldenComparison:
 def take(evidence: Evidence) -> GoldenRun:
     """A golden run of the present state. Raises InconclusiveError for too few instances."""
     errors = _errors(evidence)
-    count = _blocks(evidence, np.array(sorted(errors), dtype=np.int64)).count
+    iids = evidence.store.in_recording_order(np.array([*errors], dtype=np.int64))
+    count = _blocks(evidence, iids).count
     if len(errors) < _MIN_INSTANCES or count < _MIN_BLOCKS:
         raise InconclusiveError(
             f"a golden run needs {_MIN_INSTANCES} held-out instances in {_MIN_BLOCKS} blocks, not "
@@ -126,7 +127,8 @@ def compare(
             "the same instances with --select"
         )
     now = _errors(evidence)
-    shared = np.array(sorted(now.keys() & golden.errors.keys()), dtype=np.int64)
+    common = np.array([*(now.keys() & golden.errors.keys())], dtype=np.int64)
+    shared = evidence.store.in_recording_order(common)
     missing = len(golden.errors) - shared.size
     blocks = _blocks(evidence, shared)
     if shared.size < _MIN_INSTANCES or blocks.count < _MIN_BLOCKS:
@@ -146,6 +148,7 @@ def compare(
 
 
 def _blocks(evidence: Evidence, iids: NDArray[np.int64]) -> Blocks:
+    """The blocks of instances in recording order."""
     return split_into_blocks(evidence.store.instances.trajectory[iids])
 
 

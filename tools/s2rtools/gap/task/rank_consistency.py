@@ -63,15 +63,16 @@ def rank_consistency(
     common[iids] = True
     for run in runs:
         common &= run_metrics.held_out(store, run)
-    blocks = split_into_blocks(store.instances.trajectory[common])
-    n = int(common.sum())
+    chosen = store.in_recording_order(common)
+    blocks = split_into_blocks(store.instances.trajectory[chosen])
+    n = chosen.size
     if n < MIN_INSTANCES or blocks.count < MIN_BLOCKS:
         raise InconclusiveError(
             f"{store.path}: {n} instances in {blocks.count} blocks that no run's model was trained "
             f"on; at least {MIN_INSTANCES} in {MIN_BLOCKS} are needed"
         )
     columns = [store.run_columns(run) for run in runs]
-    sides = (np.stack([getattr(c, s).error[common] for c in columns], axis=1) for s in SIDES)
+    sides = (np.stack([getattr(c, s).error[chosen] for c in columns], axis=1) for s in SIDES)
     (sim, sims), (real, reals) = (
         (errors.mean(axis=0)[None, :], mean_replicates(errors, blocks, settings))
         for errors in sides

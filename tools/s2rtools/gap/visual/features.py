@@ -86,10 +86,10 @@ def _network_source(store: Store, run: Run, description: Path) -> FeatureSource:
 
 
 def _spans(iids: Iids) -> Iterator[tuple[int, int, NDArray[Any]]]:
-    """Ranges [start, stop) that contain the ascending iids, and the chosen rows of each."""
+    """Ranges [start, stop) that contain the iids, in their order, and the chosen rows of each."""
     groups = np.split(iids, np.flatnonzero(np.diff(iids // _CHUNK)) + 1)
     for group in groups:
-        yield int(group[0]), int(group[-1]) + 1, group - group[0]
+        yield int(group.min()), int(group.max()) + 1, group - group.min()
 
 
 def _finite(values: Floats, iids: Iids, run: str, side: Side) -> Floats:

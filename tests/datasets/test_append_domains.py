@@ -1,0 +1,242 @@
+"""Domains that are added to the instances of a store."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.maintenance.prune import prune
+from s2rstore.maintenance.verify import check, verify
+from s2rtools.datasets import append, build
+from s2rtools.datasets.scan import Scan
+from tests.datasets.conftest import N
+from tests.datasets.helpers import (
+    add,
+    files,
+    ingest,
+    kinds,
+    rows_by_trajectory,
+    scan_of,
+)  # fmt: skip
+from tests.support import image_folders, pairs
+
+EDIT = "sim_edit"
+
+
+@pytest.fixture(scope="module")
+def edited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Trajectories `a` and `b` with images in three domains, and their calibration."""
+    folder = tmp_path_factory.mktemp("edited")
+    return folder, pairs.sim2realviz(folder, n=N, trajectories=("a", "b"), edit=True)
+
+
+@pytest.fixture
+def whole(edited: tuple[Path, Path]) -> Scan:
+    return scan_of("sim2realviz", edited[0], header=edited[1])
+
+
+@pytest.fixture(scope="module")
+def once(edited: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    store = tmp_path_factory.mktemp("once") / "s.s2r"
+    ingest("sim2realviz", edited[0], store, header=edited[1])
+    return store
+
+
+def without(scan: Scan, **counts: int) -> Scan:
+    """The scan without the edited images, with the first records of some trajectories."""
+    domains = {name: domain for name, domain in scan.domains.items() if name != EDIT}
+    trajectories = {
+        name: [
+            replace(r, sources={d: source for d, source in r.sources.items() if d != EDIT})
+            for r in scan.trajectories[name][:count]
+        ]
+        for name, count in counts.items()
+    }
+    return replace(scan, domains=domains, trajectories=trajectories, issues=[])
+
+
+def start(scan: Scan, store: Path, **counts: int) -> Path:
+    build.build(without(scan, **counts), store, "s2r ingest", True, lambda steps: None)
+    return store
+
+
+def test_a_domain_of_all_instances_is_added_and_nothing_else_changes(
+    whole: Scan, once: Path, tmp_path: Path
+) -> None:
+    store = start(whole, tmp_path / "s.s2r", a=N, b=N)
+    before = files(store)
+    query = "FROM frame WHERE domain <> 'sim_edit' ORDER BY ALL"
+    with s2rstore.open(store) as opened:
+        rows = opened.execute("FROM instance ORDER BY iid"), opened.execute(query)
+        identity, data_set = opened.identity, opened.dataset.hash
+    steps: list[int] = []
+    added = append.append(whole, store, "s2r ingest", True, steps.append)
+    assert (added.instances, added.domains) == ({}, (EDIT,))
+    assert sum(steps) == 2 * 3 * 2 * N
+    after = files(store)
+    assert {path: after[path] for path in before} == before
+    assert rows_by_trajectory(store) == rows_by_trajectory(once)
+    assert verify(store) == []
+    assert check(store).notes == ()
+    with s2rstore.open(store) as opened:
+        assert (opened.execute("FROM instance ORDER BY iid"), opened.execute(query)) == rows
+        assert opened.identity == identity == opened.parts[0].hash == data_set
+        assert opened.dataset.hash != data_set
+        assert layout.read_current(store).dataset_hash == opened.dataset.hash
+        assert len(opened.parts) == 1
+        assert opened.domains[EDIT] == whole.domains[EDIT]
+        assert json.loads(opened.provenance("dataset")[f"domain:{EDIT}"])["problems"] == {}
+
+
+def test_a_domain_and_further_instances_are_added_at_once(
+    whole: Scan, once: Path, tmp_path: Path
+) -> None:
+    store = start(whole, tmp_path / "s.s2r", a=2)
+    add(without(whole, a=5, b=3), store)
+    with s2rstore.open(store) as opened:
+        data_set, hashes = opened.dataset.hash, [part.hash for part in opened.parts]
+    lines: list[str] = []
+    assert add(whole, store, strict=True, lines=lines) == {"a": N - 5, "b": N - 3}
+    assert lines == [
+        f"trajectory {name}: already in the store; its further instances are added" for name in "ab"
+    ]
+    assert rows_by_trajectory(store) == rows_by_trajectory(once)
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert [part.hash for part in opened.parts[:2]] == hashes
+        assert opened.dataset.hash != data_set
+    assert prune(store, keep=1).bytes > 0
+    assert verify(store) == []
+
+
+def test_the_hash_of_the_data_set_depends_on_the_images_of_an_added_domain(
+    whole: Scan, tmp_path: Path
+) -> None:
+    hashes = []
+    for number in range(3):
+        store = start(whole, tmp_path / f"{number}.s2r", a=3)
+        scan = replace(whole, trajectories={"a": list(whole.trajectories["a"][:3])})
+        if number == 2:
+            first, second, third = scan.trajectories["a"]
+            other = {**second.sources, EDIT: first.sources[EDIT]}
+            scan.trajectories["a"] = [first, replace(second, sources=other), third]
+        add(scan, store)
+        with s2rstore.open(store) as opened:
+            hashes.append(opened.dataset.hash)
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_instances_that_are_added_later_need_the_domain(whole: Scan, tmp_path: Path) -> None:
+    store = start(whole, tmp_path / "s.s2r", a=4)
+    add(replace(whole, trajectories={"a": whole.trajectories["a"][:4]}), store)
+    with s2rstore.open(store) as opened:
+        data_set = opened.dataset.hash
+    with pytest.raises(RequestError, match="another set of domains: real, sim, the store real"):
+        add(without(whole, a=4, b=2), store)
+    assert add(whole, store) == {"a": N - 4, "b": N}
+    assert verify(store) == []
+    with s2rstore.open(store) as opened:
+        assert opened.dataset.hash != data_set
+        assert opened.frame(N + 3, EDIT).rgb.any()
+
+
+def test_a_domain_of_some_instances_is_refused_by_name(
+    whole: Scan, edited: tuple[Path, Path], tmp_path: Path
+) -> None:
+    store = start(whole, tmp_path / "s.s2r", a=N, b=4)
+    before = files(store)
+    for trajectories, message in (
+        ({"a": whole.trajectories["a"]}, "sim_edit: the source has no trajectory b; a new domain"),
+        (
+            {**whole.trajectories, "a": whole.trajectories["a"][:-1]},
+            rf"trajectory a: .*only the first {N - 1} of the stored .* the new domain sim_edit",
+        ),
+        (
+            {**whole.trajectories, "b": whole.trajectories["b"][1:]},
+            "trajectory b: the source differs .* sim_edit needs an image of every stored instance",
+        ),
+    ):
+        with pytest.raises(RequestError, match=message):
+            add(replace(whole, trajectories=trajectories), store)
+    with pytest.raises(RequestError, match="no trajectory b"):
+        add(scan_of("sim2realviz", edited[0], header=edited[1], trajectories=("a",)), store)
+    assert files(store) == before
+
+
+def test_an_unusable_image_of_a_new_domain_is_refused_by_name(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
+    whole = scan_of("sim2realviz", tmp_path / "data", header=header)
+    store = start(whole, tmp_path / "s.s2r", a=N)
+    before = files(store)
+    broken = whole.trajectories["a"][5].sources[EDIT].rgb
+    content = broken.read_bytes()
+    broken.write_bytes(content[:200])
+    with pytest.raises(RequestError, match=rf"a/sim_edit/{broken.name}: unreadable image.*every"):
+        add(whole, store)
+    assert files(store) == before
+    broken.unlink()
+    missing = scan_of("sim2realviz", tmp_path / "data", header=header)
+    with pytest.raises(RequestError, match=r"trajectory a: .*sim_edit needs an image of every"):
+        add(missing, store)
+    assert kinds(missing)["missing image"] == 1
+    broken.write_bytes(content)
+    add(scan_of("sim2realviz", tmp_path / "data", header=header), store)
+    assert verify(store) == []
+
+
+def test_images_without_poses_take_no_further_domain(tmp_path: Path) -> None:
+    sources, store = image_folders.folders(tmp_path / "data"), tmp_path / "s.s2r"
+    image_folders.ingest(sources, store)
+    scan = scan_of("images", Path(), folders=sources, frame=(64, 64))
+    scan.domains["night"] = replace(scan.domains["real"], domain="night")
+    with pytest.raises(RequestError, match="another set of domains: night, real, sim"):
+        add(scan, store)
+
+
+class Killed(BaseException):
+    """Stands for the end of the process at this point."""
+
+
+def test_a_killed_addition_leaves_the_store_and_a_rerun_succeeds(
+    whole: Scan, once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = start(whole, tmp_path / "s.s2r", a=N, b=N)
+    current = layout.read_current(store)
+
+    def kill(*arguments: object) -> None:
+        raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(append, "insert_domains", kill)
+        with pytest.raises(Killed):
+            add(whole, store)
+    assert layout.read_current(store) == current
+    assert verify(store) == []
+    leftovers = {f"{layout.FRAMES}/{EDIT}/{name}" for name in "ab"}
+    assert set(prune(store, dry_run=True).paths) == leftovers
+    add(whole, store)
+    assert verify(store) == []
+    assert rows_by_trajectory(store) == rows_by_trajectory(once)
+
+
+def test_an_added_domain_has_one_depth_type_in_a_trajectory(tmp_path: Path) -> None:
+    header = pairs.sim2realviz(tmp_path / "data", n=N, trajectories=("a",), edit=True)
+    whole = scan_of("sim2realviz", tmp_path / "data", header=header)
+    records = list(whole.trajectories["a"])
+    for record in records[6:]:
+        file = record.sources[EDIT].depth
+        png = file.with_suffix(".png")
+        cv2.imwrite(str(png), cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.uint16))
+        png.replace(file)
+    store = start(whole, tmp_path / "s.s2r", a=5)
+    assert add(whole, store) == {"a": 1}
+    assert kinds(whole) == {"mixed depth types": N - 6}
+    assert verify(store) == []

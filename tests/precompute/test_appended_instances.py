@@ -1,0 +1,155 @@
+"""Precompute of a store with a continued trajectory and an added domain."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import s2rstore
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import check
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from s2rstore.records import SIDES
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.append import append
+from s2rtools.datasets.build import build
+from s2rtools.datasets.scan import Scan, ScanOptions
+from s2rtools.gap import instance_selection
+from s2rtools.gap.axis_result import Evidence
+from s2rtools.models import build_network
+from s2rtools.models.model_registration import pack_weights, register_model
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_registration import insert_run
+from tests.support import pairs
+from tests.support.silent_reporter import SilentReporter
+
+KINDS = ("activation", "pixel_difference")
+EDIT = "sim_edit"
+N = 10
+CUTS = {"a": 4, "b": 3}
+"""Instances of the first ingest, which are continued by two appends."""
+
+
+def part_of(scan: Scan, counts: dict[str, int], domains: tuple[str, ...]) -> Scan:
+    trajectories = {
+        name: [
+            replace(r, sources={d: r.sources[d] for d in domains})
+            for r in scan.trajectories[name][:count]
+        ]
+        for name, count in counts.items()
+    }
+    kept = {name: scan.domains[name] for name in domains}
+    return replace(scan, domains=kept, trajectories=trajectories, issues=[])
+
+
+def add_run(store: Path, name: str, sim: str) -> None:
+    with edit(store) as draft:
+        if not draft.rows("SELECT 1 FROM model"):
+            torch.manual_seed(3)
+            network = build_network("resposenet")
+            register_model(store, draft, "m", pack_weights(network), network.convention)
+        insert_run(draft, name, "m", (sim, "real"))
+
+
+def compute(store: Path, run: str) -> None:
+    precompute(store, SilentReporter(), [run], PrecomputeOptions(KINDS, backend="torch"))
+
+
+def array_files(store: Path) -> dict[str, str]:
+    return {
+        path.relative_to(store).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for folder in ("runs.zarr", "frames.zarr")
+        for path in (store / folder).rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def stores(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A computed store that was ingested at once, and one that grew; runs `plain` and `edited`."""
+    root = tmp_path_factory.mktemp("grown")
+    header = pairs.sim2realviz(root / "data", n=N, trajectories=("a", "b"), edit=True)
+    scan = IMPORTERS["sim2realviz"](root / "data", ScanOptions(header=header, frame=(32, 32)))
+    once, grown = root / "once.s2r", root / "grown.s2r"
+    build(scan, once, "s2r ingest", True, lambda steps: None)
+    for name, sim in (("plain", "sim"), ("edited", EDIT)):
+        add_run(once, name, sim)
+        compute(once, name)
+    build(part_of(scan, CUTS, SIDES), grown, "s2r ingest", True, lambda steps: None)
+    add_run(grown, "plain", "sim")
+    compute(grown, "plain")
+    for counts, domains in (({"a": 4, "b": 7}, SIDES), ({"a": N, "b": N}, (*SIDES, EDIT))):
+        before = array_files(grown)
+        append(part_of(scan, counts, domains), grown, "s2r ingest", True, lambda steps: None)
+        compute(grown, "plain")
+        after = array_files(grown)
+        assert {path: after[path] for path in before} == before
+    add_run(grown, "edited", EDIT)
+    compute(grown, "edited")
+    return once, grown
+
+
+def by_position(store: Store, run: str) -> list[tuple[object, ...]]:
+    names = "x, y, heading, error, heading_error, loss, accuracy, split"
+    return store.execute(
+        f"SELECT trajectory, seq, side, {', '.join(f'p.{n.strip()}' for n in names.split(','))} "
+        "FROM prediction p JOIN instance USING (iid) WHERE run = ? ORDER BY trajectory, seq, side",
+        [run],
+    )
+
+
+@pytest.mark.parametrize("run", ["plain", "edited"])
+def test_predictions_equal_those_of_a_store_that_was_ingested_at_once(
+    stores: tuple[Path, Path], run: str
+) -> None:
+    with s2rstore.open(stores[0]) as once, s2rstore.open(stores[1]) as grown:
+        expected, found = by_position(once, run), by_position(grown, run)
+        assert [row[:3] for row in found] == [row[:3] for row in expected]
+        np.testing.assert_allclose(
+            [row[3:-1] for row in found], [row[3:-1] for row in expected], rtol=0, atol=1e-5
+        )
+        ranks = grown.run_columns(run).real
+        assert sorted(ranks.rank.tolist()) == list(range(1, 2 * N + 1))
+        assert (np.diff(ranks.error[np.argsort(ranks.rank)]) >= 0).all()
+        for side in SIDES:
+            heat = [
+                np.concatenate([s.array(run, "activation", side)[1].at(s.iids_of(t)) for t in "ab"])
+                for s in (once, grown)
+            ]
+            np.testing.assert_allclose(heat[1], heat[0], rtol=1e-3, atol=1e-5)
+    assert check(stores[1]).damages == check(stores[1]).notes == ()
+
+
+def test_each_part_is_computed_once(stores: tuple[Path, Path]) -> None:
+    with s2rstore.open(stores[1]) as grown:
+        assert [part.first_iid for part in grown.parts] == [0, 7, 11]
+        for run in ("plain", "edited"):
+            found = [r for r in grown.array_parts(run) if r.kind == "prediction"]
+            rows = {(record.first_iid, record.shape[0]) for record in found}
+            assert rows == {(0, 7), (7, 4), (11, 9)}
+
+
+def test_intervals_equal_those_of_a_store_that_was_ingested_at_once(
+    stores: tuple[Path, Path],
+) -> None:
+    """Blocks of the bootstrap follow the recordings, not the iids."""
+    found = []
+    for path in stores:
+        with s2rstore.open(path) as store:
+            metrics = run_metrics.side_metrics(store, "plain", "real")
+            evidence = Evidence(store, "plain", np.arange(2 * N))
+            blocks = instance_selection.sufficient_blocks(
+                evidence, instance_selection.held_out(evidence), 4, 2
+            )
+            found.append((metrics.accuracy, blocks))
+    (once, blocks), (grown, of_grown) = found
+    assert of_grown.start.tolist() == blocks.start.tolist()
+    np.testing.assert_allclose(
+        [grown.low, grown.value, grown.high], [once.low, once.value, once.high], atol=1e-6
+    )

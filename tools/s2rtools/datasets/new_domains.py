@@ -1,0 +1,87 @@
+"""Add domains to the instances that a store has: their frames, index rows and hashes."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from s2rstore.arrays import stored_array
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.index.transaction import IndexTransaction
+from s2rstore.reader import Store
+from s2rstore.records import TrajectoryPart
+from s2rtools.datasets.frame_writing import FramePlace, ReportProgress, write_trajectory
+from s2rtools.datasets.index_rows import domain_hash, insert_domain, insert_frames
+from s2rtools.datasets.lazy_sequence import LazySequence
+from s2rtools.datasets.scan import InstanceRecord, Scan
+from s2rtools.datasets.stored_instances import StoredTrajectory
+
+DomainFrames = list[tuple[TrajectoryPart, StoredTrajectory]]
+"""The stored frames of new domains, for each part of a trajectory in the order of the iids."""
+
+
+def write_domain_frames(
+    scan: Scan,
+    store: Store,
+    domains: Sequence[str],
+    rows: Mapping[str, array[int]],
+    root: Path,
+    progress: ReportProgress,
+) -> DomainFrames:
+    """Write the frames of domains for all instances of a store below `root`.
+
+    `rows` are the numbers of the records of a trajectory's stored instances. Raises RequestError
+    where a frame is unusable.
+    """
+    written: DomainFrames = []
+    for part in store.trajectory_parts:
+        name = part.trajectory
+        records = _records(scan, domains, part, rows[name])
+        place = FramePlace(part.folder, depth_types(root, domains, name) if part.row else {})
+        before = len(scan.issues)
+        of_part = replace(scan, trajectories={name: records})
+        stored = write_trajectory(of_part, root, name, progress, place)
+        if stored is None or len(stored) != part.instances:
+            issue = scan.issues[before]
+            raise RequestError(
+                f"{issue.file}: {issue.kind} {issue.detail}".rstrip()
+                + f"; the new domain {', '.join(domains)} needs an image of every instance of "
+                f"{store.path}"
+            )
+        written.append((part, stored))
+    return written
+
+
+def insert_domains(
+    draft: IndexTransaction, scan: Scan, domains: Sequence[str], written: DomainFrames
+) -> None:
+    """Insert domains and the rows of their frames."""
+    for name in domains:
+        sha256 = domain_hash(scan, name, (stored for _, stored in written))
+        insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
+        for part, stored in written:
+            insert_frames(draft, scan, stored, name, part.first_iid)
+
+
+def _records(
+    scan: Scan, domains: Sequence[str], part: TrajectoryPart, rows: array[int]
+) -> Sequence[InstanceRecord]:
+    """The records of a part's instances, with their sources in some domains alone."""
+    records = scan.trajectories[part.trajectory]
+
+    def record(row: int) -> InstanceRecord:
+        whole = records[rows[part.row + row]]
+        return replace(whole, sources={name: whole.sources[name] for name in domains})
+
+    return LazySequence(part.instances, record)
+
+
+def depth_types(root: Path, domains: Sequence[str], trajectory: str) -> dict[str, str]:
+    """The numpy type of a trajectory's depth images, as written below `root`, in some domains."""
+    folders = {name: root / layout.FRAMES / name / trajectory / "depth" for name in domains}
+    return {
+        name: stored_array.open_read(folder, root).layout.dtype for name, folder in folders.items()
+    }
