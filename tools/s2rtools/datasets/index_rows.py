@@ -240,7 +240,7 @@ def domain_hash(scan: Scan, domain: str, stored: Iterable[StoredTrajectory]) -> 
 
     `stored` are those of all instances of the store, in the order of their iids.
     """
-    facts = [scan.frame, asdict(scan.domains[domain])]
+    facts = [scan.frame, scan.domains[domain].facts()]
     digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
     for trajectory in stored:
         for row in range(len(trajectory)):
