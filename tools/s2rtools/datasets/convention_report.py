@@ -78,7 +78,7 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     rows = _moving(range(first_iid, len(poses))[:_MAX_SEARCHED], lambda iid: poses[iid])
     checks = []
-    for domain in store.domains.values():
+    for domain in store.domains.values() if rows else ():
         if domain.depth_raw_min <= domain.depth_raw_max:
             depth = [store.frames(domain.domain, i, i + 1, ("depth",))["depth"][0] for i in rows]
             frames = DepthFrames.of(domain, depth, poses[rows], store.dataset.y_down)
