@@ -14,6 +14,9 @@ VERSION = 1
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
 
+CONVENTIONS = "conventions"
+"""Value of `provenance.what`: `key` is a domain, `value` the check of its headings and depth."""
+
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
 

@@ -37,8 +37,6 @@ Image = NDArray[np.uint8]
 Row = TypeVar("Row")
 
 PICTURE = f"{layout.ASSETS}/conventions.png"
-PROVENANCE = "conventions"
-"""Section of the provenance that holds the figures of each domain."""
 _MOVED, _TURNED = 0.1, np.radians(5)
 """Metres or radians between two frames that are compared: a slow video shows nothing new."""
 _MAX_SEARCHED = 5000
@@ -87,7 +85,7 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
 
 
 def facts(checks: Sequence[ConventionCheck]) -> dict[str, dict[str, Any]]:
-    """The figures of each domain, for section `PROVENANCE` of a store's provenance."""
+    """The figures of each domain, for section `schema.CONVENTIONS` of a store's provenance."""
     return {check.domain: {**check.facts(), "picture": PICTURE} for check in checks}
 
 
