@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -185,7 +186,7 @@ def test_imported_predictions_are_measured_against_the_poses_of_their_own_images
     path = make_store(tmp_path, has_depth=False)
     with s2rstore.open(path) as store:
         rows = [
-            f"{iid},{side},{x!r},{y!r},{np.degrees(heading)!r}"
+            f"{iid},{side},{x!r},{y!r},{math.degrees(heading)!r}"
             for side in SIDES
             for iid, (x, y, heading) in enumerate(store.poses(side).tolist())
         ]

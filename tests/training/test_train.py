@@ -293,7 +293,7 @@ def test_a_domain_is_trained_and_judged_on_the_poses_of_its_own_images(
     few_frames: TrainingFrames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sim images of loose pairs lie elsewhere than those of the instances."""
-    moved = few_frames.poses + [100.0, 0.0, 0.0]
+    moved = few_frames.poses + np.array([100.0, 0.0, 0.0])
     frames = replace(few_frames, own_poses={"sim": moved, "sim_edit": moved})
     targets: list[torch.Tensor] = []
     loss = training_loop.training_loss
