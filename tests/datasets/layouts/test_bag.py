@@ -165,6 +165,19 @@ def test_poses_in_several_worlds_are_refused(tmp_path: Path, scene: Walk) -> Non
         read("bag", bag.write())
 
 
+def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path: Path, scene: Walk) -> None:
+    bag = without_poses(tmp_path / "one.bag", scene)
+    for time in nanoseconds(scene):
+        bag.transform("/tf_static", time, "base_link", CAMERA, MOUNT)
+        bag.transform("/tf", time, "odom", "base_footprint", level(1.0, 0.5))
+    with pytest.raises(RequestError, match="no transform moves frame 'camera_optical_frame'"):
+        read("bag", bag.write())
+    with pytest.raises(RequestError, match=r"up to 'map' \(has: base_footprint, base_link"):
+        read("bag", bag.path, ReadOptions({"world": "map"}))
+    with pytest.raises(RequestError, match="axes=left: must be optical or forward"):
+        read("bag", bag.path, ReadOptions({"axes": "left"}))
+
+
 def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scene: Walk) -> None:
     bag = without_poses(tmp_path / "one.bag", scene)
     for row, time in enumerate(nanoseconds(scene)):
