@@ -26,7 +26,7 @@ def table(tmp_path: Path) -> Path:
                 ([0.25, 0.5, 0.75], [0.0, 1.0], {"bytes": b"\0\xff", "path": "4"}),
             ],
         )
-        connection.execute('ALTER TABLE t RENAME state TO "the ""state"'""')
+        connection.execute('ALTER TABLE t RENAME state TO "the ""state"""')
         connection.execute(f"COPY t TO '{str(path).replace(chr(39), chr(39) * 2)}'")
     return path
 
