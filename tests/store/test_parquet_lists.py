@@ -34,7 +34,7 @@ def table(tmp_path: Path) -> Path:
 def test_elements_of_lists_are_nan_where_there_is_no_number(table: Path) -> None:
     nan = np.nan
     np.testing.assert_array_equal(
-        read_vectors(table, 'the "state', [2, 0, 1]),
+        read_vectors(table, 'the "state"', [2, 0, 1]),
         [[3, 1, 2], [nan, 1.5, nan], [nan] * 3, [0.75, 0.25, 0.5]],
     )
     np.testing.assert_array_equal(read_vectors(table, "fixed", [1])[:, 0], [5, 7, 9, 1])
