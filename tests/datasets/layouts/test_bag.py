@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -84,6 +85,31 @@ OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 def without_poses(path: Path, scene: Walk) -> BagFile:
     return walk_bag(path, scene, pose="")
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_the_file_of_a_ros_2_bag_alone(tmp_path: Path, scene: Walk, kind: str) -> None:
+    (file,) = walk_bag(tmp_path / f"folder-{kind}", scene).write().glob(f"*.{kind}")
+    recording = read("bag", file)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+    (file.parent / "metadata.yaml").unlink()
+    assert_poses(read("bag", file.parent), scene.poses)
+
+
+def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("nothing")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    os.mkfifo(tmp_path / "pipe.bag")
+    for path, message in (
+        (tmp_path / "notes.txt", "cannot be read as a ROS bag"),
+        (tmp_path / "empty.mcap", "cannot be read as a ROS bag"),
+        (tmp_path / "pipe.bag", "a pipe, not a regular file"),
+        (tmp_path / "missing.bag", "no such bag"),
+    ):
+        with pytest.raises(RequestError, match=message) as error:
+            read("bag", path)
+        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
