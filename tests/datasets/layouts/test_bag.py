@@ -97,6 +97,20 @@ def test_the_file_of_a_ros_2_bag_alone(tmp_path: Path, scene: Walk, kind: str) -
     assert_poses(read("bag", file.parent), scene.poses)
 
 
+def test_mcap_files_without_an_index(tmp_path: Path, scene: Walk) -> None:
+    """The footer (a byte, its length, two offsets, a checksum) is in front of 8 closing bytes."""
+    bag = walk_bag(tmp_path / "folder-mcap", scene)
+    bag.items.sort(key=lambda item: item[2])
+    (file,) = bag.write().glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    content[-28:-8] = bytes(20)
+    alone = tmp_path / "alone.mcap"
+    alone.write_bytes(content)
+    recording = read("bag", alone)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+
+
 def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("nothing")
     (tmp_path / "empty.mcap").write_bytes(b"")
