@@ -41,7 +41,7 @@ def poses_from_quaternions(
 
 def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N, 4, 4) -> (N,): whether a pose is finite, in range, and its rotation proper."""
-    usable = np.isfinite(poses).all(axis=(1, 2))
+    usable = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     for block in _blocks(len(poses)):
         rotations = poses[block, :3, :3]
         with np.errstate(invalid="ignore", over="ignore"):
@@ -51,7 +51,7 @@ def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
             proper &= np.abs(poses[block, :3, 3]).max(axis=1) <= MAX_COORDINATE
             proper &= np.abs(poses[block, 3] - _LAST_ROW).max(axis=1) <= _MAX_LAST_ROW_ERROR
         usable[block] &= proper
-    return np.asarray(usable)
+    return usable
 
 
 def pose_defect(pose: NDArray[np.float64]) -> str:
