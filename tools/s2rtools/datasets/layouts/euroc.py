@@ -34,7 +34,7 @@ from s2rtools.datasets.numeric_rows import (
     report_unusable,
 )
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -139,7 +139,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         layout="euroc",
         name=folder_name(folder),
         root=folder,
-        camera=_pinhole(sensor, size or first_size(frames, folder), sensor_path),
+        camera=_pinhole(sensor, size or usual_size(frames, folder), sensor_path),
         up=(0.0, 0.0, 1.0),
         trajectories=trajectories,
         issues=issues,
