@@ -184,10 +184,9 @@ def usual_size(
     They are spread evenly over all; if none of them can be read, it is the size of the first that
     can. Raises RequestError, beginning with `where`, if there is none.
     """
-    rows = (
-        np.unique(np.linspace(0, len(frames) - 1, _SAMPLES).round().astype(int)) if frames else []
-    )
-    sizes = Counter(size for row in rows if (size := _size(frames[int(row)], depth)))
+    rows = np.linspace(0, len(frames) - 1, _SAMPLES).round() if frames else np.zeros(0)
+    found = (_size(frames[int(row)], depth) for row in np.unique(rows))
+    sizes = Counter(size for size in found if size is not None)
     if sizes:
         return sizes.most_common(1)[0][0]
     for frame in frames:
@@ -198,8 +197,9 @@ def usual_size(
 
 def _size(frame: RecordedFrame, depth: bool) -> tuple[int, int] | None:
     image = frame.depth if depth else frame.rgb
-    is_file = isinstance(image, RgbImageFile | DepthImageFile)
-    return declared_size(image.path) if is_file else None
+    if isinstance(image, RgbImageFile | DepthImageFile):
+        return declared_size(image.path)
+    return None
 
 
 def _checksum(path: Path) -> str | None:
