@@ -52,10 +52,12 @@ def test_the_folder_mav0_itself_is_read(recording) -> None:
 def test_another_camera_is_chosen_by_option(tmp_path: Path, one_line) -> None:
     frames = recordings.euroc(tmp_path, POSES, STAMPS, camera=1)
     assert_found(only(read_with("euroc", tmp_path, camera="1")), frames)
-    with one_line("cam0"):
+    with one_line("mav0/cam0", "has: cam1"):
         read_with("euroc", tmp_path)
-    with one_line("camera=../x"):
+    with one_line("option camera", "cam../x"):
         read_with("euroc", tmp_path, camera="../x")
+    with one_line("option poses", "state_groundtruth_estimate0"):
+        read_with("euroc", tmp_path, camera="1", poses="leica0")
 
 
 def test_poses_between_rows_are_interpolated(recording) -> None:
@@ -156,7 +158,11 @@ def test_a_matrix_that_is_no_pose_is_refused(recording, one_line) -> None:
         read_with("euroc", recording[0])
 
 
-@pytest.mark.parametrize("content", [b"[" * 100_000, b"\xff\xfe", b"x: " + b"y" * (2 << 20), b""])
+@pytest.mark.parametrize(
+    "content",
+    [b"[" * 1000, b"\xff\xfe", b"x: " + b"y" * 100_000, b""],
+    ids=["nested", "binary", "large", "empty"],
+)
 def test_a_sensor_file_of_other_content_is_refused(recording, content: bytes, one_line) -> None:
     (recording[0] / SENSOR).write_bytes(content)
     with one_line("sensor.yaml"):

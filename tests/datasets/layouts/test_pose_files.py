@@ -88,6 +88,7 @@ BAD_POSES = {
     "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 one": "one",
     "": "0 values",
     "1 0 0 2e7 0 1 0 0 0 0 1 0 0 0 0 1": "from the origin",
+    "1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1": "last row is 1 2 3 1",
 }
 
 
@@ -105,7 +106,7 @@ def test_bad_poses_are_reported(scene, scan, layout: str, text: str) -> None:
     assert BAD_POSES[text] in issue.detail
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\0", b"1 " * 20_000])
+@pytest.mark.parametrize("content", [b"\xff\xfe\0", b"1 " * 20_000], ids=["binary", "large"])
 def test_pose_files_of_other_content_are_reported(scan, content: bytes) -> None:
     folder, frames = scan
     (folder / "pose/0.txt").write_bytes(content)
@@ -176,6 +177,16 @@ def test_images_of_a_repeated_number_are_reported(scan) -> None:
     found = read_with("scannet", folder)
     assert len(only(found).frames) == 4
     assert reported(found, "repeated image") == ["color/1.jpg"]
+
+
+def test_the_usual_size_of_depth_images_counts(scan, one_line) -> None:
+    folder, frames = scan
+    Image.new("I;16", (9, 9)).save(folder / str(frames[0].depth))
+    assert read_with("scannet", folder).depth_camera.width == 32
+    for frame in frames:
+        (folder / str(frame.depth)).write_bytes(b"")
+    with one_line("no depth image can be read"):
+        read_with("scannet", folder)
 
 
 def test_numbers_are_sorted_as_numbers(tmp_path: Path) -> None:

@@ -187,7 +187,9 @@ def test_names_outside_of_the_folder_are_refused(recording, name: str, one_line)
         ("rgbd_dataset_freiburg1_xyz", (517.3, 516.5, 318.6, 255.3)),
         ("rgbd_dataset_freiburg2_desk", (520.9, 521.0, 325.1, 249.7)),
         ("rgbd_dataset_freiburg3_office", (535.4, 539.2, 320.1, 247.6)),
+        ("fr3_office", (535.4, 539.2, 320.1, 247.6)),
         ("ours", (525.0, 525.0, 319.5, 239.5)),
+        ("fr12", (525.0, 525.0, 319.5, 239.5)),
     ],
 )
 def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, camera) -> None:
@@ -198,7 +200,9 @@ def test_the_calibration_follows_the_folder_name(tmp_path: Path, folder: str, ca
     fx, fy, cx, cy = camera
     assert (found.camera.fx, found.camera.fy) == (fx, fy)
     assert (found.camera.cx, found.camera.cy) == (cx + 0.5, cy + 0.5)
-    assert len(found.camera.distortion) == (5 if "1" in folder or "2" in folder else 0)
+    assert len(found.camera.distortion) == (
+        5 if "freiburg1" in folder or "freiburg2" in folder else 0
+    )
     assert found.issues == []
 
 
@@ -208,6 +212,21 @@ def test_the_calibration_is_scaled_to_resized_images(recording) -> None:
     assert found.camera.fx == pytest.approx(520.9 / 20)
     assert found.camera.cx == pytest.approx((325.1 + 0.5) / 20)
     assert kinds(found) == OTHER_SIZE
+
+
+def test_one_image_of_another_size_does_not_decide(recording) -> None:
+    folder, frames = recording
+    Image.new("RGB", (64, 48)).save(folder / frames[0].rgb)
+    (folder / frames[1].rgb).write_bytes(b"no image")
+    assert read_with("tum", folder).camera.width == 32
+
+
+def test_a_recording_without_a_readable_image_is_refused(recording, one_line) -> None:
+    folder, frames = recording
+    for frame in frames:
+        (folder / frame.rgb).write_bytes(b"no image")
+    with one_line("no RGB image can be read"):
+        read_with("tum", folder)
 
 
 def test_option_camera_states_another(recording) -> None:

@@ -190,7 +190,7 @@ def report_unusable(
     for row in np.flatnonzero(~usable).tolist():
         defect = pose_defect(poses[row])
         if quaternions is not None:
-            norm = float(np.linalg.norm(quaternions[row]))
+            norm = math.hypot(*quaternions[row].tolist())
             if math.isfinite(norm) and not np.isfinite(poses[row, :3, :3]).all():
                 defect = f"the norm of its quaternion is {norm:.4g}, expected 1"
         issues.append(InputIssue("bad pose", place(row), defect))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
@@ -14,6 +16,10 @@ MAX_COORDINATE = 1e6
 """Metres."""
 FORWARD_TO_OPTICAL = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """A camera's axes x right, y down, z forward in axes x forward, y left, z up."""
+_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
+_MAX_LAST_ROW_ERROR = 1e-6
+_BLOCK = 1 << 14
+"""Poses that are handled at a time."""
 
 
 def poses_from_quaternions(
@@ -23,7 +29,8 @@ def poses_from_quaternions(
 
     Quaternions are normalised if their norm is within `MAX_NORM_ERROR` of 1.
     """
-    norms = np.linalg.norm(quaternions, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        norms = np.linalg.norm(quaternions, axis=1)
     good = np.abs(norms - 1) <= MAX_NORM_ERROR
     poses = np.full((len(positions), 4, 4), np.nan)
     poses[good] = np.eye(4)
@@ -34,13 +41,17 @@ def poses_from_quaternions(
 
 def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N, 4, 4) -> (N,): whether a pose is finite, in range, and its rotation proper."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        rotations = poses[:, :3, :3]
-        products = np.swapaxes(rotations, 1, 2) @ rotations
-        proper = np.abs(products - np.eye(3)).max(axis=(1, 2)) <= MAX_ROTATION_ERROR
-        proper &= np.linalg.det(np.nan_to_num(rotations)) > 0
-        near = np.abs(poses[:, :3, 3]).max(axis=1) <= MAX_COORDINATE
-    return np.asarray(proper & near & np.isfinite(poses).all(axis=(1, 2)))
+    usable = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    for block in _blocks(len(poses)):
+        rotations = poses[block, :3, :3]
+        with np.errstate(invalid="ignore", over="ignore"):
+            products = np.swapaxes(rotations, 1, 2) @ rotations
+            proper = np.abs(products - np.eye(3)).max(axis=(1, 2)) <= MAX_ROTATION_ERROR
+            proper &= np.linalg.det(np.nan_to_num(rotations)) > 0
+            proper &= np.abs(poses[block, :3, 3]).max(axis=1) <= MAX_COORDINATE
+            proper &= np.abs(poses[block, 3] - _LAST_ROW).max(axis=1) <= _MAX_LAST_ROW_ERROR
+        usable[block] &= proper
+    return usable
 
 
 def pose_defect(pose: NDArray[np.float64]) -> str:
@@ -48,6 +59,8 @@ def pose_defect(pose: NDArray[np.float64]) -> str:
     rotation = pose[:3, :3]
     if not np.isfinite(pose).all():
         return "its values are not finite"
+    if np.abs(pose[3] - _LAST_ROW).max() > _MAX_LAST_ROW_ERROR:
+        return f"its last row is {' '.join(f'{value:g}' for value in pose[3])}, expected 0 0 0 1"
     with np.errstate(over="ignore", invalid="ignore"):
         error = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if not error <= MAX_ROTATION_ERROR:
@@ -62,10 +75,17 @@ def pose_defect(pose: NDArray[np.float64]) -> str:
 def orthonormal(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Usable poses (N, 4, 4) with exact rotations, the nearest ones in the Frobenius norm."""
     result = poses.copy()
-    u, _, vt = np.linalg.svd(poses[:, :3, :3])
-    result[:, :3, :3] = u @ vt
-    result[:, 3] = 0.0, 0.0, 0.0, 1.0
+    result[:, 3] = _LAST_ROW
+    for block in _blocks(len(poses)):
+        u, _, vt = np.linalg.svd(poses[block, :3, :3])
+        result[block, :3, :3] = u @ vt
     return result
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Slices that cut `count` rows, so that intermediate results stay small."""
+    for start in range(0, count, _BLOCK):
+        yield slice(start, start + _BLOCK)
 
 
 def poses_at(

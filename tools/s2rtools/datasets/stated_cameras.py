@@ -76,19 +76,23 @@ def camera_option(options: ReadOptions, name: str, size: tuple[int, int]) -> Pin
 
 
 def fit_to_images(
-    camera: PinholeCamera, size: tuple[int, int], path: Path, issues: list[InputIssue]
+    camera: PinholeCamera,
+    size: tuple[int, int],
+    path: Path,
+    issues: list[InputIssue],
+    option: str = "camera",
 ) -> PinholeCamera:
     """The camera for images of (height, width) that were resized; reported if they were.
 
-    Distortion does not depend on the size.
+    `option` is the one that states the camera. Distortion does not depend on the size.
     """
     height, width = size
     if (camera.width, camera.height) == (width, height):
         return camera
     columns, rows = width / camera.width, height / camera.height
     detail = (
-        f"for {camera.width}x{camera.height} pixels, images have {width}x{height}; scaled, "
-        "which is wrong for cropped images: state theirs by option camera"
+        f"{option}: for {camera.width}x{camera.height} pixels, images have {width}x{height}; "
+        f"scaled, which is wrong for cropped images: state theirs by option {option}"
     )
     issues.append(InputIssue("intrinsics of another size", path.as_posix(), detail))
     return replace(

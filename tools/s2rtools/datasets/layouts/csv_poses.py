@@ -52,7 +52,7 @@ from s2rtools.datasets.numeric_rows import report_unusable
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.recorded_files import FrameFiles, find_file
 from s2rtools.datasets.recorded_folders import require_frames, trajectory_name
-from s2rtools.datasets.recorded_poses import orthonormal, poses_from_quaternions
+from s2rtools.datasets.recorded_poses import FORWARD_TO_OPTICAL, orthonormal, poses_from_quaternions
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -68,8 +68,6 @@ _QUATERNION = ("qx", "qy", "qz", "qw")
 _COLUMNS = ("rgb", "depth", *_POSITION, *_QUATERNION, "heading", "timestamp", "trajectory")
 _FULL = ("rgb", *_POSITION, *_QUATERNION)
 _ON_FLOOR = ("rgb", "x", "y", "heading")
-_OPTICAL_IN_ROBOT = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Columns: the camera's axes right, down and forward in axes forward, left and up."""
 
 
 class _Description(Struct, forbid_unknown_fields=True):
@@ -245,7 +243,7 @@ def _poses(rows: _Rows, table: _Description, issues: list[InputIssue]) -> NDArra
         poses = poses_from_quaternions(values[:, :3], values[:, 3:])
         usable = report_unusable(poses, rows.place, issues, values[:, 3:])
     if "heading" in rows.columns or table.pose_axes == "robot":
-        poses[:, :3, :3] = poses[:, :3, :3] @ _OPTICAL_IN_ROBOT
+        poses = poses @ FORWARD_TO_OPTICAL
     poses[~usable] = np.nan
     return poses
 

@@ -7,14 +7,15 @@ is registered to the colour image pixel by pixel. RGB and depth images, and imag
 together if their times differ by at most 20 ms, as in the tools of the benchmark.
 
 The calibrations are those of the colour cameras that the benchmark's page "File Formats" lists,
-with the centre of the first pixel at 0: freiburg1, freiburg2 and freiburg3 by the folder's name,
-else the default of ROS. The page gives no calibration of its depth images other than that they fit
-the colour images; registration ignores the distortion of both lenses, so that the pixels of both
-agree to some pixels near the borders.
+with the centre of the first pixel at 0: freiburg1, freiburg2 and freiburg3 by the folder's name
+(`freiburg1` or `fr1`), else the default of ROS. Of the depth images the page states only that they
+fit the colour images; registration ignores the distortion of both lenses, so that the pixels of
+both agree to some pixels near the borders.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from s2rtools.datasets.numeric_rows import (
     report_unusable,
 )
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -66,14 +67,16 @@ _LIMIT = TOLERANCE + 1e-6
 """Times since 1970 are rounded to 0.2 microseconds."""
 _SIZE = (480, 640)
 _CAMERAS = {
-    "freiburg1": opencv_camera(
+    "1": opencv_camera(
         _SIZE, (517.3, 516.5, 318.6, 255.3), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
     ),
-    "freiburg2": opencv_camera(
+    "2": opencv_camera(
         _SIZE, (520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)
     ),
-    "freiburg3": opencv_camera(_SIZE, (535.4, 539.2, 320.1, 247.6)),
+    "3": opencv_camera(_SIZE, (535.4, 539.2, 320.1, 247.6)),
 }
+_SENSOR = re.compile(r"(?<![A-Za-z])(?:freiburg|fr)([123])(?![0-9])")
+"""The benchmark writes freiburg1 and fr1."""
 _ROS_DEFAULT = opencv_camera(_SIZE, (525.0, 525.0, 319.5, 239.5))
 
 
@@ -122,7 +125,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     choose_trajectories(options.trajectories, [name], path)
     trajectories = {name: RecordedTrajectory(frames, orthonormal(poses[usable]), times[usable])}
     require_frames("tum", folder, trajectories, issues)
-    camera, source = _camera(folder, options, first_size(frames, folder), issues)
+    camera, source = _camera(folder, options, usual_size(frames, folder), issues)
     return Recording(
         layout="tum",
         name=folder_name(folder),
@@ -169,10 +172,9 @@ def _camera(
     stated = camera_option(options, "camera", size)
     if stated is not None:
         return fit_to_images(stated, size, folder, issues), "option camera"
-    name = folder.resolve().name
-    for key, camera in _CAMERAS.items():
-        if key in name:
-            return fit_to_images(camera, size, folder, issues), f"{key} of the benchmark"
+    if found := _SENSOR.search(folder.resolve().name):
+        camera = fit_to_images(_CAMERAS[found[1]], size, folder, issues)
+        return camera, f"freiburg{found[1]} of the benchmark"
     return fit_to_images(_ROS_DEFAULT, size, folder, issues), "default of ROS"
 
 
