@@ -111,6 +111,18 @@ def test_mcap_files_without_an_index(tmp_path: Path, scene: Walk) -> None:
     assert_images(recording, scene)
 
 
+def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path: Path, scene: Walk) -> None:
+    """SQLite quotes the damaged text, which is not UTF-8."""
+    path = walk_bag(tmp_path / "folder", scene).write()
+    (file,) = path.glob("*.db3")
+    content = file.read_bytes()
+    assert b"name TEXT NOT NULL" in content
+    file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
+    with pytest.raises(RequestError, match="cannot be read as a ROS bag") as error:
+        read("bag", path)
+    assert "\n" not in str(error.value)
+
+
 def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("nothing")
     (tmp_path / "empty.mcap").write_bytes(b"")
