@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rtools.datasets.numeric_rows import NumericRows, read_numbers, report_unusable
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import existing_folder, folder_name, require_frames
 from s2rtools.datasets.recorded_poses import orthonormal
 from s2rtools.datasets.recording import (
@@ -169,7 +169,7 @@ def _read_sequence(
     offset[:3, 3] = -np.linalg.solve(matrix, projection[:, 3])
     intrinsics = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     fx, fy, cx, cy = (float(value) for value in intrinsics)
-    pinhole = opencv_camera(first_size(frames, folder), (fx, fy, cx, cy))
+    pinhole = opencv_camera(usual_size(frames, folder), (fx, fy, cx, cy))
     trajectory = RecordedTrajectory(
         frames, orthonormal(poses[np.asarray(kept)]) @ offset, np.asarray(kept_times)
     )
