@@ -85,12 +85,17 @@ class _Entries:
 
 
 def read_predictions(
-    table: PredictionTable, side: Side | None, target: ImportTarget, options: ReadingOptions
+    table: PredictionTable,
+    side: Side | None,
+    target: ImportTarget,
+    options: ReadingOptions,
+    trajectory: str | None = None,
 ) -> FilePredictions:
     """Match the rows of a table and bring their poses into the map.
 
-    `side` is that of all rows, None where the table tells it. Rows that cannot be used are added
-    to the issues of the table. Raises RequestError where columns are missing or nothing fits.
+    `side` is that of all rows, None where the table tells it, and so is `trajectory`. Rows that
+    cannot be used are added to the issues of the table. Raises RequestError where columns are
+    missing or nothing fits.
     """
     is_wide = side is None and instance_matching.has_both_sides(table)
     count, sides = len(table), None
@@ -98,7 +103,7 @@ def read_predictions(
         sides = instance_matching.row_sides(table, side, target)
     named, matches, sides_found = instance_matching.match_rows(
         table, np.zeros(count, dtype=np.int8) if sides is None else sides, target,
-        options.tolerance, pose_units.TIMES[options.units.time],
+        options.tolerance, pose_units.TIMES[options.units.time], trajectory,
     )  # fmt: skip
     row_sides = None if is_wide else sides_found
     entries = _usable(table, _entries(table, matches, row_sides))
@@ -249,6 +254,10 @@ def _units(
     where, bounds = str(table.path), target.store.dataset.bounds
     length = pose_units.length_unit(units.length, entries.numbers[:, :2], bounds, where)
     declared = {"heading_deg": "deg", "quaternion": "rad"}.get(entries.heading_from, units.angle)
+    if units.angle not in (None, declared):
+        raise RequestError(
+            f"{where}: --units {units.angle}: headings are in {declared} ({entries.heading_from})"
+        )
     return length, pose_units.angle_unit(declared, entries.numbers[:, 2], where)
 
 
