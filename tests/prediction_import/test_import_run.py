@@ -345,6 +345,13 @@ def test_nothing_is_published_of_predictions_that_match_nothing(
         run_import(store, file)
 
 
+def test_positions_that_are_all_out_of_range_are_refused(store: Path, tmp_path: Path) -> None:
+    rows = [(iid, "sim", 5e6, 2, 3) for iid in range(3)]
+    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    with pytest.raises(RequestError, match=r"no row can be used \(out of range: 3; p\.csv:2"):
+        run_import(store, file, units="m")
+
+
 def test_a_run_of_a_model_is_not_replaced(store_copy: Path, tmp_path: Path) -> None:
     file = write_csv(tmp_path / "p.csv", make(store_copy))
     with pytest.raises(RequestError, match="run 'vanilla': a run of a model; choose another name"):

@@ -111,16 +111,10 @@ def read_predictions(
     scale = np.array([length.scale, length.scale, angle.scale])
     entries = _first_of_each(table, _in_range(table, entries, entries.numbers * scale))
     poses = entries.numbers * scale
-    truth = target.store.instances
-    errors = pose_units.heading_errors(poses[:, 2], truth.heading[entries.iids])
-    where = str(table.path)
-    convention = options.heading
-    if convention == AUTO:
-        convention = pose_units.best_convention(errors, len(entries.iids), where)
-    warnings = pose_units.convention_warnings(
-        entries.numbers[:, 2], angle.name, convention, truth.heading[entries.iids], where
-    )
+    convention, error, warnings = _convention(table, entries, poses[:, 2], angle, target, options)
     poses[:, 2] = pose_units.to_map(poses[:, 2], convention)
+    if matches.offsets is not None:
+        named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
     facts = {
         "file": table.path.name,
         "columns": list(table.columns),
@@ -132,25 +126,47 @@ def read_predictions(
         "angle": angle.name,
         "heading": convention,
     }
-    if matches.offsets is not None:
-        largest = float(np.nanmax(matches.offsets))
-        facts["matched_by"] = f"{named} (largest difference {largest:.2g} s)"
-    off = np.hypot(*(poses[:, :2].T - [truth.x[entries.iids], truth.y[entries.iids]]))
-    medians = [
-        f"{name} {np.median(off[entries.sides == code]):.3g} m"
-        for code, name in enumerate(SIDES)
-        if (entries.sides == code).any()
-    ]
     summary = (
-        f"{table.path.name}: {facts['used']} predictions in {count} rows, matched by "
-        f"{facts['matched_by']}; positions in {length}, headings in {angle}, map heading "
-        f"{convention}; median error {', '.join(medians)}, heading "
-        f"{math.degrees(errors[convention]):.3g} deg"
+        f"{table.path.name}: {len(entries.iids)} predictions in {count} rows, matched by {named}; "
+        f"positions in {length}, headings in {angle}, map heading {convention}; median error "
+        f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
     return FilePredictions(
         table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides, facts,
         summary, warnings,
     )  # fmt: skip
+
+
+def _convention(
+    table: PredictionTable,
+    entries: _Entries,
+    headings: Floats,
+    unit: pose_units.Unit,
+    target: ImportTarget,
+    options: ReadingOptions,
+) -> tuple[str, float, tuple[str, ...]]:
+    """The convention of `headings` (n,) in radians, its median error, and warnings about it."""
+    truth, where = target.store.instances.heading[entries.iids], str(table.path)
+    errors = pose_units.heading_errors(headings, truth)
+    convention = options.heading
+    if convention == AUTO:
+        convention = pose_units.best_convention(errors, len(truth), where)
+    warnings = pose_units.convention_warnings(
+        entries.numbers[:, 2], unit.name, convention, truth, where
+    )
+    return convention, errors[convention], warnings
+
+
+def _median_errors(entries: _Entries, poses: Floats, target: ImportTarget) -> str:
+    """The median distance of `poses` (n, 3) to the ground truth on each side."""
+    truth = target.store.instances
+    x, y = poses[:, 0] - truth.x[entries.iids], poses[:, 1] - truth.y[entries.iids]
+    off = np.hypot(x, y)
+    return ", ".join(
+        f"{side} {np.median(off[entries.sides == code]):.3g} m"
+        for code, side in enumerate(SIDES)
+        if (entries.sides == code).any()
+    )
 
 
 def _entries(
@@ -242,9 +258,13 @@ def _usable(table: PredictionTable, entries: _Entries) -> _Entries:
         lambda k: f"{_place(table, entries, k)} x, y or heading is not a number",
     )
     if not (is_named & is_finite).any():
-        reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
-        raise RequestError(f"{table.path}: no row can be used ({reasons})")
+        raise _unusable(table)
     return entries.chosen(is_named & is_finite)
+
+
+def _unusable(table: PredictionTable) -> RequestError:
+    reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
+    return RequestError(f"{table.path}: no row can be used ({reasons})")
 
 
 def _units(
@@ -262,7 +282,10 @@ def _units(
 
 
 def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entries:
-    """The entries whose `poses`, metres and radians, are plausible; reports the others."""
+    """The entries whose `poses`, metres and radians, are plausible; reports the others.
+
+    Raises RequestError where there is none.
+    """
     is_far = (np.abs(poses[:, :2]) > MAX_COORDINATE).any(axis=1)
     is_far |= np.abs(poses[:, 2]) > MAX_HEADING
     table.issues.add_rows(
@@ -270,6 +293,8 @@ def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entr
         np.flatnonzero(is_far),
         lambda k: f"{_place(table, entries, k)} beyond {MAX_COORDINATE:g} m or {MAX_HEADING:g} rad",
     )
+    if is_far.all():
+        raise _unusable(table)
     return entries.chosen(~is_far)
 
 
