@@ -58,7 +58,9 @@ def rows_by_trajectory(store: Path) -> dict[str, object]:
             for trajectory in sorted(imaged):
                 digest = hashlib.sha256()
                 for iid in opened.iids_of(trajectory):
-                    for image in opened.frames(domain, int(iid), int(iid) + 1).values():
+                    one = int(iid), int(iid) + 1
+                    ((_, source),) = opened.source_frames(domain, *one)
+                    for image in (*opened.frames(domain, *one).values(), *source.values()):
                         digest.update(image.tobytes())
                 found[f"{domain} {trajectory}"] = digest.hexdigest()
     return found

@@ -155,7 +155,8 @@ def _write(
         )
     part, places = len(store.parts), {}
     for name in found.continued:
-        types = stored_depth_types(store, name) | depth_types(folder, found.domains, name)
+        added_domains = [scan.domains[domain] for domain in found.domains]
+        types = stored_depth_types(store, name) | depth_types(folder, added_domains, name)
         places[name] = FramePlace(TrajectoryPart.later_folder(name, part), types)
     stored = write_frames(added, folder, progress, places) if added.trajectories else {}
     ends = {name: TrajectoryEnd.of(store, name) for name in found.continued if name in stored}

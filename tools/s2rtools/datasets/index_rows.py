@@ -146,13 +146,27 @@ def insert_instances(
     if scan.has_poses:
         new = [name for name in stored if name not in ends]
         sizes = [json.dumps(stored[name].image_sizes, sort_keys=True) for name in new]
-        facts = {"what": [schema.IMAGE_SIZES] * len(new), "key": new, "value": sizes}
-        draft.insert("provenance", facts)
+        draft.insert(
+            "provenance", {"what": [schema.IMAGE_SIZES] * len(new), "key": new, "value": sizes}
+        )
     for domain in scan.domains:
         iid = first_iid
         for _, trajectory in sorted(stored.items()):
             insert_frames(draft, scan, trajectory, domain, iid)
             iid += len(trajectory)
+
+
+def add_image_sizes(
+    draft: IndexTransaction, trajectory: str, sizes: Mapping[str, Mapping[str, Sequence[int]]]
+) -> None:
+    """Add the sizes of a trajectory's images in further domains, where those of others are known.
+
+    Releases up to 0.2.0 recorded none.
+    """
+    query = "SELECT value FROM provenance WHERE what = ? AND key = ?"
+    for (text,) in draft.rows(query, [schema.IMAGE_SIZES, trajectory]):
+        together = json.dumps(json.loads(text) | dict(sizes), sort_keys=True)
+        draft.set_provenance(schema.IMAGE_SIZES, {trajectory: together})
 
 
 def insert_frames(

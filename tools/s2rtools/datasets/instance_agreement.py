@@ -84,12 +84,12 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
 
 
 def stored_depth_types(store: Store, trajectory: str) -> dict[str, str]:
-    """The numpy type of a trajectory's stored depth images in each domain; empty without poses."""
-    if not store.has_poses:
-        return {}
+    """The numpy type of a trajectory's stored depth images in each domain with depth."""
     part = next(part for part in store.trajectory_parts if part.trajectory == trajectory)
     return {
-        domain: store.frames_array(domain, part, "depth").layout.dtype for domain in store.domains
+        name: store.frames_array(name, part, "depth").layout.dtype
+        for name, domain in store.domains.items()
+        if domain.has_depth
     }
 
 

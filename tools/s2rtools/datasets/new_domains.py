@@ -12,9 +12,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.index.transaction import IndexTransaction
 from s2rstore.reader import Store
-from s2rstore.records import TrajectoryPart
+from s2rstore.records import Domain, TrajectoryPart
 from s2rtools.datasets.frame_writing import FramePlace, ReportProgress, write_trajectory
-from s2rtools.datasets.index_rows import domain_hash, insert_domain, insert_frames
+from s2rtools.datasets.index_rows import add_image_sizes, domain_hash, insert_domain, insert_frames
 from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.scan import InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
@@ -40,7 +40,10 @@ def write_domain_frames(
     for part in store.trajectory_parts:
         name = part.trajectory
         records = _records(scan, domains, part, rows[name])
-        place = FramePlace(part.folder, depth_types(root, domains, name) if part.row else {})
+        types = (
+            depth_types(root, [scan.domains[each] for each in domains], name) if part.row else {}
+        )
+        place = FramePlace(part.folder, types)
         before = len(scan.issues)
         of_part = replace(scan, trajectories={name: records})
         stored = write_trajectory(of_part, root, name, progress, place)
@@ -64,6 +67,9 @@ def insert_domains(
         insert_domain(draft, scan.domains[name], scan.has_poses, sha256)
         for part, stored in written:
             insert_frames(draft, scan, stored, name, part.first_iid)
+    for part, stored in written:
+        if part.row == 0:
+            add_image_sizes(draft, part.trajectory, stored.image_sizes)
 
 
 def _records(
@@ -79,9 +85,13 @@ def _records(
     return LazySequence(part.instances, record)
 
 
-def depth_types(root: Path, domains: Sequence[str], trajectory: str) -> dict[str, str]:
-    """The numpy type of a trajectory's depth images, as written below `root`, in some domains."""
-    folders = {name: root / layout.FRAMES / name / trajectory / "depth" for name in domains}
+def depth_types(root: Path, domains: Sequence[Domain], trajectory: str) -> dict[str, str]:
+    """The numpy type of a trajectory's depth images, as written below `root`, by domain."""
+    folders = {
+        each.domain: root / layout.FRAMES / each.domain / trajectory / "depth"
+        for each in domains
+        if each.has_depth
+    }
     return {
         name: stored_array.open_read(folder, root).layout.dtype for name, folder in folders.items()
     }
