@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ from s2rtui.cli import main
 from s2rtui.session.heatmaps import selection_grid
 from s2rtui.session.state import HeatChoice
 from tests.support import recordings
+from tests.support.copies import copy_store
 from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("computed")
@@ -176,6 +178,45 @@ def test_keys_change_with_the_poses_of_the_frames(
     with s2rstore.open(path) as store:
         assert not store.has_own_poses("sim")
         np.testing.assert_array_equal(store.poses("sim")[:, 0], store.instances.x)
+
+
+def test_imported_predictions_are_measured_against_the_poses_of_their_own_images(
+    tmp_path: Path,
+) -> None:
+    path = make_store(tmp_path, has_depth=False)
+    with s2rstore.open(path) as store:
+        rows = [
+            f"{iid},{side},{x!r},{y!r},{math.degrees(heading)!r}"
+            for side in SIDES
+            for iid, (x, y, heading) in enumerate(store.poses(side).tolist())
+        ]
+    file = tmp_path / "poses.csv"
+    file.write_text("\n".join(["iid,side,x,y,heading", *rows]))
+    assert main(["run", "import", "p", "--predictions", str(file), "--store", str(path)]) == 0
+    precompute(path, SilentReporter(), [], PrecomputeOptions(("pixel_difference",)))
+    with s2rstore.open(path) as store:
+        columns = store.run_columns("p")
+        for side in SIDES:
+            assert columns.side(side).error.max() < 1e-9
+            assert columns.side(side).heading_error.max() < 1e-9
+        np.testing.assert_allclose(columns.shift, 0.3, atol=1e-9)
+        assert {r.mode for r in store.array_kinds("p") if r.kind == "pixel_difference"} == {"rgb"}
+    assert verify(path) == []
+
+
+def test_damage_of_poses_and_offsets_is_found(
+    loose: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    for name, table, where, values, words in (
+        ("a", "frame_pose", {"domain": "sim"}, {"x": 1.0}, "error is not the distance"),
+        ("b", "frame_pose", {"domain": "real"}, {"y": None}, "pose is NULL"),
+        ("c", "instance", {"trajectory": "walk"}, {"pair_offset_m": -1.0}, "pair offset"),
+        ("d", "frame_pose", {"domain": "real"}, {"domain": "other"}, "without a row in domain"),
+    ):
+        path = copy_store(loose[0], tmp_path / name)
+        with edit(path) as draft:
+            draft.update(table, where, values)
+        assert any(words in damage.what for damage in verify(path))
 
 
 class RgbNetwork(nn.Module):

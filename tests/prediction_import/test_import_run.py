@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 from pathlib import Path
 
 import duckdb
@@ -114,6 +115,36 @@ def test_tum_files_of_both_sides_by_time(
     report = run_import(store, *files, units=unit)
     assert "matched by time within 0.02 s (largest difference 0.004 s)" in report.lines[1]
     assert_equal(predicted(store), made, 1e-9)
+
+
+def test_files_of_one_recording_are_matched_within_it(store: Path, tmp_path: Path) -> None:
+    made = make(store)
+    with s2rstore.open(store) as opened:
+        codes, names = opened.instances.trajectory, opened.instances.trajectory_names
+    files = []
+    for side, (code, name) in product(SIDES, enumerate(names)):
+        iids = np.flatnonzero(codes == code)
+        with s2rstore.open(store) as opened:
+            times = opened.instances.timestamp[iids]
+        rows = [(time, *made.of(side)[iid]) for time, iid in zip(times, iids, strict=True)]
+        file = tmp_path / f"{side}-{name}.csv"
+        files.append(f"{side}/{name}:{write_rows(file, ('time', 'x', 'y', 'heading'), rows)}")
+    assert run_import(store, *files).counts["both"] == N
+    assert_equal(predicted(store), made)
+    with pytest.raises(RequestError, match=r"no trajectory 'c' \(has: a, b\)"):
+        run_import(store, files[0].replace("sim/a", "sim/c"))
+
+
+def test_a_trajectory_is_refused_where_rows_name_iids(store: Path, tmp_path: Path) -> None:
+    file = write_rows(tmp_path / "p.csv", ("iid", "x", "y", "heading"), [(0, 1, 2, 3)])
+    with pytest.raises(RequestError, match="matched by iid; do not name a trajectory"):
+        run_import(store, f"sim/a:{file}")
+
+
+def test_units_that_contradict_a_column_are_refused(store: Path, tmp_path: Path) -> None:
+    file = write_rows(tmp_path / "p.csv", ("iid", "x", "y", "heading_deg"), [(0, 1, 2, 3)])
+    with pytest.raises(RequestError, match=r"--units rad: headings are in deg \(heading_deg\)"):
+        run_import(store, f"sim:{file}", units="rad")
 
 
 def test_rows_by_trajectory_and_seq_with_both_sides(store: Path, tmp_path: Path) -> None:
@@ -312,6 +343,13 @@ def test_nothing_is_published_of_predictions_that_match_nothing(
     file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
     with pytest.raises(RequestError, match=r"no row can be used \(unmatched row: 3; p\.csv:2 iid"):
         run_import(store, file)
+
+
+def test_positions_that_are_all_out_of_range_are_refused(store: Path, tmp_path: Path) -> None:
+    rows = [(iid, "sim", 5e6, 2, 3) for iid in range(3)]
+    file = write_rows(tmp_path / "p.csv", ("iid", "side", "x", "y", "heading"), rows)
+    with pytest.raises(RequestError, match=r"no row can be used \(out of range: 3; p\.csv:2"):
+        run_import(store, file, units="m")
 
 
 def test_a_run_of_a_model_is_not_replaced(store_copy: Path, tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def test_times_that_fit_several_trajectories_need_their_names() -> None:
     times = np.array([0.0, 1.0, 5.0])
     found = match_times(times, stamps, trajectories, 0.02)
     assert found.iids.tolist() == [NONE] * 3
-    assert "column trajectory" in found.reasons[0]
+    assert found.reasons[0].startswith("its time fits several trajectories")
     assert found.reasons[2] == "the nearest instance is 3.99 s away"
     named = match_times(times, stamps, trajectories, 0.02, np.array([1, 1, 0], np.int32))
     assert named.iids.tolist() == [2, 3, NONE]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from s2rtools.training import (
 )
 from s2rtools.training.colour_augmentation import vary_colours
 from s2rtools.training.depth_noise import DepthNoise, noise_fields, perlin
+from s2rtools.training.evaluation import evaluate_splits
 from s2rtools.training.training_loop import TrainingResult
 
 TRAIN, VALIDATION, TEST, UNSEEN = range(len(SPLITS))
@@ -285,3 +287,26 @@ def test_the_learning_rate_rises_and_then_falls_to_zero():
     assert max(rates) == pytest.approx(1)
     assert rates[-1] == pytest.approx(0)
     assert np.argmax(rates) <= 6
+
+
+def test_a_domain_is_trained_and_judged_on_the_poses_of_its_own_images(
+    few_frames: TrainingFrames, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sim images of loose pairs lie elsewhere than those of the instances."""
+    moved = few_frames.poses + np.array([100.0, 0.0, 0.0])
+    frames = replace(few_frames, own_poses={"sim": moved, "sim_edit": moved})
+    targets: list[torch.Tensor] = []
+    loss = training_loop.training_loss
+
+    def keep(predicted: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+        targets.append(truth)
+        return loss(predicted, truth)
+
+    monkeypatch.setattr(training_loop, "training_loss", keep)
+    result = train(frames, "vanilla", budget=Budget(steps=1))
+    assert all(float(target[:, 0].min()) >= 100 for target in targets)
+    splits = {"sim": np.full(60, TEST), "real": np.full(60, TEST)}
+    found = evaluate_splits(result.network, result.convention, frames, splits)
+    apart = evaluate_splits(result.network, result.convention, few_frames, splits)
+    assert found["real.test.median_error"] == apart["real.test.median_error"]
+    assert found["sim.test.median_error"] < 50 < apart["sim.test.median_error"]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError
+from s2rstore.index.columns import RunColumns
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -31,7 +32,6 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
     columns = store.run_columns(run)
-    shift = columns.shift[iid]
     sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
     missing: tuple[tuple[str, str], ...] = ()
     try:
@@ -48,7 +48,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *missing,
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
-            ("gap", f"{columns.gap[iid]:+.2f} m (real - sim error), shift {shift:.2f} m"),
+            ("gap", _gap(columns, iid)),
             ("ranks", _ranks(store, run, iid)),
             *_neighbours(store, run, iid),
             *sim.notes,
@@ -86,6 +86,14 @@ def _image_input(store: Store, iid: int) -> InstanceInput:
 
 def _named(names: tuple[str, ...], code: int) -> str:
     return names[code] if code >= 0 else "no room"
+
+
+def _gap(columns: RunColumns, iid: int) -> str:
+    missing = [side for side in SIDES if math.isnan(columns.side(side).error[iid])]
+    if missing:
+        return f"unknown: no {' and no '.join(missing)} prediction"
+    gap, shift = columns.gap[iid], columns.shift[iid]
+    return f"{gap:+.2f} m (real - sim error), shift {shift:.2f} m"
 
 
 def _ranks(store: Store, run: str, iid: int) -> str:

@@ -43,13 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
     for name, layout in layouts.choices.items():
+        extended = "" if layout is pairs else ", or with --append to extend"
         size = _DEFAULT_SIZES.get(name, _DEFAULT_SIZE)
         edge = "longer edge" if layout is images else "height and width"
         layout.add_argument(
             "--store",
             type=Path,
             required=True,
-            help="store folder to create, or with --append to extend",
+            help=f"store folder to create{extended}",
         )
         if layout is not pairs:
             layout.add_argument("--trajectory", action="append", default=[],
@@ -59,8 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                                 "behind those of a trajectory, domains of all instances; frame "
                                 "size and cameras must be those of the store")  # fmt: skip
         layout.add_argument("--size", type=int,
-                            help=f"{edge} of stored frames, pixels (default {size}; with --append "
-                            "that of the store)")  # fmt: skip
+                            help=f"{edge} of stored frames, pixels (default {size}"
+                            f"{')' if layout is pairs else '; with --append that of the store)'}",
+                            )  # fmt: skip
         layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,

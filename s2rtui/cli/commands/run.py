@@ -40,7 +40,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     _add_common(parser)
     parser.add_argument("--predictions", action="append", required=True, metavar="[SIDE:]FILE",
                         help="predicted poses: .csv, .parquet or .tum; sim:FILE and real:FILE for "
-                        "files of one side")  # fmt: skip
+                        "files of one side, sim/TRAJECTORY:FILE for one recording")  # fmt: skip
     parser.add_argument("--embeddings", action="append", default=[], metavar="[SIDE:]FILE.npy",
                         help="embeddings, a row for each row of the predictions")  # fmt: skip
     parser.add_argument("--units", default="", metavar="UNIT,...",

@@ -72,19 +72,22 @@ def read_vectors(path: Path, column: str, elements: Sequence[int]) -> NDArray[np
         f"list_extract(CAST({name} AS DOUBLE[]), {int(element) + 1}) AS v{number}"
         for number, element in enumerate(elements)
     )
-    found = _select(path, f"SELECT {listed} FROM {{table}}")
+    found = _select(path, listed)
     return np.column_stack([np.ma.filled(values, np.nan) for values in found.values()])
 
 
 def read_blobs(path: Path, column: str, field: str, start: int, count: int) -> list[bytes]:
-    """The bytes in a field of a column of records, of `count` rows from `start`; b"" for none."""
-    query = f"SELECT struct_extract({_quoted(column)}, '{escaped(field)}') AS v FROM {{table}}"
-    found = _select(path, f"{query} LIMIT {int(count)} OFFSET {int(start)}")
+    """The bytes in a field of a column of records, of `count` rows from `start`; b"" for none.
+
+    Raises RequestError where the file cannot be read, or has no such column.
+    """
+    value = f"struct_extract({_quoted(column)}, '{escaped(field)}') AS v"
+    found = _select(path, value, f"LIMIT {int(count)} OFFSET {int(start)}")
     return [bytes(value) if isinstance(value, bytes | bytearray) else b"" for value in found["v"]]
 
 
-def _select(path: Path, query: str) -> dict[str, NDArray[Any]]:
-    """The columns of a query on `{table}`, which stands for the file."""
+def _select(path: Path, columns: str, rows: str = "") -> dict[str, NDArray[Any]]:
+    """Columns of the file, and the clause that limits its rows."""
     check_regular(path)
     table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
     try:
@@ -92,9 +95,8 @@ def _select(path: Path, query: str) -> dict[str, NDArray[Any]]:
             (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]
             if count > MAX_ROWS:
                 raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
-            found: dict[str, NDArray[Any]] = connection.execute(
-                query.replace("{table}", table)
-            ).fetchnumpy()
+            query = f"SELECT {columns} FROM {table} {rows}"
+            found: dict[str, NDArray[Any]] = connection.execute(query).fetchnumpy()
             return found
     except duckdb.Error as error:
         raise RequestError(f"{path}: cannot be read ({first_line(error)})") from error

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -86,6 +87,57 @@ def without_poses(path: Path, scene: Walk) -> BagFile:
     return walk_bag(path, scene, pose="")
 
 
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_the_file_of_a_ros_2_bag_alone(tmp_path: Path, scene: Walk, kind: str) -> None:
+    (file,) = walk_bag(tmp_path / f"folder-{kind}", scene).write().glob(f"*.{kind}")
+    recording = read("bag", file)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+    (file.parent / "metadata.yaml").unlink()
+    assert_poses(read("bag", file.parent), scene.poses)
+
+
+def test_mcap_files_without_an_index(tmp_path: Path, scene: Walk) -> None:
+    """The footer (a byte, its length, two offsets, a checksum) is in front of 8 closing bytes."""
+    bag = walk_bag(tmp_path / "folder-mcap", scene)
+    bag.items.sort(key=lambda item: item[2])
+    (file,) = bag.write().glob("*.mcap")
+    content = bytearray(file.read_bytes())
+    content[-28:-8] = bytes(20)
+    alone = tmp_path / "alone.mcap"
+    alone.write_bytes(content)
+    recording = read("bag", alone)
+    assert_poses(recording, scene.poses)
+    assert_images(recording, scene)
+
+
+def test_a_damaged_schema_of_a_database_ends_in_one_line(tmp_path: Path, scene: Walk) -> None:
+    """SQLite quotes the damaged text, which is not UTF-8."""
+    path = walk_bag(tmp_path / "folder", scene).write()
+    (file,) = path.glob("*.db3")
+    content = file.read_bytes()
+    assert b"name TEXT NOT NULL" in content
+    file.write_bytes(content.replace(b"name TEXT NOT NULL", b"name TEXT NOT \x88ULL"))
+    with pytest.raises(RequestError, match="cannot be read as a ROS bag") as error:
+        read("bag", path)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_no_bag_ends_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("nothing")
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    os.mkfifo(tmp_path / "pipe.bag")
+    for path, message in (
+        (tmp_path / "notes.txt", "cannot be read as a ROS bag"),
+        (tmp_path / "empty.mcap", "cannot be read as a ROS bag"),
+        (tmp_path / "pipe.bag", "a pipe, not a regular file"),
+        (tmp_path / "missing.bag", "no such bag"),
+    ):
+        with pytest.raises(RequestError, match=message) as error:
+            read("bag", path)
+        assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("name", "compression"),
     [
@@ -163,6 +215,19 @@ def test_poses_in_several_worlds_are_refused(tmp_path: Path, scene: Walk) -> Non
     bag.pose("/pose", nanoseconds(scene)[-1] + 1000, scene.poses[-1], frame="odom")
     with pytest.raises(RequestError, match="poses of /pose are in frames map, odom"):
         read("bag", bag.write())
+
+
+def test_transforms_that_do_not_move_the_camera_are_refused(tmp_path: Path, scene: Walk) -> None:
+    bag = without_poses(tmp_path / "one.bag", scene)
+    for time in nanoseconds(scene):
+        bag.transform("/tf_static", time, "base_link", CAMERA, MOUNT)
+        bag.transform("/tf", time, "odom", "base_footprint", level(1.0, 0.5))
+    with pytest.raises(RequestError, match="no transform moves frame 'camera_optical_frame'"):
+        read("bag", bag.write())
+    with pytest.raises(RequestError, match=r"up to 'map' \(has: base_footprint, base_link"):
+        read("bag", bag.path, ReadOptions({"world": "map"}))
+    with pytest.raises(RequestError, match="axes=left: must be optical or forward"):
+        read("bag", bag.path, ReadOptions({"axes": "left"}))
 
 
 def test_odometry_without_transforms_needs_a_declared_frame(tmp_path: Path, scene: Walk) -> None:

@@ -52,10 +52,12 @@ def test_the_folder_mav0_itself_is_read(recording) -> None:
 def test_another_camera_is_chosen_by_option(tmp_path: Path, one_line) -> None:
     frames = recordings.euroc(tmp_path, POSES, STAMPS, camera=1)
     assert_found(only(read_with("euroc", tmp_path, camera="1")), frames)
-    with one_line("cam0"):
+    with one_line("mav0/cam0", "has: cam1"):
         read_with("euroc", tmp_path)
-    with one_line("camera=../x"):
+    with one_line("option camera", "cam../x"):
         read_with("euroc", tmp_path, camera="../x")
+    with one_line("option poses", "state_groundtruth_estimate0"):
+        read_with("euroc", tmp_path, camera="1", poses="leica0")
 
 
 def test_poses_between_rows_are_interpolated(recording) -> None:

@@ -179,6 +179,16 @@ def test_images_of_a_repeated_number_are_reported(scan) -> None:
     assert reported(found, "repeated image") == ["color/1.jpg"]
 
 
+def test_the_usual_size_of_depth_images_counts(scan, one_line) -> None:
+    folder, frames = scan
+    Image.new("I;16", (9, 9)).save(folder / str(frames[0].depth))
+    assert read_with("scannet", folder).depth_camera.width == 32
+    for frame in frames:
+        (folder / str(frame.depth)).write_bytes(b"")
+    with one_line("no depth image can be read"):
+        read_with("scannet", folder)
+
+
 def test_numbers_are_sorted_as_numbers(tmp_path: Path) -> None:
     poses = drive(0.1 * k for k in range(12))
     frames = recordings.scannet(tmp_path / "scan", poses)

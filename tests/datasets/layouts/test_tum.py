@@ -214,6 +214,21 @@ def test_the_calibration_is_scaled_to_resized_images(recording) -> None:
     assert kinds(found) == OTHER_SIZE
 
 
+def test_one_image_of_another_size_does_not_decide(recording) -> None:
+    folder, frames = recording
+    Image.new("RGB", (64, 48)).save(folder / frames[0].rgb)
+    (folder / frames[1].rgb).write_bytes(b"no image")
+    assert read_with("tum", folder).camera.width == 32
+
+
+def test_a_recording_without_a_readable_image_is_refused(recording, one_line) -> None:
+    folder, frames = recording
+    for frame in frames:
+        (folder / frame.rgb).write_bytes(b"no image")
+    with one_line("no RGB image can be read"):
+        read_with("tum", folder)
+
+
 def test_option_camera_states_another(recording) -> None:
     found = read_with("tum", recording[0], camera="30,31,15.5,11.5")
     camera = found.camera

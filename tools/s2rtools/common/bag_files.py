@@ -58,7 +58,7 @@ def _check_tables(path: Path) -> None:
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
             row = database.execute(query).fetchone()
-    except sqlite3.Error:
+    except (sqlite3.Error, UnicodeDecodeError):  # the latter for its own message
         return  # the reader reports the reason
     if row is not None:
         raise RequestError(f"{path}: {row[0]!r} is not a table; no recorder writes such a bag")

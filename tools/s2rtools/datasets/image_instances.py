@@ -73,7 +73,10 @@ def _domain(name: str, kind: Side) -> Domain:
     if kind not in SIDES:
         raise RequestError(f"domain {name}: its kind must be sim or real, not {kind!r}")
     nothing = math.nan, math.nan, math.nan
-    return Domain(name, kind, _NO_CAMERA, _NO_CAMERA, *nothing, depth_raw_min=1, depth_raw_max=0)
+    return Domain(
+        name, kind, _NO_CAMERA, _NO_CAMERA, *nothing,
+        depth_raw_min=1, depth_raw_max=0, has_depth=False,
+    )  # fmt: skip
 
 
 def add_images(

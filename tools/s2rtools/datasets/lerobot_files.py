@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.files.input_files import check_regular, decode_json, read_bytes
+from s2rstore.files.input_files import decode_json, open_regular, read_bytes
 from s2rstore.index.parquet_table import read_blobs, read_columns
 from s2rtools.common.image_files import MAX_PIXELS
 from s2rtools.datasets.image_decoding import decode_image
@@ -32,6 +32,8 @@ from s2rtools.datasets.scan import InputIssue
 _MAX_INFO_BYTES = 8 << 20
 _MAX_EPISODES = 100_000
 _FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
+_MP4 = b"ftyp"
+"""Bytes 4 to 8 of every MP4 file; FFmpeg reads playlists, too, which name other files."""
 _AHEAD = 60
 """Frames that are decoded to reach one ahead; beyond, the video is searched."""
 _CACHED = 16
@@ -187,13 +189,16 @@ class VideoImages:
         if file == self._file:
             return
         path = self._containment.resolve(file, str(self._containment.folder))
-        check_regular(path)
+        with open_regular(path) as video:
+            is_mp4 = video.read(8)[4:] == _MP4
         self._frames.clear()
         self._file, self._next = file, 0
         self._capture.release()
+        if not is_mp4:
+            return
         self._capture.open(str(path.absolute()), cv2.CAP_FFMPEG)
-        size = [self._capture.get(each) for each in (3, 4)]
-        if size[0] * size[1] > MAX_PIXELS:
+        width = self._capture.get(cv2.CAP_PROP_FRAME_WIDTH)
+        if width * self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT) > MAX_PIXELS:
             self._capture.release()
 
     def _decoded(self, number: int) -> NDArray[np.uint8] | None:

@@ -9,6 +9,7 @@ import hashlib
 import os
 import re
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.recording import RecordedFrame, SourceImage
 from s2rtools.datasets.scan import InputIssue
 
+_SAMPLES = 25
 _MOST_DIGITS = 18
 """Digits of a number in a file name; it fits into 64 bits."""
 _MAX_BYTES = 8 * MAX_PIXELS + MAX_METADATA_BYTES
@@ -174,26 +176,30 @@ def find_file(
     return False
 
 
-def first_size(frames: Iterable[RecordedFrame], where: object) -> tuple[int, int]:
-    """(height, width) of the first RGB image whose header can be read.
+def usual_size(
+    frames: Sequence[RecordedFrame], where: object, depth: bool = False
+) -> tuple[int, int]:
+    """The most frequent (height, width) in the headers of up to 25 RGB or `depth` images.
 
-    Raises RequestError, beginning with `where`, if there is none.
+    They are spread evenly over all; if none of them can be read, it is the size of the first that
+    can. Raises RequestError, beginning with `where`, if there is none.
     """
-    return _first_size((frame.rgb for frame in frames), where, "RGB")
+    rows = np.linspace(0, len(frames) - 1, _SAMPLES).round() if frames else np.zeros(0)
+    found = (_size(frames[int(row)], depth) for row in np.unique(rows))
+    sizes = Counter(size for size in found if size is not None)
+    if sizes:
+        return sizes.most_common(1)[0][0]
+    for frame in frames:
+        if size := _size(frame, depth):
+            return size
+    raise RequestError(f"{where}: no {'depth' if depth else 'RGB'} image can be read")
 
 
-def first_depth_size(frames: Iterable[RecordedFrame], where: object) -> tuple[int, int]:
-    """(height, width) of the first depth image whose header can be read; see `first_size`."""
-    return _first_size((frame.depth for frame in frames), where, "depth")
-
-
-def _first_size(images: Iterable[object], where: object, kind: str) -> tuple[int, int]:
-    for image in images:
-        if isinstance(image, RgbImageFile | DepthImageFile):
-            size = declared_size(image.path)
-            if size is not None:
-                return size
-    raise RequestError(f"{where}: no {kind} image can be read")
+def _size(frame: RecordedFrame, depth: bool) -> tuple[int, int] | None:
+    image = frame.depth if depth else frame.rgb
+    if isinstance(image, RgbImageFile | DepthImageFile):
+        return declared_size(image.path)
+    return None
 
 
 def _checksum(path: Path) -> str | None:

@@ -41,7 +41,7 @@ def poses_from_quaternions(
 
 def usable_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(N, 4, 4) -> (N,): whether a pose is finite, in range, and its rotation proper."""
-    usable = np.array(np.isfinite(poses).all(axis=(1, 2)), ndmin=1)
+    usable = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     for block in _blocks(len(poses)):
         rotations = poses[block, :3, :3]
         with np.errstate(invalid="ignore", over="ignore"):

@@ -83,8 +83,7 @@ def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object
 
 def _domain_facts(domain: Domain) -> dict[str, Any]:
     """Kind, cameras and depth of a domain by the names of their columns in the index."""
-    has_depth = domain.has_depth and not math.isnan(domain.depth_scale)  # NaN without poses
-    facts: dict[str, Any] = {"kind": domain.kind, "has_depth": has_depth}
+    facts: dict[str, Any] = {"kind": domain.kind, "has_depth": domain.has_depth}
     for image in ("rgb", "depth"):
         facts |= {f"{image}_{name}": v for name, v in asdict(getattr(domain, image)).items()}
     names = ("camera_height", "forward_offset", "depth_scale", "depth_raw_min", "depth_raw_max")

@@ -85,12 +85,17 @@ class _Entries:
 
 
 def read_predictions(
-    table: PredictionTable, side: Side | None, target: ImportTarget, options: ReadingOptions
+    table: PredictionTable,
+    side: Side | None,
+    target: ImportTarget,
+    options: ReadingOptions,
+    trajectory: str | None = None,
 ) -> FilePredictions:
     """Match the rows of a table and bring their poses into the map.
 
-    `side` is that of all rows, None where the table tells it. Rows that cannot be used are added
-    to the issues of the table. Raises RequestError where columns are missing or nothing fits.
+    `side` is that of all rows, None where the table tells it, and so is `trajectory`. Rows that
+    cannot be used are added to the issues of the table. Raises RequestError where columns are
+    missing or nothing fits.
     """
     is_wide = side is None and instance_matching.has_both_sides(table)
     count, sides = len(table), None
@@ -98,7 +103,7 @@ def read_predictions(
         sides = instance_matching.row_sides(table, side, target)
     named, matches, sides_found = instance_matching.match_rows(
         table, np.zeros(count, dtype=np.int8) if sides is None else sides, target,
-        options.tolerance, pose_units.TIMES[options.units.time],
+        options.tolerance, pose_units.TIMES[options.units.time], trajectory,
     )  # fmt: skip
     row_sides = None if is_wide else sides_found
     entries = _usable(table, _entries(table, matches, row_sides))
@@ -106,17 +111,10 @@ def read_predictions(
     scale = np.array([length.scale, length.scale, angle.scale])
     entries = _first_of_each(table, _in_range(table, entries, entries.numbers * scale))
     poses = entries.numbers * scale
-    of_sides = np.stack([target.store.poses(target.domains[name]) for name in SIDES])
-    truth = of_sides[entries.sides, entries.iids]
-    errors = pose_units.heading_errors(poses[:, 2], truth[:, 2])
-    where = str(table.path)
-    convention = options.heading
-    if convention == AUTO:
-        convention = pose_units.best_convention(errors, len(entries.iids), where)
-    warnings = pose_units.convention_warnings(
-        entries.numbers[:, 2], angle.name, convention, truth[:, 2], where
-    )
+    convention, error, warnings = _convention(table, entries, poses[:, 2], angle, target, options)
     poses[:, 2] = pose_units.to_map(poses[:, 2], convention)
+    if matches.offsets is not None:
+        named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
     facts = {
         "file": table.path.name,
         "columns": list(table.columns),
@@ -128,25 +126,51 @@ def read_predictions(
         "angle": angle.name,
         "heading": convention,
     }
-    if matches.offsets is not None:
-        largest = float(np.nanmax(matches.offsets))
-        facts["matched_by"] = f"{named} (largest difference {largest:.2g} s)"
-    off = np.hypot(*(poses - truth)[:, :2].T)
-    medians = [
-        f"{name} {np.median(off[entries.sides == code]):.3g} m"
-        for code, name in enumerate(SIDES)
-        if (entries.sides == code).any()
-    ]
     summary = (
-        f"{table.path.name}: {facts['used']} predictions in {count} rows, matched by "
-        f"{facts['matched_by']}; positions in {length}, headings in {angle}, map heading "
-        f"{convention}; median error {', '.join(medians)}, heading "
-        f"{math.degrees(errors[convention]):.3g} deg"
+        f"{table.path.name}: {len(entries.iids)} predictions in {count} rows, matched by {named}; "
+        f"positions in {length}, headings in {angle}, map heading {convention}; median error "
+        f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
     return FilePredictions(
         table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides, facts,
         summary, warnings,
     )  # fmt: skip
+
+
+def _convention(
+    table: PredictionTable,
+    entries: _Entries,
+    headings: Floats,
+    unit: pose_units.Unit,
+    target: ImportTarget,
+    options: ReadingOptions,
+) -> tuple[str, float, tuple[str, ...]]:
+    """The convention of `headings` (n,) in radians, its median error, and warnings about it."""
+    truth, where = _truth(entries, target)[:, 2], str(table.path)
+    errors = pose_units.heading_errors(headings, truth)
+    convention = options.heading
+    if convention == AUTO:
+        convention = pose_units.best_convention(errors, len(truth), where)
+    warnings = pose_units.convention_warnings(
+        entries.numbers[:, 2], unit.name, convention, truth, where
+    )
+    return convention, errors[convention], warnings
+
+
+def _truth(entries: _Entries, target: ImportTarget) -> Floats:
+    """The true poses (n, 3) of the images that were predicted, each that of its side."""
+    poses = np.stack([target.store.poses(target.domains[side]) for side in SIDES])
+    return np.asarray(poses[entries.sides, entries.iids])
+
+
+def _median_errors(entries: _Entries, poses: Floats, target: ImportTarget) -> str:
+    """The median distance of `poses` (n, 3) to the ground truth on each side."""
+    off = np.hypot(*(poses - _truth(entries, target))[:, :2].T)
+    return ", ".join(
+        f"{side} {np.median(off[entries.sides == code]):.3g} m"
+        for code, side in enumerate(SIDES)
+        if (entries.sides == code).any()
+    )
 
 
 def _entries(
@@ -238,9 +262,13 @@ def _usable(table: PredictionTable, entries: _Entries) -> _Entries:
         lambda k: f"{_place(table, entries, k)} x, y or heading is not a number",
     )
     if not (is_named & is_finite).any():
-        reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
-        raise RequestError(f"{table.path}: no row can be used ({reasons})")
+        raise _unusable(table)
     return entries.chosen(is_named & is_finite)
+
+
+def _unusable(table: PredictionTable) -> RequestError:
+    reasons = "; ".join(" ".join(text.split()) for text in table.issues.lines()[:2])
+    return RequestError(f"{table.path}: no row can be used ({reasons})")
 
 
 def _units(
@@ -250,11 +278,18 @@ def _units(
     where, bounds = str(table.path), target.store.dataset.bounds
     length = pose_units.length_unit(units.length, entries.numbers[:, :2], bounds, where)
     declared = {"heading_deg": "deg", "quaternion": "rad"}.get(entries.heading_from, units.angle)
+    if units.angle not in (None, declared):
+        raise RequestError(
+            f"{where}: --units {units.angle}: headings are in {declared} ({entries.heading_from})"
+        )
     return length, pose_units.angle_unit(declared, entries.numbers[:, 2], where)
 
 
 def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entries:
-    """The entries whose `poses`, metres and radians, are plausible; reports the others."""
+    """The entries whose `poses`, metres and radians, are plausible; reports the others.
+
+    Raises RequestError where there is none.
+    """
     is_far = (np.abs(poses[:, :2]) > MAX_COORDINATE).any(axis=1)
     is_far |= np.abs(poses[:, 2]) > MAX_HEADING
     table.issues.add_rows(
@@ -262,6 +297,8 @@ def _in_range(table: PredictionTable, entries: _Entries, poses: Floats) -> _Entr
         np.flatnonzero(is_far),
         lambda k: f"{_place(table, entries, k)} beyond {MAX_COORDINATE:g} m or {MAX_HEADING:g} rad",
     )
+    if is_far.all():
+        raise _unusable(table)
     return entries.chosen(~is_far)
 
 

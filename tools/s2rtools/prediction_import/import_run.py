@@ -87,7 +87,10 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
         })  # fmt: skip
         files = [
             PredictionFile(
-                file, read_predictions(read_table(file.path), file.side, target, request.reading)
+                file,
+                read_predictions(
+                    read_table(file.path), file.side, target, request.reading, file.trajectory
+                ),
             )
             for file in request.predictions
         ]

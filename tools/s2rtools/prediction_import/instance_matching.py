@@ -25,6 +25,23 @@ class ImportTarget:
     store: Store
     domains: dict[Side, str]
 
+    def trajectory_codes(
+        self, table: PredictionTable, trajectory: str | None
+    ) -> NDArray[np.int32] | None:
+        """Index of the trajectory of each row, -1 for unknown ones; None where none is named.
+
+        `trajectory` is that of all rows. Raises RequestError if it is not in the store.
+        """
+        codes = {name: code for code, name in enumerate(self.store.instances.trajectory_names)}
+        if trajectory is not None:
+            if trajectory not in codes:
+                known = ", ".join(codes)
+                raise RequestError(f"{table.path}: no trajectory {trajectory!r} (has: {known})")
+            return np.full(len(table), codes[trajectory], dtype=np.int32)
+        if "trajectory" not in table.texts:
+            return None
+        return np.array([codes.get(name, -1) for name in table.texts["trajectory"]], dtype=np.int32)
+
 
 def has_both_sides(table: PredictionTable) -> bool:
     """Whether a row has the predictions of both sides, in columns sim_x, real_x and so on."""
@@ -64,33 +81,38 @@ def row_sides(table: PredictionTable, side: Side | None, target: ImportTarget) -
 
 def match_rows(
     table: PredictionTable, sides: NDArray[np.int8], target: ImportTarget, tolerance: float,
-    seconds: float,
+    seconds: float, trajectory: str | None = None,
 ) -> tuple[str, Matches, NDArray[np.int8]]:  # fmt: skip
     """What rows are matched by, their instances and their sides; rows without one are reported.
 
-    `tolerance` is in seconds, `seconds` are those of a unit of time in the table. Where no column
+    `tolerance` is in seconds, `seconds` are those of a unit of time in the table, `trajectory` that
+    of all rows, None where the table tells it. Where no column
     tells the side of a row, its image does. Raises RequestError where no column names instances.
     """
     numbers, texts, store = table.numbers, table.texts, target.store
+    codes = target.trajectory_codes(table, trajectory)
     is_known = sides != UNKNOWN
     if "iid" in numbers:
         named, found = "iid", row_matching.match_iids(numbers["iid"], len(store.instances))
     elif "image" in texts:
         is_known |= "side" not in texts and "domain" not in texts
         named, (found, sides) = "image", _match_images(table, sides, target)
-    elif "trajectory" in texts and "seq" in numbers:
+    elif "seq" in numbers and (trajectory is not None or "trajectory" in texts):
+        names = list(texts["trajectory"]) if trajectory is None else [trajectory] * len(table)
         query = "SELECT trajectory, seq, iid FROM instance"
         known = {(str(name), int(seq)): int(iid) for name, seq, iid in store.execute(query)}
         named = "trajectory and seq"
-        found = row_matching.match_positions(list(texts["trajectory"]), numbers["seq"], known)
+        found = row_matching.match_positions(names, numbers["seq"], known)
     elif "timestamp" in numbers:
         named = f"time within {tolerance:g} s"
-        found = _match_times(table, sides, target, tolerance, seconds)
+        found = _match_times(table, sides, target, tolerance, seconds, codes)
     else:
         raise RequestError(
             f"{table.path}: which instances? add a column iid, image or timestamp, or the columns "
             "trajectory and seq"
         )
+    if trajectory is not None and named in ("iid", "image"):
+        raise RequestError(f"{table.path}: rows are matched by {named}; do not name a trajectory")
     table.issues.add_rows(
         "unmatched row",
         sorted(row for row in found.reasons if is_known[row]),
@@ -130,16 +152,16 @@ def _match_times(
     target: ImportTarget,
     tolerance: float,
     seconds: float,
+    requested: NDArray[np.int32] | None,
 ) -> Matches:
-    """The instances nearest in time, for the rows of each side apart."""
+    """The instances nearest in time, for the rows of each side apart.
+
+    `requested` are the trajectories of rows, if they are known.
+    """
     truth = target.store.instances
     if not np.isfinite(truth.timestamp).any():
         raise RequestError(f"{target.store.path}: instances have no times; match rows by iid")
-    times, names = table.numbers["timestamp"] * seconds, table.texts.get("trajectory")
-    requested = None
-    if names is not None:
-        codes = {name: code for code, name in enumerate(truth.trajectory_names)}
-        requested = np.array([codes.get(name, -1) for name in names], dtype=np.int32)
+    times = table.numbers["timestamp"] * seconds
     iids = np.full(len(table), NONE, dtype=np.int64)
     offsets, reasons = np.full(len(table), np.nan), dict[int, str]()
     for code in np.unique(sides):

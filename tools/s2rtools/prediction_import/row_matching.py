@@ -137,7 +137,7 @@ def match_times(
         iids[rows[near]], offsets[rows[near]] = order[found[near]], distance[near]
         for row, away, unclear in zip(rows.tolist(), distance.tolist(), is_ambiguous, strict=True):
             if unclear:
-                reasons[row] = "its time fits several trajectories; add a column trajectory"
+                reasons[row] = "its time fits several trajectories; name that of the row or file"
             elif not away <= tolerance:
                 reasons[row] = f"the nearest instance is {away:.6g} s away"
                 if not np.isfinite(away):

@@ -17,17 +17,20 @@ from s2rtools.prediction_import.file_predictions import FilePredictions
 
 @dataclass(frozen=True, slots=True)
 class SidedFile:
-    """A file of one side, or of both where `side` is None."""
+    """A file of one side and trajectory; of both sides or all trajectories where None."""
 
     path: Path
     side: Side | None = None
+    trajectory: str | None = None
 
 
 def parse_file(text: str) -> SidedFile:
-    """A file as `FILE`, `sim:FILE` or `real:FILE`."""
+    """A file as `FILE`, `sim:FILE` or `sim/TRAJECTORY:FILE`, and so for `real`."""
+    prefix, colon, path = text.partition(":")
+    name, slash, trajectory = prefix.partition("/")
     for side in SIDES:
-        if text.startswith(f"{side}:"):
-            return SidedFile(Path(text.removeprefix(f"{side}:")), side)
+        if colon and name == side:
+            return SidedFile(Path(path), side, trajectory if slash else None)
     return SidedFile(Path(text))
 
 

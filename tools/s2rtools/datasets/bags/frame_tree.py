@@ -115,6 +115,10 @@ class FrameTree:
             )
         return links
 
+    def moves(self, links: list[tuple[str, str]]) -> bool:
+        """Whether a link of a chain is not static."""
+        return any(parent not in self._static.get(child, {}) for child, parent in links)
+
     def poses(
         self,
         links: list[tuple[str, str]],

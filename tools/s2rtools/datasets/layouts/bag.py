@@ -16,16 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
+from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL, CameraPoses
 from s2rtools.datasets.bags.image_index import ImageIndex
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
-from s2rtools.datasets.bags.topics import (
-    ODOMETRY,
-    TF,
-    camera_of,
-    choose_topics,
-    is_static,
-)
+from s2rtools.datasets.bags.topics import camera_of, choose_topics
 from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.numeric_rows import report_unusable
 from s2rtools.datasets.recorded_folders import (
@@ -36,10 +30,8 @@ from s2rtools.datasets.recorded_folders import (
     trajectory_name,
 )
 from s2rtools.datasets.recorded_poses import (
-    FORWARD_TO_OPTICAL,
     mutual_nearest,
     orthonormal,
-    poses_at,
 )
 from s2rtools.datasets.recording import (
     Layout,
@@ -54,9 +46,7 @@ from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
-_OPTICAL, _FORWARD = "optical", "forward"
 _SCALE = "depth_scale"
-_MAX_GAP = 0.2
 _TOLERANCE = 0.02
 
 
@@ -99,15 +89,10 @@ class _BagPart:
         self.issues: list[InputIssue] = []
         self._rgb = ImageIndex(self.bag, self.topics.rgb)
         self._depth = None if self.topics.depth is None else ImageIndex(self.bag, self.topics.depth)
-        self._tree = FrameTree(path)
-        self._log = PoseLog()
-        self._worlds: set[str] = set()
-        self._body_frame = ""
+        self._poses = CameraPoses(self.bag, self.topics, options)
         self._infos: dict[str, Any] = {}
         self._scan()
         self.camera, self.depth_camera = self._cameras()
-        self.world = ""
-        self.facts: dict[str, Any] = {}
 
     def _scan(self) -> None:
         """Read all messages once."""
@@ -117,10 +102,8 @@ class _BagPart:
                 self._rgb.add(recorded, message)
             elif self._depth is not None and topic == topics.depth:
                 self._depth.add(recorded, message)
-            elif topic == topics.pose:
-                self._add_pose(recorded, message)
-            elif topic in topics.transforms:
-                self._tree.add(message, is_static(topic))
+            elif topic == topics.pose or topic in topics.transforms:
+                self._poses.add(topic, recorded, message)
             else:
                 self._add_info(topic, message)
         for index in filter(None, (self._rgb, self._depth)):
@@ -130,13 +113,6 @@ class _BagPart:
             raise RequestError(
                 f"{self.bag.path}: depth of {self.topics.depth} is in metres; omit {_SCALE}"
             )
-
-    def _add_pose(self, recorded: int, message: Any) -> None:
-        pose = getattr(message.pose, "pose", message.pose)
-        self._log.add(stamp_of(message) or recorded, pose.position, pose.orientation)
-        self._worlds.add(plain(message.header.frame_id))
-        if self.bag.types[self.topics.pose] == ODOMETRY:
-            self._body_frame = plain(message.child_frame_id)
 
     def _add_info(self, topic: str, message: Any) -> None:
         if topic not in self._infos:
@@ -182,16 +158,28 @@ class _BagPart:
                 "choose other topics (rgb=, depth=, info=)"
             )
 
+    @property
+    def world(self) -> str:
+        """The frame of the poses of the trajectory."""
+        return self._poses.world
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """The topics and frames of the trajectory."""
+        named = {name: getattr(self.topics, name) or "" for name in ("rgb", "depth", "pose")}
+        return named | self._poses.facts
+
     def trajectory(self) -> RecordedTrajectory:
         """Frames with depth and pose; the others are reported."""
         rows, depth_rows = self._associated()
         origin = int(self._rgb.times[0])
         seconds = (self._rgb.times[rows] - origin).astype(np.float64) * 1e-9
-        poses = self._poses(seconds, origin)
+        poses = self._poses.at(seconds, origin, self._rgb.frames)
+        self.issues += self._poses.issues
         missing = np.isnan(poses).any(axis=(1, 2))
-        max_gap = self._options.positive("gap", _MAX_GAP)
+        detail = f"none before and behind it that are at most {self._poses.max_gap} s apart"
         self.issues += [
-            InputIssue("no pose", self._rgb.name(int(rows[row])), f"none within {max_gap} s")
+            InputIssue("no pose", self._rgb.name(int(rows[row])), detail)
             for row in np.flatnonzero(missing)
         ]
         rows, depth_rows, poses = rows[~missing], depth_rows[~missing], poses[~missing]
@@ -220,61 +208,6 @@ class _BagPart:
             "no depth image", names, times[lonely], depth_times, tolerance, self.issues
         )
         return np.flatnonzero(partners >= 0), partners[partners >= 0]
-
-    def _poses(self, seconds: NDArray[np.float64], origin: int) -> NDArray[np.float64]:
-        """Poses (N, 4, 4) of the camera at times since `origin`; NaN where there are none."""
-        values = self._options.values
-        axes = values.get("axes", _OPTICAL)
-        if axes not in (_OPTICAL, _FORWARD):
-            raise RequestError(f"option axes={axes}: must be {_OPTICAL} or {_FORWARD}")
-        camera = values.get("frame") or self._only_frame()
-        max_gap = self._options.positive("gap", _MAX_GAP)
-        if self.topics.pose == TF:
-            links = self._tree.chain(camera, values.get("world"))
-            self.world = links[-1][1] if links else camera
-            if not links:
-                raise RequestError(
-                    f"{self.bag.path}: no transform moves frame {camera!r}; set frame= or pose="
-                )
-            body, poses = camera, np.eye(4)
-        else:
-            if len(self._worlds) > 1:
-                worlds = ", ".join(sorted(self._worlds))
-                raise RequestError(
-                    f"{self.bag.path}: poses of {self.topics.pose} are in frames {worlds}"
-                )
-            self.world = next(iter(self._worlds))
-            body = values.get("body") or self._body_frame or camera
-            if "body" not in values and not self._body_frame and self.topics.transforms:
-                detail = f"taken as those of frame {camera!r}; if they are of another, set body="
-                self.issues.append(InputIssue("frame assumed", self.topics.pose, detail))
-            links = [] if body == camera else self._tree.chain(camera, body)
-            place = f"{self.bag.path.name}:{self.topics.pose}"
-            times, known, bad = self._log.ordered(origin, place)
-            self.issues += bad
-            poses = poses_at(seconds, times, known, max_gap)
-        chained, bad = self._tree.poses(links, seconds, origin, max_gap)
-        self.issues += bad
-        if "axes" not in values and "optical" not in camera:
-            detail = f"x right, y down, z forward; if x is forward, set axes={_FORWARD}"
-            place = f"{self.bag.path.name}: frame {camera!r}"
-            self.issues.append(InputIssue("axes assumed", place, detail))
-        self.facts = {
-            "topics": {name: getattr(self.topics, name) for name in ("rgb", "depth", "pose")},
-            "camera_frame": camera,
-            "pose_frame": body,
-            "world_frame": self.world,
-            "axes": axes,
-        }
-        result = poses @ chained
-        return np.asarray(result @ FORWARD_TO_OPTICAL if axes == _FORWARD else result)
-
-    def _only_frame(self) -> str:
-        frames = sorted(self._rgb.frames)
-        if len(frames) > 1:
-            names = ", ".join(map(repr, frames[:8]))
-            raise RequestError(f"{self.bag.path}: images of frames {names}; choose one with frame=")
-        return frames[0]
 
 
 def _frames(
@@ -330,8 +263,8 @@ LAYOUT = Layout(
         "body": "frame that the poses are of, by default child_frame_id or the camera's",
         "frame": "frame of the camera, by default that of the RGB images",
         "world": "frame of the world with pose=tf, by default the root of the transforms",
-        "axes": f"of the camera's frame: {_OPTICAL} (z forward, the default) or {_FORWARD} (x)",
-        "gap": f"longest time in seconds between interpolated poses, by default {_MAX_GAP}",
+        "axes": f"of the camera's frame: {OPTICAL} (z forward, the default) or {FORWARD} (x)",
+        "gap": f"longest time in seconds between interpolated poses, by default {MAX_GAP}",
         "tolerance": f"longest time in seconds from RGB to depth, by default {_TOLERANCE}",
         _SCALE: "metres per unit of 16-bit depth, by default 0.001",
     },

@@ -34,7 +34,7 @@ from s2rtools.datasets.numeric_rows import (
     report_unusable,
 )
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -102,9 +102,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     mav = existing_folder(folder / "mav0")
     containment = PathContainment(folder, options.allow_outside)
     issues: list[InputIssue] = []
-    camera = f"cam{_choice(options, 'camera', '0')}"
-    source = _choice(options, "poses", _TRUTH)
-    existing_folder(mav / camera)
+    camera = _part(mav, f"cam{options.values.get('camera', '0')}", "camera")
+    source = _part(mav, options.values.get("poses", _TRUTH), "poses")
     sensor_path = containment.resolve(f"mav0/{camera}/sensor.yaml", str(folder))
     sensor = convert(read_yaml(sensor_path), _Camera, str(sensor_path), check=False)
     in_body = _matrix(sensor.T_BS, sensor_path)
@@ -140,7 +139,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         layout="euroc",
         name=folder_name(folder),
         root=folder,
-        camera=_pinhole(sensor, size or first_size(frames, folder), sensor_path),
+        camera=_pinhole(sensor, size or usual_size(frames, folder), sensor_path),
         up=(0.0, 0.0, 1.0),
         trajectories=trajectories,
         issues=issues,
@@ -149,11 +148,16 @@ def read(path: Path, options: ReadOptions) -> Recording:
     )
 
 
-def _choice(options: ReadOptions, name: str, default: str) -> str:
-    value = options.values.get(name, default)
-    if not _NAME.fullmatch(value):
-        raise RequestError(f"option {name}={value}: use letters, digits and _")
-    return value
+def _part(mav: Path, name: str, option: str) -> str:
+    """The name. Raises RequestError unless it is that of a folder in `mav0`."""
+    if not _NAME.fullmatch(name):
+        raise RequestError(f"option {option}: {name!r}: use letters, digits and _")
+    if not (mav / name).is_dir():
+        found = ", ".join(sorted(each.name for each in mav.iterdir() if each.is_dir())) or "none"
+        raise RequestError(
+            f"{mav / name}: no such folder; option {option} names one (has: {found})"
+        )
+    return name
 
 
 def _body_poses(

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from array import array
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rtools.datasets.numeric_rows import NumericRows, read_numbers, report_unusable
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import existing_folder, folder_name, require_frames
 from s2rtools.datasets.recorded_poses import orthonormal
 from s2rtools.datasets.recording import (
@@ -129,22 +129,31 @@ def _read_sequence(
     folder: Path, name: str, camera: str, containment: PathContainment, issues: list[InputIssue]
 ) -> _Sequence | None:
     """The images of a camera that have a pose and a time; None if there is none."""
-    inside = f"sequences/{name}"
-    images = f"{inside}/image_{camera}"
-    projection = _projection(folder, f"{inside}/calib.txt", f"P{camera}", containment)
+    calibration = f"sequences/{name}/calib.txt"
+    projection = _projection(folder, calibration, f"P{camera}", containment)
+    trajectory = _read_trajectory(folder, name, camera, containment, issues)
+    if not len(trajectory.frames):
+        return None
+    matrix = projection[:, :3]
+    offset = np.eye(4)
+    offset[:3, 3] = -np.linalg.solve(matrix, projection[:, 3])
+    intrinsics = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    fx, fy, cx, cy = (float(value) for value in intrinsics)
+    pinhole = opencv_camera(usual_size(trajectory.frames, folder), (fx, fy, cx, cy))
+    placed = replace(trajectory, poses=trajectory.poses @ offset)
+    return _Sequence(placed, checked(pinhole, str(folder / calibration)))
+
+
+def _read_trajectory(
+    folder: Path, name: str, camera: str, containment: PathContainment, issues: list[InputIssue]
+) -> RecordedTrajectory:
+    """The images of a camera that have a pose and a time, with the poses of camera 0."""
+    images = f"sequences/{name}/image_{camera}"
     listed = NumberedFiles(containment.resolve(images, str(folder)), _IMAGE)
     issues += listed.repetitions("image", f"{images}/")
-    times = _rows(folder, f"{inside}/times.txt", 1, containment, issues)
+    times = _rows(folder, f"sequences/{name}/times.txt", 1, containment, issues)
     rows = _rows(folder, f"poses/{name}.txt", 12, containment, issues)
-    count = max(len(times.values), len(rows.values))
-    poses = np.tile(np.eye(4), (len(rows.values), 1, 1))
-    poses[:, :3] = rows.values.reshape(-1, 3, 4)
-    stated = np.asarray(~np.isnan(rows.values).all(axis=1))
-    usable = np.zeros(len(poses), dtype=bool)
-    numbers = np.flatnonzero(stated)
-    usable[numbers] = report_unusable(
-        poses[numbers], lambda row: rows.place(int(numbers[row])), issues
-    )
+    poses, stated, usable = _poses(rows, issues)
     files, kept, kept_times = FrameFiles(folder), array("q"), array("d")
     for number in listed.numbers.tolist():
         file = f"{images}/{listed.name(number)}"
@@ -157,24 +166,32 @@ def _read_sequence(
             files.append(file)
             kept.append(number)
             kept_times.append(time)
-    absent = np.setdiff1d(np.arange(count), listed.numbers)
-    for number in absent.tolist():
+    count = max(len(times.values), len(poses))
+    for number in np.setdiff1d(np.arange(count), listed.numbers).tolist():
         detail = f"row {number + 1} of {rows.name} or {times.name}"
         issues.append(InputIssue("missing image", f"{images}/{number:06d}.png", detail))
-    if not len(files):
-        return None
-    frames = files.chosen(range(len(files)))
-    matrix = projection[:, :3]
-    offset = np.eye(4)
-    offset[:3, 3] = -np.linalg.solve(matrix, projection[:, 3])
-    intrinsics = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
-    fx, fy, cx, cy = (float(value) for value in intrinsics)
-    pinhole = opencv_camera(first_size(frames, folder), (fx, fy, cx, cy))
     trajectory = RecordedTrajectory(
-        frames, orthonormal(poses[np.asarray(kept)]) @ offset, np.asarray(kept_times)
+        files.chosen(range(len(files))),
+        orthonormal(poses[np.asarray(kept, dtype=np.intp)]),
+        np.asarray(kept_times),
     )
     _report_times_not_in_order(trajectory, times.name, issues)
-    return _Sequence(trajectory, checked(pinhole, str(folder / inside / "calib.txt")))
+    return trajectory
+
+
+def _poses(
+    rows: NumericRows, issues: list[InputIssue]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Poses (N, 4, 4), and which are stated and usable; unusable ones are reported."""
+    poses = np.tile(np.eye(4), (len(rows.values), 1, 1))
+    poses[:, :3] = rows.values.reshape(-1, 3, 4)
+    stated = np.asarray(~np.isnan(rows.values).all(axis=1))
+    usable = np.zeros(len(poses), dtype=bool)
+    numbers = np.flatnonzero(stated)
+    usable[numbers] = report_unusable(
+        poses[numbers], lambda row: rows.place(int(numbers[row])), issues
+    )
+    return poses, stated, usable
 
 
 def _rows(

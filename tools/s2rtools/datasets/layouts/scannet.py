@@ -24,7 +24,7 @@ from s2rstore.errors import RequestError
 from s2rtools.datasets.numeric_rows import read_matrix
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recorded_files import NumberedFiles, first_depth_size, first_size
+from s2rtools.datasets.recorded_files import NumberedFiles, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -60,8 +60,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     choose_trajectories(options.trajectories, [name], path)
     trajectory = read_frames(folder, files, containment, issues)
     require_frames("scannet", folder, {name: trajectory}, issues)
-    size = first_size(trajectory.frames, folder)
-    depth_size = first_depth_size(trajectory.frames, folder)
+    size = usual_size(trajectory.frames, folder)
+    depth_size = usual_size(trajectory.frames, folder, depth=True)
     return Recording(
         layout="scannet",
         name=folder_name(folder),

@@ -16,14 +16,13 @@ principal points are taken as the middle of the image.
 
 from __future__ import annotations
 
-import itertools
 import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtools.datasets.path_containment import PathContainment
 from s2rtools.datasets.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recorded_files import NumberedFiles, first_depth_size, first_size
+from s2rtools.datasets.recorded_files import NumberedFiles, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -79,9 +78,9 @@ def read(path: Path, options: ReadOptions) -> Recording:
         else:
             issues.append(InputIssue("empty trajectory", name, "no usable frame"))
     require_frames("7scenes", folder, trajectories, issues)
-    frames = [trajectory.frames for trajectory in trajectories.values()]
-    size = first_size(itertools.chain.from_iterable(frames), folder)
-    depth_size = first_depth_size(itertools.chain.from_iterable(frames), folder)
+    frames = max((each.frames for each in trajectories.values()), key=len)
+    size = usual_size(frames, folder)
+    depth_size = usual_size(frames, folder, depth=True)
     colour = camera_option(options, "camera", size) or _COLOUR
     depth = camera_option(options, "depth_camera", depth_size) or _DEPTH
     return Recording(

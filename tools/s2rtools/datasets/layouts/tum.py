@@ -31,7 +31,7 @@ from s2rtools.datasets.numeric_rows import (
     report_unusable,
 )
 from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, first_size
+from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
 from s2rtools.datasets.recorded_folders import (
     existing_folder,
     folder_name,
@@ -125,7 +125,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
     choose_trajectories(options.trajectories, [name], path)
     trajectories = {name: RecordedTrajectory(frames, orthonormal(poses[usable]), times[usable])}
     require_frames("tum", folder, trajectories, issues)
-    camera, source = _camera(folder, options, first_size(frames, folder), issues)
+    camera, source = _camera(folder, options, usual_size(frames, folder), issues)
     return Recording(
         layout="tum",
         name=folder_name(folder),

@@ -1,0 +1,76 @@
+"""Columns of Parquet files from outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.index import parquet_table
+from s2rstore.index.parquet_table import read_columns
+
+
+def write(path: Path, query: str) -> Path:
+    with duckdb.connect() as connection:
+        connection.execute(f"COPY ({query}) TO '{path}' (FORMAT parquet)")
+    return path
+
+
+def test_numbers_and_texts_of_every_type(tmp_path: Path) -> None:
+    file = write(
+        tmp_path / "p.parquet",
+        """SELECT * FROM (VALUES
+           (1::BIGINT, 1.5::FLOAT, '2', TIMESTAMP '2001-01-01 00:00:01.25', 'a'),
+           (NULL, NULL, 'x', NULL, NULL), (3, 'inf'::FLOAT, '4e1', TIMESTAMP '1970-01-01', ''))
+           t(iid, x, y, time, side)""",
+    )
+    found = read_columns(file, ("iid", "x", "y", "time", "z"), ("side", "image"))
+    assert list(found) == ["iid", "x", "y", "time", "side"]
+    nan = np.nan
+    for name, expected in (("iid", [1, nan, 3]), ("x", [1.5, nan, np.inf]), ("y", [2, nan, 40]),
+                           ("time", [978307201.25, nan, 0])):  # fmt: skip
+        assert found[name].dtype == np.float64
+        np.testing.assert_array_equal(found[name], expected)
+    assert found["side"].tolist() == ["a", "", ""]
+
+
+def test_rows_keep_the_order_of_the_file(tmp_path: Path) -> None:
+    file = write(tmp_path / "p.parquet", "SELECT 7919 * range % 300007 AS iid FROM range(300000)")
+    expected = 7919 * np.arange(300_000) % 300_007
+    np.testing.assert_array_equal(read_columns(file, ["iid"], [])["iid"], expected)
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" + bytes(100) + b"PAR1", b"a,b\n1,2\n"])
+def test_other_files_are_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "p.parquet"
+    file.write_bytes(content)
+    with pytest.raises(RequestError, match=r"p\.parquet: ") as caught:
+        read_columns(file, ["iid"], [])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_pattern_in_a_name_reads_no_other_file(tmp_path: Path) -> None:
+    write(tmp_path / "a.parquet", "SELECT 1 AS iid")
+    (tmp_path / "*.parquet").write_bytes(b"no Parquet")
+    with pytest.raises(RequestError):
+        read_columns(tmp_path / "*.parquet", ["iid"], [])
+
+
+def test_missing_and_special_files_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.parquet", tmp_path):
+        with pytest.raises(RequestError):
+            read_columns(path, ["iid"], [])
+
+
+def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parquet_table, "MAX_ROWS", 3)
+    file = write(tmp_path / "p.parquet", "SELECT range AS iid FROM range(4)")
+    with pytest.raises(RequestError, match="more than 3 rows; split it"):
+        read_columns(file, ["iid"], [])
+
+
+def test_a_file_without_the_columns_gives_none(tmp_path: Path) -> None:
+    assert read_columns(write(tmp_path / "p.parquet", "SELECT 1 AS foo"), ["iid"], []) == {}
