@@ -19,7 +19,7 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
-from s2rstore.reader import Store
+from s2rstore.reader import SOURCE_IMAGES, Store
 from s2rstore.records import SIDES, TrajectoryPart
 from s2rtools.precompute import pipeline
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
@@ -46,6 +46,9 @@ def split_into_parts(path: Path, *stops: int, first_hash: str | None = None) -> 
             *(hashlib.sha256(b"%d" % stop).hexdigest() for stop in stops),
         ]
         frames = {domain: store.frames(domain, 0, stops[-1]) for domain in store.domains}
+        for domain, images in frames.items():
+            ((_, sources),) = store.source_frames(domain, 0, stops[-1])
+            images |= {SOURCE_IMAGES[image]: rows for image, rows in sources.items()}
     with edit(path) as draft:
         draft.delete("part")
         for (domain, images), (part, ends) in product(
