@@ -87,8 +87,8 @@ def test_winograd_is_chosen_for_many_channels_and_not_for_few() -> None:
         winograd.WinogradConvolution(torch.zeros(2 * channels, channels, 3, 3))
         for channels in (256, 4)
     )
-    assert wide.tile(16, (14, 14)) is not None
-    assert narrow.tile(16, (14, 14)) is None
+    assert wide.tile((14, 14)) is not None
+    assert narrow.tile((14, 14)) is None
 
 
 def test_differences_of_wide_convolutions_equal_full_inference() -> None:
@@ -97,7 +97,7 @@ def test_differences_of_wide_convolutions_equal_full_inference() -> None:
         nn.Conv2d(64, 128, 3, padding=1), nn.ReLU(), nn.Conv2d(128, 128, 3, padding=1),
     ]  # fmt: skip
     model = networks.small_model(nn.Sequential(*layers), 128, (48, 48))
-    assert winograd.WinogradConvolution(layers[3].weight).tile(3, (12, 12)) is not None
+    assert winograd.WinogradConvolution(layers[3].weight).tile((12, 12)) is not None
     changed, full, before = poses_by_differences(model, torch.float32)
     effect, error = full - before[:, None, None], changed - full
     assert np.sqrt(np.square(error).mean()) <= 1e-3 * np.sqrt(np.square(effect).mean())

@@ -106,7 +106,7 @@ class DifferenceGraph:
         """The convolution of differences without bias."""
         if winograd := self._winograd.get(name):
             height, width = (side - KERNEL + 1 for side in canvas.shape[-2:])
-            if (tile := winograd.tile(len(canvas), (height, width))) is not None:
+            if (tile := winograd.tile((height, width))) is not None:
                 return winograd(canvas, tile)
         return part.linear(canvas, weight)
 

@@ -31,6 +31,8 @@ Fitted to measurements on processors.
 """
 _WEIGHT = 10.0
 """Multiply-adds that take as long as reading one transformed weight from memory."""
+_USUAL_COUNT = 24
+"""Images that are convolved together."""
 _VALUES_AT_ONCE = 1 << 22
 """Transformed inputs and outputs that are computed together, 16 MB."""
 
@@ -45,11 +47,15 @@ class WinogradConvolution:
         self._weight = weight
         self._transformed: dict[int, Tensor] = {}
 
-    def tile(self, count: int, size: tuple[int, int]) -> int | None:
-        """Side of the tiles for outputs (count, O, *size); None if direct costs less."""
+    def tile(self, size: tuple[int, int]) -> int | None:
+        """Side of the tiles for outputs of a size (rows, columns); None if direct costs less.
+
+        It does not depend on the number of images, so that an image has the same result in every
+        batch up to the order of float additions.
+        """
         outputs, channels = self._weight.shape[:2]
-        direct = count * math.prod(size) * KERNEL**2 * outputs * channels
-        costs = {tile: _cost(tile, count, size, outputs, channels) for tile in TILES}
+        direct = _USUAL_COUNT * math.prod(size) * KERNEL**2 * outputs * channels
+        costs = {tile: _cost(tile, size, outputs, channels) for tile in TILES}
         best = min(costs, key=lambda tile: costs[tile])
         return best if costs[best] < direct else None
 
@@ -140,11 +146,11 @@ def _transformed(values: Tensor, which: int, tile: int) -> Tensor:
     return torch.matmul(matrix, rows)
 
 
-def _cost(tile: int, count: int, size: tuple[int, int], outputs: int, channels: int) -> float:
-    """Multiply-adds for outputs (count, `outputs`, *size), moved elements and weights included."""
+def _cost(tile: int, size: tuple[int, int], outputs: int, channels: int) -> float:
+    """Multiply-adds for outputs of a usual batch, moved elements and weights included."""
     side = (tile + KERNEL - 1) ** 2
     products = side * channels * outputs
     transforms = side * (tile + KERNEL - 1) * 2 * (channels + outputs)
     moved = _ELEMENT * (side * (channels + outputs) + tile**2 * outputs)
-    tiles = count * math.prod(-(-length // tile) for length in size)
+    tiles = _USUAL_COUNT * math.prod(-(-length // tile) for length in size)
     return tiles * (products + transforms + moved) + _WEIGHT * products
