@@ -119,6 +119,8 @@ INVALID_ROWS = {
     "a camera that is NaN high": "UPDATE domain SET camera_height = 'NaN'",
     "sources that are no JSON": "UPDATE domain SET source = 'declared'",
     "a convention that is no JSON": "UPDATE model SET convention = 'map'",
+    "an input that is no JSON": "UPDATE model SET input = 'rgb'",
+    "an input without channels": "UPDATE model SET input = '{}'",
     "a key that is a path": "UPDATE run SET key = '../../x'",
     "a table that is missing": "DROP VIEW pair; DROP TABLE room",
     "a column that is missing": "DROP VIEW pair; ALTER TABLE prediction DROP COLUMN error",

@@ -20,7 +20,6 @@ from s2rstore.files.ledger import Ledger
 from s2rstore.geometry import angles
 from s2rstore.maintenance.verify import verify
 from s2rtools.adjustments import parse_adjustment
-from s2rtools.models.input_contract import InputContract
 from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
@@ -53,10 +52,8 @@ def test_predictions_equal_the_network_output(computed: Path) -> None:
         truth = store.instances
         for iid in (0, 21, 39):
             for side in ("sim", "real"):
-                frame = store.frame(iid, side)
-                x = preprocess(
-                    frame.rgb[None], frame.depth[None], 10 / 255, InputContract(size=(128, 128))
-                )
+                ((_, images),) = store.source_frames(side, iid, iid + 1)
+                x = preprocess(images["rgb"], images["depth"], 10 / 255, model.contract)
                 with torch.no_grad():
                     raw = model.network(torch.from_numpy(x))
                 px, py, heading = model.convention.decode(raw)[0].tolist()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,31 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
     record.real_adjustments[:] = steps
     session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(session.store))
     return session
+
+
+@pytest.mark.parametrize(
+    ("channels", "missing", "reason"),
+    [
+        ("rgb", {"depth_range", "depth_blur"}, "the model takes no depth"),
+        ("depth", {"brightness", "contrast", "temperature"}, "the model takes no colours"),
+    ],
+)
+def test_sliders_of_images_that_the_model_does_not_take_are_left_out(
+    store_copy: Path, channels: str, missing: set[str], reason: str
+) -> None:
+    session = Session(store_copy)
+    store, run = session.store, session.state.run
+    every = {slider.name for slider in adjusting.available_sliders(store, run)[0]}
+    assert missing < every
+    model = store.models[store.run(run).model]
+    store.models[model.model] = replace(model, input={"channels": channels})
+    sliders, told = adjusting.available_sliders(store, run)
+    assert {slider.name for slider in sliders} == every - missing
+    assert told.startswith(reason)
+    session.dispatch(adjusting.open_sliders, *adjusting.available_sliders(store, run))
+    state = session.dispatch(adjusting.follow_run)
+    assert state.adjust is not None
+    assert {slider.name for slider in state.adjust.sliders} == every - missing
 
 
 def names_after_move(session: Session, name: str, value: float) -> list[object]:

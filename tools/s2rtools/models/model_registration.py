@@ -133,7 +133,8 @@ def register_model(
     if convention.width != weights.outputs:
         raise RequestError(
             f"model {name}: convention {convention.heading} reads {convention.width} outputs, "
-            f"the network returns {weights.outputs}; another --convention?"
+            f"the network returns {weights.outputs}; name another --convention, or another "
+            "convention in the file of --input"
         )
     file = f"{layout.MODELS}/{weights.sha256}{weights.suffix}"
     atomic_writes.write(root, file, weights.content)

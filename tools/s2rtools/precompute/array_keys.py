@@ -76,9 +76,7 @@ class ArrayKeys:
         facts: Facts = {"kind": name, "version": kind.version, "params": kind.params}
         inputs = self._images(rendered)
         if not kind.model_free:
-            inputs |= {**self._model, "backend": backend}
-        if not kind.model_free or any(self._run.adjustments(side) for side in SIDES):
-            inputs |= self._source_sizes
+            inputs |= {**self._model, "backend": backend, **self._source_sizes}
         if kind.uses_truth:
             inputs["poses"] = self._poses
         earlier = {**self._earlier, "backend": backend}
@@ -132,7 +130,7 @@ class ArrayKeys:
 
     @cached_property
     def _source_sizes(self) -> Facts:
-        """The sizes of the images from which the input of networks and adjustments is made.
+        """The sizes of the images from which the input of networks is made.
 
         Empty where they are the stored frames.
         """

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
 from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
 from s2rtools.adjustments import Chain, apply_chain
-from s2rtools.common.frame_resizing import resized_depth, resized_rgb
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.preprocessing import preprocess
@@ -33,23 +33,49 @@ SourceBlock = dict[str, NDArray[Any]]
 """rgb (n, H, W, 3) and raw depth (n, H', W') of consecutive instances, at the source's size."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SideFrames:
-    """rgb (B, H, W, 3), raw depth (B, H, W), valid (B, H, W), network input x (B, C, h, w).
+AdjustedImages = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
+"""RGB, raw depth and its validity after the image adjustments."""
 
-    x is made from the images at the size of their source; the others have the frame size.
+
+@dataclass(frozen=True, eq=False)
+class SideFrames:
+    """One side of B instances: the network input x (B, C, h, w), and its images of the frame size.
+
+    x is made from the images at the size of their source. `images` are those of the frame size
+    before the adjustments of `chain`; `known` those after it, if they are computed already.
     """
 
-    rgb: NDArray[np.uint8]
-    depth: NDArray[Any]
-    valid: NDArray[np.bool_]
-    depth_scale: float
+    images: FrameImages
+    domain: Domain
+    chain: Chain
+    store_path: Path
     x: NDArray[np.float32]
+    known: AdjustedImages | None = None
+
+    @cached_property
+    def adjusted(self) -> AdjustedImages:
+        """rgb (B, H, W, 3), raw depth (B, H, W) and valid (B, H, W), of the frame size."""
+        return self.known or adjusted_images(self.images, self.domain, self.chain, self.store_path)
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        return self.adjusted[0]
+
+    @property
+    def depth(self) -> NDArray[Any]:
+        return self.adjusted[1]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        return self.adjusted[2]
 
     def rows(self, rows: slice) -> SideFrames:
-        return SideFrames(
-            self.rgb[rows], self.depth[rows], self.valid[rows], self.depth_scale, self.x[rows]
-        )
+        images = {name: each[rows] for name, each in self.images.items()}
+        known = None
+        if self.known is not None:
+            rgb, depth, valid = self.known
+            known = rgb[rows], depth[rows], valid[rows]
+        return replace(self, images=images, x=self.x[rows], known=known)
 
 
 PairFrames = dict[Side, SideFrames]
@@ -157,33 +183,30 @@ def side_frames(
     """Network input of one side: its images after the chain's image adjustments.
 
     `images` have the frame size, `source` are the same ones at the size of their source, by default
-    `images`. The chain is applied to `source`; with a chain, the images of the frame size are the
-    adjusted ones, resized.
+    `images`. The chain is applied to `source` for the network, and apart from that to `images`.
     """
-    rgb, depth = images["rgb"], images["depth"]
-    frame = rgb.shape[1], rgb.shape[2]
-    blocks = [images] if source is None else source
-    adjusted = [adjusted_images(block, domain, chain, store_path, frame[1]) for block in blocks]
-    x = [preprocess(r, d, domain.depth_scale, contract, valid) for r, d, valid in adjusted]
+    known = None
     if source is None:
-        ((rgb, depth, valid),) = adjusted
-    elif chain:
-        rgb = np.stack([resized_rgb(each, frame) for block, _, _ in adjusted for each in block])
-        depth = np.stack([resized_depth(each, frame) for _, block, _ in adjusted for each in block])
-        masks = (mask.astype(np.uint8) for _, _, block in adjusted for mask in block)
-        valid = np.stack([resized_depth(mask, frame) for mask in masks]) > 0
+        known = adjusted_images(images, domain, chain, store_path)
+        adjusted = [known]
     else:
-        valid = _is_valid(depth, domain)
-    return SideFrames(rgb, depth, valid, domain.depth_scale, np.concatenate(x))
+        width = images["rgb"].shape[2]
+        adjusted = [adjusted_images(each, domain, chain, store_path, width) for each in source]
+    x = [preprocess(r, d, domain.depth_scale, contract, valid) for r, d, valid in adjusted]
+    return SideFrames(images, domain, chain, store_path, np.concatenate(x), known)
 
 
 def adjusted_images(
-    images: SourceBlock, domain: Domain, chain: Chain, store_path: Path, frame_width: int
-) -> tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]:
-    """RGB, depth and its validity after the chain's image adjustments."""
+    images: SourceBlock, domain: Domain, chain: Chain, store_path: Path, frame_width: int = 0
+) -> AdjustedImages:
+    """Images after the chain's image adjustments.
+
+    `frame_width` is that of the stored frame, by default of these images.
+    """
     rgb, depth = images["rgb"], images["depth"]
     valid = _is_valid(depth, domain)
-    rgb, depth = apply_chain(rgb, depth, valid, chain, store_path, depth.shape[2] / frame_width)
+    enlargement = depth.shape[2] / (frame_width or depth.shape[2])
+    rgb, depth = apply_chain(rgb, depth, valid, chain, store_path, enlargement)
     return rgb, depth, valid & _is_valid(depth, domain) if chain else valid
 
 

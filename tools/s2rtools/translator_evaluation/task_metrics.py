@@ -1,7 +1,9 @@
 """What a translator does to the task: errors and features of a run's pose network.
 
-A gain is positive where the translator helps. Its interval is that of paired differences by block
-bootstrap, on images that were not used for the fit; where it holds zero, no claim is made.
+Networks are given the frames of the store here, before and after the translation alike, not the
+images of the source's size. A gain is positive where the translator helps. Its interval is that of
+paired differences by block bootstrap, on images that were not used for the fit; where it holds
+zero, no claim is made.
 """
 
 from __future__ import annotations

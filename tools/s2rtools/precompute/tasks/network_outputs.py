@@ -178,7 +178,7 @@ def side_batch(
         rgb=frames.rgb,
         depth=frames.depth,
         valid=frames.valid,
-        depth_scale=frames.depth_scale,
+        depth_scale=frames.domain.depth_scale,
         features=forward.features,
         embedding=forward.embedding,
         prediction=forward.pose,
