@@ -13,6 +13,9 @@ import pytest
 
 import s2rstore
 from s2rstore.geometry import angles
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import check as verified
 from s2rtools.datasets import ScanOptions
 from s2rtools.datasets.build import build
 from s2rtools.datasets.convention_check import (
@@ -22,11 +25,12 @@ from s2rtools.datasets.convention_check import (
     ConventionCheck,
     check_conventions,
 )
-from s2rtools.datasets.convention_report import PICTURE, PROVENANCE, check_stored, doubts
+from s2rtools.datasets.convention_report import PICTURE, check_stored, doubts
 from s2rtools.datasets.depth_frames import DepthFrames, DepthPoints
 from s2rtools.datasets.importers import synthetic_world
 from s2rtools.datasets.scan import Scan
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
+from tests.support.copies import copy_store
 
 COUNT, CHECKED = 120, 50
 """Instances of the trajectory, and those of them that are checked: neighbours see the same."""
@@ -125,10 +129,13 @@ def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]
 def test_ingest_draws_and_reports_the_check(ingested: tuple[Path, list[str]]) -> None:
     path, lines = ingested
     assert len(lines) == 1
+    assert lines[0].endswith(f"; picture {path / PICTURE}")
     assert lines[0].startswith("headings, handedness and depth scale: sim as declared (")
     with s2rstore.open(path) as store:
         assert PICTURE in store.checksums
-        facts = {key: json.loads(text) for key, text in store.provenance(PROVENANCE).items()}
+        facts = {
+            key: json.loads(text) for key, text in store.provenance(schema.CONVENTIONS).items()
+        }
         assert json.loads(store.provenance("floor_plan")["frames"]) == CHECKED
     assert facts["real"]["verdict"] == "as declared"
     assert facts["real"]["picture"] == PICTURE
@@ -157,3 +164,16 @@ def test_frames_of_a_store_are_checked_from_an_instance_on(
     assert [check.domain for check in whole] == ["real", "sim"]
     assert [check.verdict for check in whole] == ["as declared"] * 2
     assert rest[0].frames < whole[0].frames
+
+
+def test_verify_notes_doubtful_conventions(
+    ingested: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    store = copy_store(ingested[0], tmp_path / "copy.s2r")
+    assert verified(store).notes == ()
+    with edit(store) as draft:
+        facts = {"verdict": "doubtful", "picture": PICTURE}
+        draft.set_provenance(schema.CONVENTIONS, {"real": facts})
+    (note,) = verified(store).notes
+    assert note.startswith("domain real: depth is sharper")
+    assert note.endswith(PICTURE)

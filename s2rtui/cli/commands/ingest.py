@@ -181,7 +181,7 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         f"new trajectories {trajectories}"
     )
     if checks:
-        print(printable(convention_report.line(checks)))
+        print(printable(convention_report.line(checks)), file=sys.stderr)
         scan.issues += convention_report.doubts(checks)
     if runs:
         command = f"s2r precompute {shlex.quote(str(options.store))}"

@@ -18,6 +18,8 @@ IMAGE_SIZES = "image sizes"
 """Value of `provenance.what`: `key` is a trajectory, `value` the rows and columns of its images as
 networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
 alone."""
+CONVENTIONS = "conventions"
+"""Value of `provenance.what`: `key` is a domain, `value` the check of its headings and depth."""
 
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"

@@ -164,6 +164,7 @@ class _Verification:
             (layout.ASSETS, self._check_floor_plan), (layout.DRIVES, self._check_drives),
             (schema.CHECKSUMS, self._check_listed_files), (layout.HISTORY, self._check_history),
             (layout.LEDGER, self._check_ledger_lines),
+            (schema.CONVENTIONS, self._note_conventions),
         ):  # fmt: skip
             try:
                 check_part()
@@ -336,6 +337,16 @@ class _Verification:
             floor_plan_bytes(path)
         except RequestError as error:
             self._add(name, str(error))
+
+    def _note_conventions(self) -> None:
+        """Note the domains whose conventions the ingest found doubtful."""
+        for domain in self.store.domains:
+            check = self.store.provenance_object(schema.CONVENTIONS, domain)
+            if check.get("verdict") == "doubtful":
+                self.notes.append(
+                    f"domain {domain}: depth is sharper on the floor with other conventions than "
+                    f"declared; see {check.get('picture')}"
+                )
 
     def _check_drives(self) -> None:
         """Note the drives that no checksum covers; the others are checked as listed files."""

@@ -15,6 +15,7 @@ from s2rstore.arrays import stored_array
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
+from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rtools.datasets import convention_report
 from s2rtools.datasets.floor_plan import read_floor_plan
@@ -61,13 +62,14 @@ def build(
         name = None if plan is None else _write_floor_plan(plan, folder)
         checks = convention_report.check_ingested(scan, stored, folder, plan)
         if checks:
-            report_line(convention_report.line(checks))
+            picture = target / convention_report.PICTURE
+            report_line(f"{convention_report.line(checks)}; picture {picture}")
         refuse_unusable(scan, strict)
         if scan.drives:
             scan.drives(folder / layout.DRIVES)
         with edit(folder) as draft:
             write_index(draft, scan, stored, name, command)
-            draft.set_provenance(convention_report.PROVENANCE, convention_report.facts(checks))
+            draft.set_provenance(schema.CONVENTIONS, convention_report.facts(checks))
             if drawn is not None:
                 facts = {"drawn_from": f"depth of {drawn.domain}", "frames": drawn.frames}
                 draft.set_provenance("floor_plan", facts)

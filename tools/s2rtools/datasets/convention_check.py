@@ -103,26 +103,31 @@ class ConventionCheck:
 
     @property
     def margin(self) -> float:
-        """Least difference of I that counts, nats: 0.1 for 100 frames, more for fewer."""
+        """Least lead that decides, nats: 0.1 for 100 frames, more for fewer."""
         return _MARGIN_FRAMES / max(self.frames, 1)
+
+    @property
+    def ranking(self) -> list[Convention]:
+        """All conventions, the sharpest one first."""
+        return sorted(self.sharpness, key=lambda each: self.sharpness[each].information)
 
     @property
     def best_other(self) -> Convention:
         """The sharpest convention apart from the declared one."""
-        others = (each for each in self.sharpness if each != DECLARED)
-        return min(others, key=lambda each: self.sharpness[each].information)
+        return next(each for each in self.ranking if each != DECLARED)
 
     @property
     def lead(self) -> float:
-        """I of the best other convention minus that of the declared one, nats."""
-        best, declared = self.sharpness[self.best_other], self.sharpness[DECLARED]
-        return best.information - declared.information
+        """By how much I of the sharpest convention is below that of the next one, nats."""
+        first, second = (self.sharpness[each].information for each in self.ranking[:2])
+        return second - first
 
     @property
     def verdict(self) -> Verdict:
-        if not self.sharpness or abs(self.lead) < self.margin:
+        """The sharpest convention decides if it leads all others by the margin."""
+        if not self.sharpness or self.lead < self.margin:
             return "not decided"
-        return "as declared" if self.lead > 0 else "doubtful"
+        return "as declared" if self.ranking[0] == DECLARED else "doubtful"
 
     @property
     def text(self) -> str:

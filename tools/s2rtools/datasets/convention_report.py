@@ -37,8 +37,6 @@ Image = NDArray[np.uint8]
 Row = TypeVar("Row")
 
 PICTURE = f"{layout.ASSETS}/conventions.png"
-PROVENANCE = "conventions"
-"""Section of the provenance that holds the figures of each domain."""
 _MOVED, _TURNED = 0.1, np.radians(5)
 """Metres or radians between two frames that are compared: a slow video shows nothing new."""
 _MAX_SEARCHED = 5000
@@ -78,7 +76,7 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
     poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
     rows = _moving(range(first_iid, len(poses))[:_MAX_SEARCHED], lambda iid: poses[iid])
     checks = []
-    for domain in store.domains.values():
+    for domain in store.domains.values() if rows else ():
         if domain.has_depth:
             depth = [store.frames(domain.domain, i, i + 1, ("depth",))["depth"][0] for i in rows]
             frames = DepthFrames.of(
@@ -89,7 +87,7 @@ def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
 
 
 def facts(checks: Sequence[ConventionCheck]) -> dict[str, dict[str, Any]]:
-    """The figures of each domain, for section `PROVENANCE` of a store's provenance."""
+    """The figures of each domain, for section `schema.CONVENTIONS` of a store's provenance."""
     return {check.domain: {**check.facts(), "picture": PICTURE} for check in checks}
 
 
