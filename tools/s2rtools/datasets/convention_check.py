@@ -103,7 +103,7 @@ class ConventionCheck:
 
     @property
     def margin(self) -> float:
-        """Least difference of I that counts, nats: 0.1 for 100 frames, more for fewer."""
+        """Least lead that decides, nats: 0.1 for 100 frames, more for fewer."""
         return _MARGIN_FRAMES / max(self.frames, 1)
 
     @property
