@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.dataset_reader import Frame
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import FRAMES
 from s2rstore.geometry.camera_offset import NAMES
-from s2rstore.reader import Frame, Store
+from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
 from s2rstore.run_inputs import chain_text, run_frame
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
+from s2rstore.dataset_reader import Frame
 from s2rstore.geometry.camera_offset import UNMOVED, RigOffset, camera_move
-from s2rstore.reader import Frame, Store
+from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
 
 FRAME_KINDS = {"rgb": "frames:rgb", "depth": "frames:depth"}

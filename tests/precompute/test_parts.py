@@ -13,13 +13,14 @@ import pytest
 import s2rstore
 from s2rstore.arrays import array_writer
 from s2rstore.arrays.stored_array import METADATA
+from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
-from s2rstore.reader import SOURCE_IMAGES, Store
+from s2rstore.reader import Store
 from s2rstore.records import SIDES, TrajectoryPart
 from s2rtools.precompute import pipeline
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute

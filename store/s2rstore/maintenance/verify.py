@@ -19,6 +19,7 @@ import duckdb
 
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
+from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
@@ -32,7 +33,7 @@ from s2rstore.maintenance.table_rules import (
     table_damages,
     uncomputed_parts,
 )
-from s2rstore.reader import SOURCE_IMAGES, Store
+from s2rstore.reader import Store
 
 _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,

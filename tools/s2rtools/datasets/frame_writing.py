@@ -22,9 +22,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from s2rstore.arrays import array_writer
+from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ledger import Ledger, LedgerEntry
-from s2rstore.reader import SOURCE_IMAGES
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets import source_arrays

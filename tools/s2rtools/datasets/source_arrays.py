@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from s2rstore.arrays import array_writer
 from s2rstore.arrays.zarr_metadata import ITEM_BYTES, Layout
+from s2rstore.dataset_reader import SOURCE_IMAGES
 from s2rstore.files.ledger import LedgerEntry
-from s2rstore.reader import SOURCE_IMAGES
 from s2rtools.datasets.scan import SourceImages
 
 SHARD_ROWS = 64

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.reader import Frame, Store
+from s2rstore.dataset_reader import Frame
+from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rtools.heatmaps import IMAGE_KINDS
 from s2rtools.heatmaps.heatmap_method import ImageBatch, SideImages
