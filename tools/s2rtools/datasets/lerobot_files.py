@@ -240,6 +240,10 @@ class ParquetImages:
             return decoded
         return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
 
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
+
     def _content(self, file: str, number: int) -> bytes:
         key = file, number // _BLOCK
         with self._lock:
@@ -268,6 +272,10 @@ class StoredImage:
     @property
     def pixels(self) -> int:
         return self.size[0] * self.size[1]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.images.path(self.file),)
 
     def checksum(self) -> str | None:
         image = self.images.read(self.file, self.number)
