@@ -19,7 +19,13 @@ from s2rstore.files.ingest_folder import BuildingFolder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets import build as build_module
-from s2rtools.datasets import frame_writing, growing_array, ingest_journal, source_arrays
+from s2rtools.datasets import (
+    frame_group,
+    frame_writing,
+    growing_array,
+    ingest_journal,
+    source_arrays,
+)
 from s2rtools.datasets.build import build
 from s2rtools.datasets.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
@@ -41,7 +47,7 @@ class Killed(BaseException):
 
 @pytest.fixture(autouse=True)
 def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (frame_writing, growing_array, ingest_journal, source_arrays):
+    for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
         monkeypatch.setattr(module, "SHARD_ROWS", SHARD)
 
 
@@ -93,7 +99,7 @@ def undisturbed(
     manifest: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[dict[str, object], Scan, int]]:
     with pytest.MonkeyPatch.context() as patch:
-        for module in (frame_writing, growing_array, ingest_journal, source_arrays):
+        for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
             patch.setattr(module, "SHARD_ROWS", SHARD)
         store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"
         scan, steps = ingest(manifest, store)

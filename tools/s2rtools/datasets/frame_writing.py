@@ -10,26 +10,17 @@ from __future__ import annotations
 import dataclasses
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from msgspec.structs import replace
-from numpy.typing import NDArray
-
-from s2rstore.arrays import array_writer
-from s2rstore.arrays.zarr_metadata import Layout
-from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ledger import Ledger, LedgerEntry
-from s2rstore.reader import SOURCE_IMAGES
+from s2rstore.files import atomic_writes
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets import source_arrays
-from s2rtools.datasets.growing_array import GrowingArray
+from s2rtools.datasets.frame_group import DepthTypes, FrameGroup, Frames, Sources
 from s2rtools.datasets.ingest_journal import (
     OTHER_TYPES,
     SHARD_ROWS,
@@ -48,14 +39,11 @@ _DECODING_BYTES = 256 << 20
 """Memory of all threads together for decoding source images."""
 _READ_AHEAD = 3
 """Instances that are decoded in advance for each thread."""
+
 ReportProgress = Callable[[int], None]
-Frames = Mapping[str, DecodedFrame]
-Sources = Mapping[str, CompressedImages]
 Decoded = tuple[Frames, Sources, list[InputIssue]]
 """The frames of a record and the images at the size of their source, both by domain, and the issues
 of unusable frames."""
-DepthTypes = tuple[str, ...]
-"""The depth type of each domain, in the order of the records' sources."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +135,7 @@ class _TrajectoryWriter:
         self._scan, self._root, self._name, self._place = scan, root, name, place
         self._journal, self._is_recorded = journal, is_recorded
         self._domains: tuple[str, ...] = ()
-        self._groups: dict[DepthTypes, _Group] = {}
+        self._groups: dict[DepthTypes, FrameGroup] = {}
         self._rows, self._group_numbers = array("i"), array("i")
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
@@ -198,13 +186,15 @@ class _TrajectoryWriter:
         self._group_numbers.append(group.number)
         group.take(row, block)
 
-    def _group(self, types: DepthTypes, domains: tuple[str, ...]) -> _Group:
+    def _group(self, types: DepthTypes, domains: tuple[str, ...]) -> FrameGroup:
         if types not in self._groups:
             stored = StoredTrajectory(self._scan.trajectories[self._name])
             number = len(self._groups)
             find = partial(find_folder, self._root) if self._is_recorded else combination_folder
             folders = {each: find(number, each, self._place.folder) for each in domains}
-            self._groups[types] = _Group(self._root, number, folders, self._place, stored)
+            self._groups[types] = FrameGroup(
+                self._root, number, folders, self._place.folder, stored
+            )
             self._domains = domains
         return self._groups[types]
 
@@ -273,131 +263,6 @@ class _TrajectoryWriter:
                     file = source.file_names(self._scan)[1] or domain
                     detail = f"{found}, the others are {usual}"
                     self._scan.issues.append(InputIssue("mixed depth types", file, detail))
-
-
-class _Group:
-    """The written instances of one combination of depth types.
-
-    `number` counts the combinations; the arrays of number 0 are written in their final places.
-    `folders` are those of the arrays by domain.
-    """
-
-    def __init__(
-        self,
-        root: Path,
-        number: int,
-        folders: Mapping[str, str],
-        place: FramePlace,
-        stored: StoredTrajectory,
-    ) -> None:
-        self.number, self.stored = number, stored
-        self._root, self._folder, self._folders = root, place.folder, folders
-        self._arrays = {
-            domain: {image: _frame_array(root, f"{base}/{image}") for image in ("rgb", "depth")}
-            for domain, base in self._folders.items()
-        }
-        self._sources = {
-            domain: {
-                image: source_arrays.source_array(root, f"{base}/{image}")
-                for image in SOURCE_IMAGES.values()
-            }
-            for domain, base in self._folders.items()
-        }
-        self._recorded = 0
-
-    @property
-    def pending_rows(self) -> int:
-        """Instances that are in no block of the journal yet."""
-        return len(self.stored) - self._recorded
-
-    def add(self, row: int, frames: Frames, sources: Sources) -> None:
-        """Write the frames of the record number `row`."""
-        for domain, frame in frames.items():
-            for image, pixels in (("rgb", frame.rgb), ("depth", frame.depth)):
-                if pixels is not None:
-                    array = self._arrays[domain][image]
-                    array.add(pixels, pixels.shape, str(pixels.dtype))
-        for domain, images in sources.items():
-            for name, each in images.items():
-                self._sources[domain][name].add(each.content, each.shape, each.dtype)
-        self.stored.add(row, frames)
-        for domain, frame in frames.items():
-            if domain not in self.stored.image_sizes:
-                self.stored.image_sizes[domain] = _image_sizes(frame, sources[domain])
-
-    def take(self, row: int, block: Block) -> None:
-        """Count a record of a block as stored, and its files with its first record."""
-        position = len(self.stored) - self._recorded
-        self.stored.add_checksums(row, block.checksums(position))
-        if position == 0:
-            self.stored.image_sizes |= block.image_sizes
-            for domain, shards in block.shards.items():
-                arrays = {**self._arrays[domain], **self._sources[domain]}
-                for image, shard in shards.items():
-                    arrays[image].take(shard, len(block.rows))
-        if position == len(block.rows) - 1:
-            self._recorded = len(self.stored)
-
-    def fill(self, block: Block, with_shards: bool) -> None:
-        """Put the instances that are in no block yet into one, with the shards that hold them."""
-        start, self._recorded = self._recorded, len(self.stored)
-        block.number, block.image_sizes = self.number, self.stored.image_sizes
-        block.add_rows(self.stored, start)
-        if not (with_shards and block.rows):
-            return
-        for domain, arrays in self._arrays.items():
-            block.shards[domain] = {}
-            for image, each in (*arrays.items(), *self._sources[domain].items()):
-                if not each.is_empty:
-                    each.flush()
-                    block.shards[domain][image] = each.last_shard
-
-    def remove(self) -> None:
-        """Remove what was written."""
-        for arrays in self._arrays.values():
-            for each in arrays.values():
-                atomic_writes.remove(self._root, Path(each.folder).parent)
-
-    def finish(self) -> None:
-        """Complete the arrays, put them in their places and list their files in the ledger."""
-        entries: list[LedgerEntry] = []
-        for domain, arrays in self._arrays.items():
-            written = self._folders[domain]
-            place = f"{layout.FRAMES}/{domain}/{self._folder}"
-            key = f"frames:{domain}:{self._folder}"
-            files = [
-                (image, shard, entry)
-                for image, each in (*arrays.items(), *self._sources[domain].items())
-                for shard, entry in enumerate(each.finish())
-            ]
-            for image, shard, entry in sorted(files, key=lambda file: file[1]):
-                path = entry.path.replace(written, place, 1)
-                entries.append(replace(entry, key=f"{key}:{image}:{shard}", path=path))
-            if written != place:
-                atomic_writes.move(self._root, written, place)
-        Ledger(self._root).add_entries(entries)
-
-
-def _frame_array(root: Path, folder: str) -> GrowingArray[NDArray[Any]]:
-    def plan(count: int, item: tuple[int, ...], dtype: str) -> Layout:
-        return array_writer.plan_layout(count, item, dtype, SHARD_ROWS)
-
-    def encode(layout: Layout, rows: Sequence[NDArray[Any]]) -> list[bytes]:
-        return array_writer.encode_chunks(layout, np.stack(rows))
-
-    return GrowingArray(root, folder, plan, encode)
-
-
-def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
-    """Rows and columns of the images that networks see, by image."""
-    if source:
-        return {
-            image: list(source[name].shape[:2])
-            for image, name in SOURCE_IMAGES.items()
-            if name in source
-        }
-    images = {"rgb": frame.rgb, "depth": frame.depth}
-    return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
 
 
 def depth_type(frame: DecodedFrame) -> str:

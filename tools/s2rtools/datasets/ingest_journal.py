@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -311,7 +312,7 @@ def _parsed(line: bytes) -> _Line | None:
     try:
         content = json.loads(text)
         kind = next((kind for key, kind in _KINDS.items() if key in content), Block)
-        return msgspec.convert(content, kind, str_keys=True, strict=True)
+        return cast(_Line, msgspec.convert(content, kind, str_keys=True))
     except (ValueError, TypeError, RecursionError):  # msgspec's errors are ValueErrors
         return None
 

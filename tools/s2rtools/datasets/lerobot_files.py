@@ -158,6 +158,7 @@ class ImageStore(Protocol):
     """Images by file and number, from any thread."""
 
     def read(self, file: str, number: int) -> SourceImage | InputIssue: ...
+    def path(self, file: str) -> Path: ...
 
 
 class VideoImages:
@@ -184,6 +185,10 @@ class VideoImages:
             detail = f"frame {number} of a video in {self._codec} cannot be decoded"
             return InputIssue("unreadable image", name, detail)
         return SourceImage(pixels, hashlib.sha256(pixels.tobytes()).hexdigest(), 8)
+
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
 
     def _open(self, file: str) -> None:
         if file == self._file:
