@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -14,10 +15,13 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
+import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.layout import read_current
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import ingest_journal
 from s2rtui.cli import main
 from tests.support import pairs
 
@@ -138,22 +142,53 @@ def start_ingest(manifest: Path, store: Path) -> tuple[subprocess.Popen[bytes], 
     raise AssertionError("does not begin")
 
 
-def test_an_interrupted_ingest_removes_its_files_and_reports_it(tmp_path: Path) -> None:
-    manifest, store = pairs.manifest(tmp_path / "data", n=150), tmp_path / "s.s2r"
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_ingest_says_how_to_resume_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: signal.Signals
+) -> None:
+    manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
     process, folder = start_ingest(manifest, store)
-    process.send_signal(signal.SIGINT)
+    wait_for_shards(process, folder)
+    process.send_signal(number)
     error = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 130
-    assert error.strip().endswith("s2r was not created")
+    assert error.strip().endswith(
+        f"s2r was not created; the same command resumes, and begins anew after: rm -r {folder}"
+    )
     assert not store.exists()
-    assert not folder.exists()
+    assert main(arguments(manifest, store)) == 0
+    check_resumed(store, capsys.readouterr().err)
+
+
+def wait_for_shards(process: subprocess.Popen[bytes], folder: Path) -> None:
+    """Wait until some instances lie in complete shards."""
+    journal, deadline = folder / ingest_journal.NAME, time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if journal.exists() and journal.read_bytes().count(b"\n") > 1:
+            return
+        assert process.poll() is None
+        time.sleep(0.002)
+    raise AssertionError("writes no shards")
+
+
+def check_resumed(store: Path, error: str) -> None:
+    """Check the message of the second ingest, and its store."""
+    (line,) = (each for each in error.splitlines() if "is resumed" in each)
+    taken = re.search(r"(\d+) of 300 instances are not decoded again", line)
+    assert taken is not None
+    assert int(taken[1]) >= 64
+    assert verify(store) == []
+    assert not building_folders(store)
+    with s2rstore.open(store) as opened:
+        assert len(opened.instances) == 300
 
 
 def test_a_killed_ingest_leaves_no_valid_store(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    manifest, store = pairs.manifest(tmp_path / "data", n=150), tmp_path / "s.s2r"
+    manifest, store = pairs.manifest(tmp_path / "data", n=300), tmp_path / "s.s2r"
     process, folder = start_ingest(manifest, store)
+    wait_for_shards(process, folder)
     process.kill()
     process.communicate(timeout=60)
     assert not store.exists()
@@ -162,4 +197,4 @@ def test_a_killed_ingest_leaves_no_valid_store(
         read_current(folder)
     assert main(arguments(manifest, store)) == 0
     assert not folder.exists()
-    assert "removed; an interrupted ingest" in capsys.readouterr().err
+    check_resumed(store, capsys.readouterr().err)

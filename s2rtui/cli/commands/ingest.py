@@ -10,9 +10,10 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import pair_arguments
+from s2rtui.cli import interrupts, pair_arguments
 from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
@@ -142,12 +143,12 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
     from s2rtools.datasets.build import build
 
     try:
-        with reporter() as progress:
+        with interrupts.sigterm_as_interrupt(), reporter() as progress:
             progress.begin("ingest", _steps(scan))
             build(scan, options.store, _command(), options.strict, progress.advance, progress.say)
     except KeyboardInterrupt:
-        outcome = "is complete" if options.store.exists() else "was not created"
-        print(printable(f"s2r: interrupted; {options.store} {outcome}"), file=sys.stderr)
+        line = f"s2r: interrupted; {_interrupted_state(options.store)}"
+        print(printable(line), file=sys.stderr)
         return 130
     with s2rstore.open(options.store) as store:
         domains = ", ".join(store.domains)
@@ -155,6 +156,21 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
         count = len(store.instances)
     print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}")
     return 0
+
+
+def _interrupted_state(target: Path) -> str:
+    """What an interrupted ingest has left, and how it is resumed."""
+    from s2rtools.datasets.ingest_journal import fingerprint_of
+
+    if target.exists():
+        return f"{target} is complete"
+    folders = [each.path for each in building_folders(target) if fingerprint_of(each.path)]
+    if not folders:
+        return f"{target} was not created"
+    names = " ".join(shlex.quote(str(folder)) for folder in folders)
+    return (
+        f"{target} was not created; the same command resumes, and begins anew after: rm -r {names}"
+    )
 
 
 def _append(scan: Any, options: argparse.Namespace) -> int:

@@ -22,7 +22,9 @@ from s2rtools.datasets.floor_plan import read_floor_plan
 from s2rtools.datasets.floor_plans import plan_from_depth
 from s2rtools.datasets.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import write_index
+from s2rtools.datasets.ingest_journal import IngestJournal, fingerprint_of
 from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.scan_fingerprint import fingerprint
 from s2rtools.datasets.stored_instances import StoredRecords
 
 _MAX_FLOOR_PLAN_SIDE = 1056
@@ -42,8 +44,10 @@ def build(
 
     Instances with an unusable frame are left out and reported in `scan.issues`. `progress` is
     called with the number of finished frames, `report_line` with a line about the remains of an
-    interrupted ingest of the same store. Raises RequestError if `target` exists, if nothing is
-    usable, or with `strict` if there is any issue.
+    interrupted ingest of the same store. What an interrupted ingest of the same frames has written
+    is taken over. Raises RequestError if `target` exists, if nothing is usable, or with `strict` if
+    there is any issue; then, and where files cannot be written, nothing is left. An interrupt
+    leaves the folder in which the store is built.
     """
     if target.exists():
         raise RequestError(
@@ -51,11 +55,9 @@ def build(
         )
     report_outside_bounds(scan)
     refuse_unusable(scan, strict)
-    folder = building_folder(target)
-    remove_leftovers(building_folders(target), report_line)
+    folder, journal = _open_folder(scan, target, progress, report_line)
     try:
-        folder.mkdir(parents=True)
-        stored = write_frames(scan, folder, progress)
+        stored = write_frames(scan, folder, progress, journal=journal)
         plan = floor_plan_image(scan)
         drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
         plan = plan if drawn is None else drawn.image
@@ -74,13 +76,61 @@ def build(
                 facts = {"drawn_from": f"depth of {drawn.domain}", "frames": drawn.frames}
                 draft.set_provenance("floor_plan", facts)
             draft.record_checksums(unlisted_checksums(folder))
+        if journal is not None:
+            journal.close()
         folder.rename(target)
         atomic_writes.sync_path(target.parent)
     except OSError as error:
-        where = error.filename or target
-        raise RequestError(f"{where}: cannot be written ({error.strerror})") from error
-    finally:
         shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(target, error) from error
+    except BaseException as error:
+        if journal is None or isinstance(error, RequestError):
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _open_folder(
+    scan: Scan, target: Path, progress: ReportProgress, report_line: ReportLine
+) -> tuple[Path, IngestJournal | None]:
+    """The folder to build in, and its journal: that of an interrupted ingest, or a new one.
+
+    There is no journal where a source of the scan does not state its origin.
+    """
+    mark = fingerprint(scan)
+    folder, journal = building_folder(target), None
+    try:
+        for left in building_folders(target):
+            if left.is_abandoned and mark is not None and fingerprint_of(left.path) == mark:
+                try:
+                    left.path.rename(folder)  # its name states this process from now on
+                except FileNotFoundError:  # another process has taken it over
+                    continue
+                journal = IngestJournal.resume(folder, mark)
+                steps, instances = 0, 0
+                for name, records in scan.trajectories.items():
+                    taken = journal.taken(name, len(records))
+                    steps, instances = steps + taken.steps, instances + len(taken)
+                total = sum(map(len, scan.trajectories.values()))
+                report_line(
+                    f"{target}: an interrupted ingest ({left.builder}) is resumed; {instances} of "
+                    f"{total} instances are not decoded again"
+                )
+                progress(2 * steps)
+                break
+        remove_leftovers(
+            [each for each in building_folders(target) if each.path != folder], report_line
+        )
+        if journal is None:
+            folder.mkdir(parents=True)
+            journal = None if mark is None else IngestJournal.begin(folder, mark)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(target, error) from error
+    return folder, journal
+
+
+def _unwritable(target: Path, error: OSError) -> RequestError:
+    return RequestError(f"{error.filename or target}: cannot be written ({error.strerror})")
 
 
 def report_outside_bounds(scan: Scan) -> None:
@@ -99,16 +149,18 @@ def write_frames(
     root: Path,
     progress: ReportProgress,
     places: Mapping[str, FramePlace] | None = None,
+    journal: IngestJournal | None = None,
 ) -> StoredRecords:
     """Write the frames of all trajectories below `root`; returns the usable instances.
 
-    `places` are those of trajectories that have frames in the store already. Trajectories without
-    a usable instance are left out; it is an issue if that leaves none.
+    `places` are those of trajectories that have frames in the store already, `journal` is that of
+    `root`. Trajectories without a usable instance are left out; it is an issue if that leaves none.
     """
     stored: StoredRecords = {}
     for name in scan.trajectories:
         place = (places or {}).get(name)
-        if (trajectory := write_trajectory(scan, root, name, progress, place)) is not None:
+        trajectory = write_trajectory(scan, root, name, progress, place, journal)
+        if trajectory is not None:
             stored[name] = trajectory
     if not stored:
         scan.issues.append(InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}"))

@@ -10,42 +10,40 @@ from __future__ import annotations
 import dataclasses
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from msgspec.structs import replace
-from numpy.typing import NDArray
-
-from s2rstore.arrays import array_writer
-from s2rstore.dataset_reader import SOURCE_IMAGES
-from s2rstore.files import atomic_writes, layout
-from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rstore.files import atomic_writes
 from s2rtools.common.processors import available_processors
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets import source_arrays
+from s2rtools.datasets.frame_group import DepthTypes, FrameGroup, Frames, Sources
+from s2rtools.datasets.ingest_journal import (
+    OTHER_TYPES,
+    SHARD_ROWS,
+    Block,
+    IngestJournal,
+    combination_folder,
+    find_folder,
+)
 from s2rtools.datasets.scan import DecodedFrame, InputIssue, InstanceRecord, Scan
-from s2rtools.datasets.source_arrays import CompressedImages, SourceArray, compressed
+from s2rtools.datasets.source_arrays import CompressedImages, compressed
 from s2rtools.datasets.stored_instances import StoredTrajectory
 
-SHARD_ROWS = 64
 NO_DEPTH = "no depth"
 """The depth type of frames without depth."""
 _DECODING_BYTES = 256 << 20
 """Memory of all threads together for decoding source images."""
 _READ_AHEAD = 3
 """Instances that are decoded in advance for each thread."""
-_OTHER_TYPES = ".other-depth-types"
 
 ReportProgress = Callable[[int], None]
-Frames = Mapping[str, DecodedFrame]
-Sources = Mapping[str, CompressedImages]
-DepthTypes = tuple[str, ...]
-"""The depth type of each domain, in the order of the records' sources."""
+Decoded = tuple[Frames, Sources, list[InputIssue]]
+"""The frames of a record and the images at the size of their source, both by domain, and the issues
+of unusable frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,33 +59,51 @@ class FramePlace:
 
 
 def write_trajectory(
-    scan: Scan, root: Path, name: str, progress: ReportProgress, place: FramePlace | None = None
+    scan: Scan,
+    root: Path,
+    name: str,
+    progress: ReportProgress,
+    place: FramePlace | None = None,
+    journal: IngestJournal | None = None,
 ) -> StoredTrajectory | None:
     """Write the frames of a trajectory's usable instances below `root`; None where none is usable.
 
     They are written to a folder of the trajectory's name in that of each domain, or to `place`.
+    What the `journal` of `root` has of them is taken over, and what is written is recorded there.
 
     Every source is decoded once, by one thread per processor, or fewer if source images are large,
     to bound the memory. In memory are the frames of one shard of every domain. `progress` is
     called with twice the number of decoded frames. Issues are added to the scan.
     """
     records = scan.trajectories[name]
-    writer = _TrajectoryWriter(scan, root, name, place or FramePlace(name, {}))
+    taken = None if journal is None else journal.taken(name, len(records))
+    is_recorded = taken is not None and taken.is_finished
+    writer = _TrajectoryWriter(
+        scan, root, name, place or FramePlace(name, {}), journal, is_recorded
+    )
     largest = max(source.pixels for record in records for source in record.sources.values())
     threads = max(1, min(available_processors(), _DECODING_BYTES // (8 * largest)))
+
+    def decode(row: int) -> Decoded | None:
+        return None if taken is not None and row in taken else _decode(scan, records[row])
+
     with ThreadPoolExecutor(threads) as pool:
-        decoded = map_ahead(pool, partial(_decode, scan), records, _READ_AHEAD * threads)
-        for row, (frames, sources, defects) in enumerate(decoded):
+        decoded = map_ahead(pool, decode, range(len(records)), _READ_AHEAD * threads)
+        for row, result in enumerate(decoded):
+            if result is None:
+                assert taken is not None
+                writer.take(row, taken[row])
+                continue
+            frames, sources, defects = result
             progress(2 * (len(frames) + len(defects)))
-            scan.issues += defects
-            if not defects:
+            if defects:
+                writer.leave_out(row, defects)
+            else:
                 writer.add(row, frames, sources)
     return writer.finish()
 
 
-def _decode(scan: Scan, record: InstanceRecord) -> tuple[Frames, Sources, list[InputIssue]]:
-    """The frames of a record and the images at the size of their source, both by domain, and the
-    issues of unusable frames."""
+def _decode(scan: Scan, record: InstanceRecord) -> Decoded:
     frames: dict[str, DecodedFrame] = {}
     sources: dict[str, CompressedImages] = {}
     defects: list[InputIssue] = []
@@ -102,15 +118,36 @@ def _decode(scan: Scan, record: InstanceRecord) -> tuple[Frames, Sources, list[I
 
 
 class _TrajectoryWriter:
-    """Writes the instances of one trajectory, those of each combination of depth types apart."""
+    """Writes the instances of one trajectory, those of each combination of depth types apart.
 
-    def __init__(self, scan: Scan, root: Path, name: str, place: FramePlace) -> None:
+    With `is_recorded`, the journal has all of them, and says which combination is kept.
+    """
+
+    def __init__(
+        self,
+        scan: Scan,
+        root: Path,
+        name: str,
+        place: FramePlace,
+        journal: IngestJournal | None,
+        is_recorded: bool,
+    ) -> None:
         self._scan, self._root, self._name, self._place = scan, root, name, place
+        self._journal, self._is_recorded = journal, is_recorded
         self._domains: tuple[str, ...] = ()
-        self._groups: dict[DepthTypes, _Group] = {}
+        self._groups: dict[DepthTypes, FrameGroup] = {}
         self._rows, self._group_numbers = array("i"), array("i")
         self._conversions: dict[int, tuple[InputIssue, ...]] = {}
         self._source_sizes: dict[str, tuple[tuple[int, ...], ...]] = {}
+        self._left_out: dict[int, list[InputIssue]] = {}
+
+    def leave_out(self, row: int, issues: list[InputIssue]) -> None:
+        """Report the record number `row`, which is not stored."""
+        self._scan.issues += issues
+        if self._journal is not None:
+            self._left_out[row] = issues
+            if len(self._left_out) == SHARD_ROWS:
+                self._journal.add(self._block(()))
 
     def add(self, row: int, frames: Frames, sources: Sources) -> None:
         """Write the frames of the record number `row`.
@@ -123,20 +160,57 @@ class _TrajectoryWriter:
                 source = self._scan.trajectories[self._name][row].sources[domain]
                 file = source.file_names(self._scan)[0] or domain
                 detail = "not the size of the trajectory's first image"
-                self._scan.issues.append(InputIssue("wrong size", file, detail))
+                self.leave_out(row, [InputIssue("wrong size", file, detail)])
                 return
         types = tuple(depth_type(frame) for frame in frames.values())
-        if types not in self._groups:
-            stored = StoredTrajectory(self._scan.trajectories[self._name])
-            number = len(self._groups)
-            self._groups[types] = _Group(self._root, self._place.folder, number, frames, stored)
-            self._domains = tuple(frames)
-        group = self._groups[types]
+        group = self._group(types, tuple(frames))
         if issues := tuple(issue for frame in frames.values() for issue in frame.issues):
             self._conversions[row] = issues
         self._rows.append(row)
         self._group_numbers.append(group.number)
         group.add(row, frames, sources)
+        if self._journal is not None and group.pending_rows == SHARD_ROWS:
+            self._journal.add(self._block(types, with_shards=True))
+
+    def take(self, row: int, block: Block) -> None:
+        """Take the record number `row` over from a block of an interrupted ingest."""
+        if row in block.left_out:
+            self._scan.issues += block.left_out[row]
+            return
+        for domain, sizes in block.source_sizes.items():
+            self._source_sizes.setdefault(domain, sizes)
+        group = self._group(block.types, tuple(block.digests))
+        if row in block.conversions:
+            self._conversions[row] = block.conversions[row]
+        self._rows.append(row)
+        self._group_numbers.append(group.number)
+        group.take(row, block)
+
+    def _group(self, types: DepthTypes, domains: tuple[str, ...]) -> FrameGroup:
+        if types not in self._groups:
+            stored = StoredTrajectory(self._scan.trajectories[self._name])
+            number = len(self._groups)
+            find = partial(find_folder, self._root) if self._is_recorded else combination_folder
+            folders = {each: find(number, each, self._place.folder) for each in domains}
+            self._groups[types] = FrameGroup(
+                self._root, number, folders, self._place.folder, stored
+            )
+            self._domains = domains
+        return self._groups[types]
+
+    def _block(self, types: DepthTypes, with_shards: bool = False) -> Block:
+        """The instances that were left out, and those of a combination, since their last blocks."""
+        row = next(iter(self._left_out), 0)
+        frames = len(self._domains) or len(self._scan.trajectories[self._name][row].sources)
+        block = Block(self._name, frames, self._left_out)
+        self._left_out = {}
+        if types in self._groups:
+            self._groups[types].fill(block, with_shards)
+            block.types, block.source_sizes = types, self._source_sizes
+            block.conversions = {
+                row: self._conversions[row] for row in block.rows if row in self._conversions
+            }
+        return block
 
     def finish(self) -> StoredTrajectory | None:
         """Keep the depth types of the place, or else the most common ones.
@@ -144,6 +218,7 @@ class _TrajectoryWriter:
         The instances of other types become issues.
         """
         if not self._groups:
+            self._record_end(None)
             return None
         expected = tuple(
             self._place.depth_types.get(domain)
@@ -151,13 +226,23 @@ class _TrajectoryWriter:
             for number, domain in enumerate(self._domains)
         )
         self._report(expected)
+        self._record_end(expected)
         kept = self._groups.pop(expected, None)
-        for other in self._groups.values():
-            other.remove()
+        if not self._is_recorded:  # otherwise they were removed when the journal was opened
+            for other in self._groups.values():
+                other.remove()
         if kept is not None:
             kept.finish()
-        atomic_writes.remove(self._root, _OTHER_TYPES)
+        atomic_writes.remove(self._root, OTHER_TYPES)
         return None if kept is None else kept.stored
+
+    def _record_end(self, expected: DepthTypes | None) -> None:
+        """Record the instances that are in no block yet, and which depth types are kept."""
+        if self._journal is None or self._is_recorded:
+            return
+        blocks = [self._block(types, types == expected) for types in self._groups or [()]]
+        kept = self._groups.get(expected or ())
+        self._journal.finish(self._name, blocks, None if kept is None else kept.number)
 
     def _types(self) -> Iterator[DepthTypes]:
         """The depth types of every written instance."""
@@ -178,120 +263,6 @@ class _TrajectoryWriter:
                     file = source.file_names(self._scan)[1] or domain
                     detail = f"{found}, the others are {usual}"
                     self._scan.issues.append(InputIssue("mixed depth types", file, detail))
-
-
-class _Group:
-    """The written instances of one combination of depth types.
-
-    `number` counts the combinations; the arrays of number 0 are written in their final places.
-    """
-
-    def __init__(
-        self, root: Path, folder: str, number: int, domains: Iterable[str], stored: StoredTrajectory
-    ) -> None:
-        self._base = f"{_OTHER_TYPES}/{number}" if number else layout.FRAMES
-        self.number, self.stored = number, stored
-        self._root, self._folder = root, folder
-        self._arrays = {
-            domain: {
-                image: _GrowingArray(root, f"{self._base}/{domain}/{folder}/{image}")
-                for image in ("rgb", "depth")
-            }
-            for domain in domains
-        }
-        self._sources = {
-            domain: {
-                image: SourceArray(root, f"{self._base}/{domain}/{folder}/{image}")
-                for image in SOURCE_IMAGES.values()
-            }
-            for domain in domains
-        }
-
-    def add(self, row: int, frames: Frames, sources: Sources) -> None:
-        """Write the frames of the record number `row`."""
-        for domain, frame in frames.items():
-            self._arrays[domain]["rgb"].add(frame.rgb)
-            if frame.depth is not None:
-                self._arrays[domain]["depth"].add(frame.depth)
-        for domain, images in sources.items():
-            for name, image in images.items():
-                self._sources[domain][name].add(image)
-        self.stored.add(row, frames)
-        for domain, frame in frames.items():
-            if domain not in self.stored.image_sizes:
-                self.stored.image_sizes[domain] = _image_sizes(frame, sources[domain])
-
-    def remove(self) -> None:
-        """Remove what was written."""
-        for arrays in self._arrays.values():
-            for each in arrays.values():
-                atomic_writes.remove(self._root, Path(each.folder).parent)
-
-    def finish(self) -> None:
-        """Complete the arrays, put them in their places and list their files in the ledger."""
-        entries: list[LedgerEntry] = []
-        for domain, arrays in self._arrays.items():
-            written = f"{self._base}/{domain}/{self._folder}"
-            place = f"{layout.FRAMES}/{domain}/{self._folder}"
-            key = f"frames:{domain}:{self._folder}"
-            files = [
-                (image, shard, entry)
-                for image, each in (arrays | self._sources[domain]).items()
-                for shard, entry in enumerate(each.finish())
-            ]
-            for image, shard, entry in sorted(files, key=lambda file: file[1]):
-                path = entry.path.replace(written, place, 1)
-                entries.append(replace(entry, key=f"{key}:{image}:{shard}", path=path))
-            if written != place:
-                atomic_writes.move(self._root, written, place)
-        Ledger(self._root).add_entries(entries)
-
-
-class _GrowingArray:
-    """An array whose shards are written as its rows come."""
-
-    def __init__(self, root: Path, folder: str) -> None:
-        self.folder = folder
-        self._root = root
-        self._rows: list[NDArray[Any]] = []
-        self._count = 0
-        self._entries: list[LedgerEntry] = []
-
-    def add(self, row: NDArray[Any]) -> None:
-        self._rows.append(row)
-        self._count += 1
-        if len(self._rows) == SHARD_ROWS:
-            self._write_shard()
-
-    def finish(self) -> list[LedgerEntry]:
-        """Write the last shard and the metadata; gives the entries of the shards, without keys."""
-        if self._rows:
-            self._write_shard()
-        if self._entries:
-            array_writer.create(self._root / self.folder, self._layout, root=self._root)
-        return self._entries
-
-    def _write_shard(self) -> None:
-        rows = np.stack(self._rows)
-        self._rows = []
-        self._layout = array_writer.plan_layout(
-            self._count, rows.shape[1:], str(rows.dtype), SHARD_ROWS
-        )
-        shard = len(self._entries)
-        file = array_writer.write_shard_of(self._root, self.folder, self._layout, shard, rows)
-        self._entries.append(LedgerEntry("", file.path, file.bytes, file.sha256, len(rows)))
-
-
-def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
-    """Rows and columns of the images that networks see, by image."""
-    if source:
-        return {
-            image: list(source[name].shape[:2])
-            for image, name in SOURCE_IMAGES.items()
-            if name in source
-        }
-    images = {"rgb": frame.rgb, "depth": frame.depth}
-    return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
 
 
 def depth_type(frame: DecodedFrame) -> str:

@@ -53,6 +53,9 @@ class ImageFiles:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return scan.relative(self.rgb), scan.relative(self.depth)
 
+    def origin(self) -> tuple[tuple[Path, ...], str]:
+        return self.paths, f"{self.rgb_size} {self.depth_size}"
+
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         return _checksum((self.rgb, self.rgb_size), (self.depth, self.depth_size))
 
@@ -111,6 +114,9 @@ class RgbFile:
 
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return self.name, None
+
+    def origin(self) -> tuple[tuple[Path, ...], str]:
+        return (self.path,), f"{self.name!a} {self.size}"
 
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         return _checksum((self.path, self.size))

@@ -158,6 +158,7 @@ class ImageStore(Protocol):
     """Images by file and number, from any thread."""
 
     def read(self, file: str, number: int) -> SourceImage | InputIssue: ...
+    def path(self, file: str) -> Path: ...
 
 
 class VideoImages:
@@ -184,6 +185,10 @@ class VideoImages:
             detail = f"frame {number} of a video in {self._codec} cannot be decoded"
             return InputIssue("unreadable image", name, detail)
         return SourceImage(pixels, hashlib.sha256(pixels.tobytes()).hexdigest(), 8)
+
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
 
     def _open(self, file: str) -> None:
         if file == self._file:
@@ -240,6 +245,10 @@ class ParquetImages:
             return decoded
         return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
 
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
+
     def _content(self, file: str, number: int) -> bytes:
         key = file, number // _BLOCK
         with self._lock:
@@ -268,6 +277,10 @@ class StoredImage:
     @property
     def pixels(self) -> int:
         return self.size[0] * self.size[1]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.images.path(self.file),)
 
     def checksum(self) -> str | None:
         image = self.images.read(self.file, self.number)

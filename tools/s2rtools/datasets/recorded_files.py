@@ -50,6 +50,10 @@ class RgbImageFile:
         height, width = declared_size(self.path) or (0, 0)
         return height * width
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.path,)
+
     def checksum(self) -> str | None:
         return _checksum(self.path)
 
@@ -69,6 +73,10 @@ class DepthImageFile:
     def pixels(self) -> int:
         height, width = declared_size(self.path) or (0, 0)
         return height * width
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.path,)
 
     def checksum(self) -> str | None:
         return _checksum(self.path)

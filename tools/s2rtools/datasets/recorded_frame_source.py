@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -98,6 +99,18 @@ class RecordedFrameSource:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         depth = self.frame.depth
         return self.frame.rgb.name, None if depth is None or self.depth is None else depth.name
+
+    def origin(self) -> tuple[list[Path], str] | None:
+        """See `TracedSource`; None where a layout's images do not state their `files`."""
+        files: list[Path] = []
+        for image in (self.frame.rgb, self.frame.depth):
+            if image is not None:
+                if (of_image := getattr(image, "files", None)) is None:
+                    return None
+                files += of_image
+        cameras = self.rgb.camera, self.depth and self.depth.camera
+        depth = self.frame.depth
+        return files, ascii((self.frame.rgb.name, depth and depth.name, cameras))
 
     def checksum(self, scan: Scan, domain: Domain) -> str | None:
         rgb = self.frame.rgb.checksum()

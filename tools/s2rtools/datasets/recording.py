@@ -50,7 +50,11 @@ class SourceImage:
 
 
 class RecordedImage(Protocol):
-    """An image of a recording that has not been decoded."""
+    """An image of a recording that has not been decoded.
+
+    An interrupted ingest is resumed if all its images have an attribute `files`: the paths that
+    they are read from.
+    """
 
     @property
     def name(self) -> str:

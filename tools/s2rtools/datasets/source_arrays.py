@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from s2rstore.arrays import array_writer
 from s2rstore.arrays.zarr_metadata import ITEM_BYTES, Layout
 from s2rstore.dataset_reader import SOURCE_IMAGES
-from s2rstore.files.ledger import LedgerEntry
+from s2rtools.datasets.growing_array import GrowingArray
+from s2rtools.datasets.ingest_journal import SHARD_ROWS
 from s2rtools.datasets.scan import SourceImages
-
-SHARD_ROWS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,39 +62,9 @@ def sizes(images: CompressedImages) -> tuple[tuple[int, ...], ...]:
     return tuple(image.shape[:2] for image in images.values())
 
 
-class SourceArray:
-    """An array of images whose shards are written as its rows come."""
-
-    def __init__(self, root: Path, folder: str) -> None:
-        self.folder = folder
-        self._root = root
-        self._chunks: list[bytes] = []
-        self._count = 0
-        self._entries: list[LedgerEntry] = []
-
-    def add(self, image: CompressedImage) -> None:
-        self._count += 1
-        self._chunks.append(image.content)
-        self._item = image.shape, image.dtype
-        if len(self._chunks) == SHARD_ROWS:
-            self._write_shard()
-
-    def finish(self) -> list[LedgerEntry]:
-        """Write the last shard and the metadata; gives the entries of the shards, without keys."""
-        if self._chunks:
-            self._write_shard()
-        if self._entries:
-            layout = _layout(self._count, *self._item)
-            array_writer.create(self._root / self.folder, layout, root=self._root)
-        return self._entries
-
-    def _write_shard(self) -> None:
-        chunks, self._chunks = self._chunks, []
-        layout, shard = _layout(self._count, *self._item), len(self._entries)
-        file = array_writer.write_chunks(
-            self._root, self.folder, layout, shard, len(chunks), chunks
-        )
-        self._entries.append(LedgerEntry("", file.path, file.bytes, file.sha256, len(chunks)))
+def source_array(root: Path, folder: str) -> GrowingArray[bytes]:
+    """An array in `folder` inside `root` whose rows are the contents of compressed images."""
+    return GrowingArray(root, folder, _layout, lambda layout, chunks: chunks)
 
 
 def _layout(count: int, shape: tuple[int, ...], dtype: str) -> Layout:

@@ -41,6 +41,15 @@ class StoredTrajectory:
         """The stored records of some positions."""
         return [self._records[row] for row in self._rows[start:stop]]
 
+    @property
+    def domains(self) -> list[str]:
+        """The domains of the frames."""
+        return list(self._digests)
+
+    def row_numbers(self, start: int = 0) -> list[int]:
+        """The numbers of the stored records from a position on."""
+        return self._rows[start:].tolist()
+
     def headings(self) -> NDArray[np.float64]:
         """The headings of all instances, radians."""
         headings = (self._records[row].heading for row in self._rows)
@@ -53,8 +62,13 @@ class StoredTrajectory:
 
     def add(self, row: int, frames: Mapping[str, DecodedFrame]) -> None:
         """Add the record number `row` with its frames by domain."""
+        checksums = {d: FrameChecksum(f.sha256, f.valid_fraction) for d, f in frames.items()}
+        self.add_checksums(row, checksums)
+
+    def add_checksums(self, row: int, checksums: Mapping[str, FrameChecksum]) -> None:
+        """Add the record number `row` with the checksums of its frames by domain."""
         self._rows.append(row)
-        for domain, frame in frames.items():
+        for domain, frame in checksums.items():
             self._digests.setdefault(domain, bytearray()).extend(bytes.fromhex(frame.sha256))
             self._valid_fractions.setdefault(domain, array("d")).append(frame.valid_fraction)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,10 @@ class BagImage:
     pixels: int
     is_depth: bool
     size: tuple[int, int]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.index.bag.path,)
 
     def checksum(self) -> str | None:
         try:

@@ -39,6 +39,10 @@ class RenderedFrameSource:
     def file_names(self, scan: Scan) -> tuple[str | None, str | None]:
         return None, None
 
+    def origin(self) -> tuple[tuple[Path, ...], str]:
+        recipe = self.data.recipe
+        return (), f"{recipe} {self.pose.tolist()} {self.number} {self.side}"
+
     def checksum(self, scan: Scan, domain: Domain) -> str:
         return self.decode(scan, domain).sha256
 

@@ -1,0 +1,272 @@
+"""An ingest that was killed is resumed, and its store equals that of an undisturbed ingest."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from s2rstore.arrays import array_writer
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, layout
+from s2rstore.files.ingest_folder import BuildingFolder, building_folders
+from s2rstore.files.ledger import Ledger
+from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import build as build_module
+from s2rtools.datasets import (
+    frame_group,
+    frame_writing,
+    growing_array,
+    ingest_journal,
+    source_arrays,
+)
+from s2rtools.datasets.build import build
+from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.scan import Scan
+from tests.datasets.helpers import rows_by_trajectory, scan_of
+from tests.support import pairs
+
+N = 38
+"""Instances in two trajectories of 19; shards have 4."""
+SHARD = 4
+ODD = (0, 1, 6, 12, 25, 26, 27)
+"""Instances whose real depth has another type; that of the first one is not the usual one."""
+BROKEN = (3, 9, 10, 18, 20, 37)
+OTHER_SIZE = (5, 30)
+
+
+class Killed(BaseException):
+    """Stands for the end of the process at this point."""
+
+
+@pytest.fixture(autouse=True)
+def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+        monkeypatch.setattr(module, "SHARD_ROWS", SHARD)
+
+
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("source")
+    path = pairs.manifest(folder, n=N, bits=16)
+    for number in ODD:
+        name = str(folder / "real" / f"{number}_depth.png")
+        cv2.imwrite(name, (cv2.imread(name, cv2.IMREAD_UNCHANGED) // 256).astype(np.uint8))
+    for number in BROKEN:
+        (folder / "sim" / f"{number}_rgb.png").write_bytes(b"no image")
+    for number in OTHER_SIZE:
+        name = str(folder / "sim" / f"{number}_rgb.png")
+        cv2.imwrite(name, cv2.resize(cv2.imread(name), (32, 24)))
+    for number in (2, 16, 33):
+        name = str(folder / "real" / f"{number}_rgb.png")
+        cv2.imwrite(name, cv2.imread(name).astype(np.uint16) * 257)
+    return path
+
+
+def ingest(manifest: Path, store: Path, lines: list[str] | None = None) -> tuple[Scan, list[int]]:
+    """The scan and the reported steps."""
+    steps: list[int] = []
+    scan = scan_of("csv", manifest)
+    build(
+        scan, store, "s2r ingest", False, steps.append, [].append if lines is None else lines.append
+    )
+    return scan, steps
+
+
+def content(store: Path) -> dict[str, object]:
+    """All rows and ledger entries, and the checksums of all files but the index and the ledger."""
+    found: dict[str, object] = {
+        path.relative_to(store).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in store.rglob("*")
+        if path.is_file()
+        and path.relative_to(store).parts[0] not in (layout.INDEX, layout.LEDGER)
+        and path.name != layout.CURRENT
+    }
+    found["ledger"] = sorted(
+        (entry.key, entry.path, entry.bytes, entry.checksum, entry.count)
+        for entry in Ledger(store).entries()
+    )
+    return found | rows_by_trajectory(store)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(
+    manifest: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[dict[str, object], Scan, int]]:
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (frame_group, frame_writing, growing_array, ingest_journal, source_arrays):
+            patch.setattr(module, "SHARD_ROWS", SHARD)
+        store = tmp_path_factory.mktemp("undisturbed") / "s.s2r"
+        scan, steps = ingest(manifest, store)
+        yield content(store), scan, sum(steps)
+
+
+def kill_after(function: Callable[..., object], calls: int) -> Callable[..., object]:
+    done = 0
+
+    def counted(*arguments: object, **options: object) -> object:
+        nonlocal done
+        if done == calls:
+            raise Killed
+        done += 1
+        return function(*arguments, **options)
+
+    return counted
+
+
+def interrupted(
+    manifest: Path, store: Path, owner: object, name: str, calls: int
+) -> BuildingFolder:
+    """End an ingest at a call of a function; gives its folder, as if its process had ended."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(owner, name, kill_after(getattr(owner, name), calls))
+        with pytest.raises(Killed):
+            ingest(manifest, store)
+    (folder,) = building_folders(store)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def all_processes_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("s2rstore.files.process_identity.has_ended", lambda identity: True)
+
+
+def check_resumed(
+    manifest: Path, store: Path, undisturbed: tuple[dict[str, object], Scan, int]
+) -> str:
+    """Ingest again; the result must be the undisturbed one. Gives the line about the resume."""
+    expected, scan, steps = undisturbed
+    lines: list[str] = []
+    resumed, done = ingest(manifest, store, lines)
+    assert content(store) == expected
+    assert resumed.issues == scan.issues
+    assert sum(done) == steps
+    if found := re.search(r"(\d+) of \d+ instances are not decoded again", lines[0]):
+        assert done[0] == 4 * int(found[1])
+    assert verify(store) == []
+    assert building_folders(store) == []
+    return lines[0]
+
+
+@pytest.mark.parametrize("shards", [0, 3, 4, 9, 17, 30, 41])
+def test_a_kill_after_some_shards_is_resumed(
+    manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int], shards: int
+) -> None:
+    store = tmp_path / "s.s2r"
+    interrupted(manifest, store, array_writer, "write_chunks", shards)
+    assert "is resumed" in check_resumed(manifest, store, undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "calls"),
+    [
+        *[(atomic_writes, "move", calls) for calls in range(2)],
+        *[(atomic_writes, "remove", calls) for calls in (0, 3)],
+        (Ledger, "add_entries", 0),
+        (Ledger, "add_entries", 1),
+        (build_module, "write_index", 0),
+        (Path, "rename", 0),
+    ],
+)
+def test_a_kill_at_the_end_of_a_trajectory_or_of_the_ingest_is_resumed(
+    manifest: Path,
+    tmp_path: Path,
+    undisturbed: tuple[dict[str, object], Scan, int],
+    owner: object,
+    name: str,
+    calls: int,
+) -> None:
+    store = tmp_path / "s.s2r"
+    interrupted(manifest, store, owner, name, calls)
+    check_resumed(manifest, store, undisturbed)
+
+
+def test_a_resume_that_is_killed_is_resumed(
+    manifest: Path, tmp_path: Path, undisturbed: tuple[dict[str, object], Scan, int]
+) -> None:
+    store = tmp_path / "s.s2r"
+    for calls in (9, 6, 7):
+        interrupted(manifest, store, array_writer, "write_chunks", calls)
+    check_resumed(manifest, store, undisturbed)
+
+
+def test_a_finished_trajectory_is_not_decoded_again(
+    manifest: Path,
+    tmp_path: Path,
+    undisturbed: tuple[dict[str, object], Scan, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store = tmp_path / "s.s2r"
+    interrupted(manifest, store, build_module, "write_index", 0)
+    monkeypatch.setattr(ImageFiles, "decode", lambda *arguments: pytest.fail("decoded"))
+    assert f"{N} of {N} instances are not decoded again" in check_resumed(
+        manifest, store, undisturbed
+    )
+
+
+@pytest.mark.parametrize("cut", [1, 700])
+@pytest.mark.parametrize("is_changed", [False, True])
+def test_a_damaged_journal_counts_up_to_the_damage(
+    manifest: Path,
+    tmp_path: Path,
+    undisturbed: tuple[dict[str, object], Scan, int],
+    cut: int,
+    is_changed: bool,
+) -> None:
+    store = tmp_path / "s.s2r"
+    folder = interrupted(manifest, store, array_writer, "write_chunks", 36).path
+    journal = folder / ingest_journal.NAME
+    whole = journal.read_bytes()
+    place = len(whole) - cut
+    tail = bytes([whole[place] ^ 1]) + whole[place + 1 :] if is_changed else b""
+    journal.write_bytes(whole[:place] + tail)
+    check_resumed(manifest, store, undisturbed)
+
+
+@pytest.mark.parametrize("which", [0, 5])
+def test_a_missing_or_shortened_shard_is_written_again(
+    manifest: Path,
+    tmp_path: Path,
+    undisturbed: tuple[dict[str, object], Scan, int],
+    which: int,
+) -> None:
+    store = tmp_path / "s.s2r"
+    folder = interrupted(manifest, store, array_writer, "write_chunks", 36).path
+    shards = sorted(path for path in folder.rglob("c.*") if path.is_file())
+    shards[which].unlink()
+    shards[which - 3].write_bytes(shards[which - 3].read_bytes()[:-1])
+    check_resumed(manifest, store, undisturbed)
+
+
+@pytest.mark.parametrize("change", ["image", "size", "journal"])
+def test_the_folder_of_other_data_is_removed_instead(
+    manifest: Path, tmp_path: Path, change: str
+) -> None:
+    source, store = tmp_path / "data", tmp_path / "s.s2r"
+    shutil.copytree(manifest.parent, source)
+    folder = interrupted(source / manifest.name, store, array_writer, "write_chunks", 20).path
+    scan = scan_of("csv", source / manifest.name)
+    if change == "image":
+        os.utime(source / "sim" / "7_rgb.png", (1, 1))
+    elif change == "size":
+        scan = scan_of("csv", source / manifest.name, frame=(16, 16))
+    else:
+        (folder / ingest_journal.NAME).write_bytes(b"no journal\n")
+    lines: list[str] = []
+    build(scan, store, "s2r ingest", False, lambda steps: None, lines.append)
+    assert lines[0].startswith(f"{folder}: removed")
+    assert verify(store) == []
+
+
+def test_a_refused_ingest_leaves_no_folder(manifest: Path, tmp_path: Path) -> None:
+    store = tmp_path / "s.s2r"
+    with pytest.raises(RequestError, match="nothing was ingested"):
+        build(scan_of("csv", manifest), store, "", True, lambda steps: None)
+    assert list(tmp_path.iterdir()) == []
