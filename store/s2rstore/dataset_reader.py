@@ -106,6 +106,11 @@ class DatasetReader(IndexCatalog):
         end = len(self.instances) if stop is None else stop
         return bool(self.execute(query, [domain, start, end]))
 
+    @cached_property
+    def domains_with_own_poses(self) -> frozenset[str]:
+        """The domains where the poses of some frames differ from those of their instances."""
+        return frozenset(domain for domain in self.domains if self.has_own_poses(domain))
+
     def pair_offset(self, iid: int) -> str:
         """`0.23 m, 4.1 degrees` between both images of a pair; empty for one pose."""
         metres, degrees = (

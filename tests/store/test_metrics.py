@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 
 import s2rstore
 from s2rstore.geometry import angles
+from s2rstore.index.transaction import edit
 from s2rstore.metrics import bootstrap, pose_metrics, run_metrics, store_summary
 from tests.support import tiny
 
@@ -95,3 +96,21 @@ def test_the_summary_names_the_worst_room(tmp_path) -> None:
         assert [(r.room, r.n) for r in worst_rooms] == [(room, n) for room, _, n in medians]
         assert np.isclose(worst_rooms[0].real_median, medians[0][1])
         assert any(worst_rooms[0].room in line for line in store_summary.summary_lines(store))
+
+
+def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_path) -> None:
+    path = tiny.build(tmp_path / "s.s2r")
+    with s2rstore.open(path) as store:
+        truth = store.instances
+        x, y, heading = truth.x / 2, truth.y.copy(), truth.heading.copy()
+        before = run_metrics.baseline_accuracy(store, "vanilla", side="real")
+    own = {"iid": np.arange(40), "domain": ["sim"] * 40, "x": x, "y": y, "heading": heading}
+    with edit(path) as draft:
+        draft.insert("frame_pose", own)
+    with s2rstore.open(path) as store:
+        held_out = np.arange(40) % 5 == 4
+        distance = np.hypot(*(part[held_out] - part[held_out].mean() for part in (x, y)))
+        expected = np.maximum(0, 1 - distance / 12).mean()
+        assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla"), expected)
+        assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla", side="real"), before)
+        assert expected > before

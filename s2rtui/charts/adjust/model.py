@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 from s2rstore.reader import Store
 from s2rstore.records import Side
-from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
+from s2rtui.charts.shared.image_pair_model import (
+    InstanceInput,
+    PoseNumbers,
+    SideView,
+    heat_fields,
+    truth_fields,
+)
 from s2rtui.session.state import HeatChoice, State
 
 if TYPE_CHECKING:
@@ -18,12 +24,12 @@ def live_input(
     store: Store, state: State, result: LiveResult, heat: HeatChoice | None
 ) -> InstanceInput:
     """Images and predictions of a live result, with the change of the stored errors."""
-    truth, iid = store.instances, result.iid
+    iid = result.iid
     return InstanceInput(
         iid=iid,
         sim=_side(result, "sim", heat),
         real=_side(result, "real", heat),
-        truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
+        **truth_fields(store, state.run, iid),
         **heat_fields(store, state.run, heat),
         notes=(_change(store, state, result, "sim"), _change(store, state, result, "real")),
     )

@@ -13,7 +13,13 @@ from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rstore.security.printable_text import printable
-from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView, heat_fields
+from s2rtui.charts.shared.image_pair_model import (
+    InstanceInput,
+    PoseNumbers,
+    SideView,
+    heat_fields,
+    truth_fields,
+)
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.state import HeatChoice
 
@@ -42,7 +48,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         iid=iid,
         sim=_side(store, run, iid, "sim", heats["sim"], sim),
         real=_side(store, run, iid, "real", heats["real"], real),
-        truth=(float(truth.x[iid]), float(truth.y[iid]), float(truth.heading[iid])),
+        **truth_fields(store, run, iid),
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
@@ -98,12 +104,11 @@ def _gap(columns: RunColumns, iid: int) -> str:
 
 def _ranks(store: Store, run: str, iid: int) -> str:
     columns = store.run_columns(run)
-    total = int(columns.valid.sum())
-    parts = []
-    for side in SIDES:
-        rank = columns.side(side).rank[iid]
-        parts.append(f"{side} {rank or 'none'}")
-    return f"{', '.join(parts)} of {total} by error"
+    totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}
+    ranks = {side: columns.side(side).rank[iid] or "none" for side in SIDES}
+    if totals["sim"] == totals["real"]:
+        return f"sim {ranks['sim']}, real {ranks['real']} of {totals['real']} by error"
+    return ", ".join(f"{side} {ranks[side]} of {totals[side]}" for side in SIDES) + " by error"
 
 
 def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:

@@ -107,7 +107,8 @@ def _write_numbers(
 ) -> None:
     """Write poses and errors as a table, then the notes."""
     muted, text_ink = page.inks.muted, page.inks.text
-    columns = (0.92, 1.42, 2.02)
+    shift = 0.4 if len(data.truths) > 1 else 0.0
+    columns = (0.92 + shift, 1.42 + shift, 2.02 + shift)
 
     def put_row(*texts: str, ink: tuple[float, float, float] = text_ink) -> None:
         for x, text in zip(columns[-len(texts) :], texts, strict=True):
@@ -120,7 +121,7 @@ def _write_numbers(
         put_row("x (m)", "y (m)", "heading", ink=muted)
     for line in model.poses:
         top -= 0.24
-        put_name(line.role, line.role)
+        put_name(line.role, line.label)
         x, y, heading = (text.replace("-", "−") for text in line.cells[:3])
         put_row(x, y, f"{heading}°")
     top -= 0.4

@@ -49,9 +49,8 @@ class InstanceView(View):
         if shown is None:
             return names, []
         rows: list[tuple[object, ...]] = []
-        if shown.truth is not None:
-            x, y, heading = shown.truth
-            rows.append(("truth", x, y, math.degrees(heading), None, None, None))
+        for label, (x, y, heading) in shown.truths:
+            rows.append((label, x, y, math.degrees(heading), None, None, None))
         for role, side in (("sim", shown.sim), ("real", shown.real)):
             if (pose := side.pose) is not None:
                 turns = math.degrees(pose.heading), math.degrees(pose.heading_error)

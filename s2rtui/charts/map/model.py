@@ -50,14 +50,30 @@ def error_glyphs(
     Up to `SINGLES` instances have a glyph at their true position, near ones a common glyph at
     their mean; more are combined by blocks of footprint size.
     """
-    arrays = _Arrays(data.truth, data.sim, data.real)
+    arrays = _Arrays(data.truth, *_sides(data))
     return _glyphs(arrays, full_scale(data), model.selection, frame, footprint)
 
 
-class _Arrays(NamedTuple):
+class _Side(NamedTuple):
+    """True and predicted positions (N, 2) of one side's images."""
+
     truth: Floats
-    sim: Floats
-    real: Floats
+    predicted: Floats
+
+
+class _Arrays(NamedTuple):
+    """True positions (N, 2) of the instances, where glyphs are drawn, and of both sides."""
+
+    truth: Floats
+    sim: _Side
+    real: _Side
+
+
+def _sides(data: MapInput) -> tuple[_Side, _Side]:
+    return (
+        _Side(data.true_positions("sim"), data.sim),
+        _Side(data.true_positions("real"), data.real),
+    )
 
 
 @cached_by_identity(4)
@@ -76,13 +92,13 @@ def _glyphs(
 
 def full_scale(data: MapInput) -> float:
     """The error of an arc of full scale: the 99th percentile of the valid errors."""
-    return _full_scale(data.truth, data.sim, data.real, data.valid)
+    return _full_scale(*_sides(data), data.valid)
 
 
 @cached_by_identity(8)
-def _full_scale(truth: Floats, sim: Floats, real: Floats, valid: Bools) -> float:
+def _full_scale(sim: _Side, real: _Side, valid: Bools) -> float:
     inside = np.asarray(valid, dtype=np.bool_)
-    sizes = [np.hypot(*_errors(truth, side))[inside] for side in (sim, real)]
+    sizes = [np.hypot(*_errors(*side))[inside] for side in (sim, real)]
     known = np.concatenate(sizes)
     known = known[np.isfinite(known)]
     largest = float(np.percentile(known, 99)) if known.size else 0.0
@@ -90,9 +106,8 @@ def _full_scale(truth: Floats, sim: Floats, real: Floats, valid: Bools) -> float
 
 
 @cached_by_identity(4)
-def _errors(truth: Floats, side: Floats) -> tuple[Vectors, Vectors]:
-    """Errors (N,) along x and y, metres."""
-    start, end = truth, side
+def _errors(start: Floats, end: Floats) -> tuple[Vectors, Vectors]:
+    """Errors (N,) along x and y from true to predicted positions, metres."""
     return end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]
 
 
@@ -100,8 +115,7 @@ def _clusters(
     arrays: _Arrays, full: float, ids: NDArray[np.intp], frame: MapFrame, footprint: tuple[int, int]
 ) -> ErrorGlyphs:
     """One glyph per instance, combined with earlier ones within a footprint."""
-    truth, *sides = (np.asarray(part, dtype=np.float64)[ids] for part in arrays)
-    places = frame.to_cells(truth)
+    places = frame.to_cells(np.asarray(arrays.truth, dtype=np.float64)[ids])
     group = np.full(len(ids), -1, dtype=np.intp)
     number = 0
     for index in range(len(ids)):
@@ -118,7 +132,10 @@ def _clusters(
         with np.errstate(invalid="ignore"):
             return np.stack(axes, axis=1) / np.where(sizes > 0, sizes, np.nan)[:, None]
 
-    sim, real = (mean(side - truth) for side in sides)
+    sim, real = (
+        mean(np.stack([part[ids] for part in _errors(*side)], axis=1))
+        for side in (arrays.sim, arrays.real)
+    )
     return ErrorGlyphs(mean(places), counts, sim, real, full)
 
 
@@ -137,10 +154,8 @@ def _blocks(
     held = np.flatnonzero(counts)
     middles = np.stack([held % across * wide + wide / 2, held // across * high + high / 2], axis=1)
 
-    def mean(side: Floats) -> Vectors:
-        parts = [
-            sum_selected(column, part, selection)[held] for part in _errors(arrays.truth, side)
-        ]
+    def mean(side: _Side) -> Vectors:
+        parts = [sum_selected(column, part, selection)[held] for part in _errors(*side)]
         return np.stack(parts, axis=1) / counts[held, None]
 
     return ErrorGlyphs(middles, counts[held], mean(arrays.sim), mean(arrays.real), full)
@@ -155,7 +170,7 @@ def _block_codes(arrays: _Arrays, frame: MapFrame, footprint: tuple[int, int]) -
     table = np.append(rows // high * across + columns // wide, across * down)
     codes = table.astype(np.uint16)[point_cells(arrays.truth, frame).codes]
     for side in (arrays.sim, arrays.real):
-        for part in _errors(arrays.truth, side):
+        for part in _errors(*side):
             codes[~np.isfinite(part)] = across * down
     return Bins(codes, across * down)
 

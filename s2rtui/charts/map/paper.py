@@ -141,10 +141,13 @@ def draw_predictions(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
 def _draw_error_lines(sheet: MapSheet, data: MapInput, ids: NDArray[np.intp]) -> None:
     from matplotlib.collections import LineCollection
 
-    truth = np.asarray(data.truth, dtype=np.float64)[ids]
     alpha = 0.55 if len(ids) <= 40 else 0.3
-    for side, ink in ((data.sim, sheet.page.inks.sim), (data.real, sheet.page.inks.real)):
-        lines = np.stack([truth, np.asarray(side, dtype=np.float64)[ids]], axis=1)
+    for start, end, ink in (
+        (data.true_positions("sim"), data.sim, sheet.page.inks.sim),
+        (data.true_positions("real"), data.real, sheet.page.inks.real),
+    ):
+        ends = [np.asarray(points, dtype=np.float64)[ids] for points in (start, end)]
+        lines = np.stack(ends, axis=1)
         known = list(lines[np.isfinite(lines).all(axis=(1, 2))])
         collection = LineCollection(known, colors=[ink], linewidths=0.7, alpha=alpha, zorder=4)
         sheet.axes.add_collection(collection)

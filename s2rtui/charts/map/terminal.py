@@ -111,10 +111,13 @@ def draw_predictions(canvas: Canvas, data: MapInput, model: MapModel, frame: Map
 
 
 def _lines(canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame) -> None:
-    """Error lines from the truth to both predictions, in braille or in full stops."""
-    starts = frame.to_cells(np.asarray(data.truth)[ids])
-    for side, colour in ((data.sim, canvas.theme.sim), (data.real, canvas.theme.real)):
-        lines = np.stack([starts, frame.to_cells(np.asarray(side)[ids])], axis=1)
+    """Error lines from the side's truth to each prediction, in braille or in full stops."""
+    for start, end, colour in (
+        (data.true_positions("sim"), data.sim, canvas.theme.sim),
+        (data.true_positions("real"), data.real, canvas.theme.real),
+    ):
+        ends = [frame.to_cells(np.asarray(points)[ids]) for points in (start, end)]
+        lines = np.stack(ends, axis=1)
         known = lines[np.isfinite(lines).all(axis=(1, 2))].tolist()
         draw_dots(canvas, line_dots(known, canvas.width, canvas.height), colour, ".")
 

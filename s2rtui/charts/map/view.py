@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2rstore.records import Side
+from s2rstore.records import SIDES, Side
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.map import terminal
@@ -80,6 +80,12 @@ class MapView(PointsView):
                    np.degrees(run.real.heading), run.shift)  # fmt: skip
         names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
                  "real heading", "shift")  # fmt: skip
+        record = scene.store.run(scene.state.run)
+        for side in SIDES:
+            if (domain := record.domain(side)) in scene.store.domains_with_own_poses:
+                x, y, heading = scene.store.poses(domain).T
+                columns += (x, y, np.degrees(heading))
+                names += (f"{side} true x", f"{side} true y", f"{side} true heading")
         selection = np.flatnonzero(scene.state.selected)
         picked = [column[selection].tolist() for column in columns]
         return names, list(zip(selection.tolist(), *picked, strict=True))

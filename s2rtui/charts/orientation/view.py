@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from s2rstore.records import SIDES
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import heading_expression
 from s2rtui.charts.orientation.model import OrientationInput, orientation_model
@@ -22,7 +23,10 @@ class OrientationView(View):
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:
-        return "headings (R: 1 = all alike)"
+        store, run = scene.store, scene.store.run(scene.state.run)
+        own = [side for side in SIDES if run.domain(side) in store.domains_with_own_poses]
+        note = f"; {' and '.join(own)} images have true headings of their own" if own else ""
+        return f"headings (R: 1 = all alike){note}"
 
     def input(self, scene: Scene) -> OrientationInput:
         store, state = scene.store, scene.state

@@ -15,7 +15,13 @@ from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_background import MapBackground, heat_scale
-from s2rtui.charts.shared.points import point_cells, stacked_points, true_positions, valid_cursor
+from s2rtui.charts.shared.points import (
+    own_positions,
+    point_cells,
+    stacked_points,
+    true_positions,
+    valid_cursor,
+)
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
@@ -39,7 +45,8 @@ class MapInput:
     99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
     radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
     place: results computed from them are cached for the same arrays. `live`
-    are predictions for the cursor that no column has.
+    are predictions for the cursor that no column has. `sim_truth`, `real_truth`: (N, 2) true
+    positions of the side's images where they differ from `truth`, those of the instances.
     """
 
     truth: Floats
@@ -68,6 +75,13 @@ class MapInput:
     room_names: bool = True
     mark: Mark | None = None
     live: tuple[LivePose, ...] = ()
+    sim_truth: Floats | None = None
+    real_truth: Floats | None = None
+
+    def true_positions(self, side: Side) -> Floats:
+        """(N, 2) positions of the side's images, from which its errors are measured."""
+        own = self.sim_truth if side == "sim" else self.real_truth
+        return self.truth if own is None else own
 
     @property
     def ground(self) -> MapBackground:
@@ -156,7 +170,7 @@ def map_input(
     heat_note: str = "",
 ) -> MapInput:
     """The map of the state's run; `heat_note` names the source of outdated heat."""
-    truth, columns = store.instances, store.run_columns(state.run)
+    truth, columns, run = store.instances, store.run_columns(state.run), store.run(state.run)
     choice = state.heat
     has_heat = heat is not None and choice is not None
     return MapInput(
@@ -181,6 +195,8 @@ def map_input(
         rooms=store.rooms,
         room_names=state.room_names,
         mark=mark,
+        sim_truth=own_positions(store, run.sim_domain),
+        real_truth=own_positions(store, run.real_domain),
     )
 
 

@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
+from s2rstore.records import SIDES
 from s2rtui.canvas import Pixels, diverging, mix, turbo
 from s2rtui.canvas.colour import NO_DEPTH, depth_tint
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, Interval, non_empty, percentile_range
 from s2rtui.session.heatmaps import SIGNED, ray_of, run_range, unit
 from s2rtui.session.state import HeatChoice
+
+Pose = tuple[float, float, float]
+"""x, y in metres, heading in radians."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +57,14 @@ class InstanceInput:
 
     `kind` (and `mode`) name the heat, `signed` makes its scale diverge about 0, `heat_range`
     fixes it (default: from both sides together), `over` is the row of images that the heat
-    lies on. `truth`: x, y in metres, heading in radians. `notes`: further lines, label and value.
+    lies on. `truth`: the pose of the instance, None without poses; `sim_truth`, `real_truth`: that
+    of the side's image where it differs. `notes`: further lines, label and value.
     """
 
     iid: int
     sim: SideView
     real: SideView
-    truth: tuple[float, float, float] | None = None
+    truth: Pose | None = None
     kind: str | None = None
     mode: str | None = None
     unit: str = ""
@@ -68,6 +73,20 @@ class InstanceInput:
     over: Literal["rgb", "depth", "both"] = "rgb"
     depth_range: Interval | None = None
     notes: tuple[tuple[str, str], ...] = ()
+    sim_truth: Pose | None = None
+    real_truth: Pose | None = None
+
+    @property
+    def truths(self) -> tuple[tuple[str, Pose], ...]:
+        """The true poses by label: one, or one of each side where the images differ in pose."""
+        if self.truth is None:
+            return ()
+        if self.sim_truth is None and self.real_truth is None:
+            return (("truth", self.truth),)
+        return (
+            ("sim truth", self.sim_truth or self.truth),
+            ("real truth", self.real_truth or self.truth),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +94,7 @@ class PoseLine:
     """A row of the table: x, y (m), heading (degrees); for predictions also their errors."""
 
     role: str
+    label: str
     cells: tuple[str, str, str, str, str]
 
 
@@ -94,6 +114,18 @@ class InstanceModel:
 _ZERO = (236, 236, 236)
 """The colour of signed heat at 0."""
 HEADINGS = ("x m", "y m", "deg", "err m", "deg")
+
+
+def truth_fields(store: Store, run: str, iid: int) -> dict[str, Any]:
+    """The fields of `InstanceInput` that hold the true poses of an instance and of its images."""
+    columns, record = store.instances, store.run(run)
+    truth = tuple(float(part[iid]) for part in (columns.x, columns.y, columns.heading))
+    fields: dict[str, Any] = {"truth": truth}
+    for side in SIDES:
+        if (domain := record.domain(side)) in store.domains_with_own_poses:
+            own = tuple(store.poses(domain)[iid].tolist())
+            fields[f"{side}_truth"] = own if own != truth else None
+    return fields
 
 
 def heat_fields(store: Store, run: str, heat: HeatChoice | None) -> dict[str, Any]:
@@ -148,10 +180,9 @@ def _number(value: float, places: int) -> str:
 
 def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
     lines = []
-    if data.truth is not None:
-        x, y, heading = data.truth
+    for label, (x, y, heading) in data.truths:
         texts = (_number(x, 2), _number(y, 2), _number(math.degrees(heading), 1), "", "")
-        lines.append(PoseLine("truth", texts))
+        lines.append(PoseLine("truth", label, texts))
     for role, side in (("sim", data.sim), ("real", data.real)):
         if (pose := side.pose) is not None:
             numbers = (
@@ -162,7 +193,7 @@ def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
                 (math.degrees(pose.heading_error), 1),
             )
             one, two, three, four, five = (_number(value, places) for value, places in numbers)
-            lines.append(PoseLine(role, (one, two, three, four, five)))
+            lines.append(PoseLine(role, role, (one, two, three, four, five)))
     return tuple(lines)
 
 

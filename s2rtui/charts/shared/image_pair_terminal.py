@@ -237,14 +237,15 @@ def _bars(
 
 def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) -> None:
     theme = canvas.theme
-    label = 8 if canvas.width >= 42 else 2
+    longest = max((len(line.label) for line in model.poses), default=0)
+    label = max(8, longest + 3) if canvas.width >= 42 else 2
     column = min(8, max(6, (canvas.width - label) // 5))
     canvas.text(0, y, f"#{data.iid}"[: label + column - 4], theme.muted)
     for index, heading in enumerate(HEADINGS if model.poses else ()):
         canvas.text(label + (index + 1) * column, y, heading, theme.muted, align="right")
     for row, line in enumerate(model.poses, start=y + 1):
         glyph, colour = canvas.options.role(line.role)
-        canvas.text(0, row, f"{glyph} {line.role}"[: label - 1], colour)
+        canvas.text(0, row, f"{glyph} {line.label}"[: label - 1], colour)
         for index, text in enumerate(line.cells):
             strong = index >= 3
             ink = colour if strong else theme.text

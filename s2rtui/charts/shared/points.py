@@ -132,6 +132,16 @@ def true_positions(store: Store) -> NDArray[np.float64]:
     return stacked_points(store.instances.x, store.instances.y)
 
 
+def own_positions(store: Store, domain: str) -> NDArray[np.float64] | None:
+    """(N, 2) true positions of a domain's images, metres; None where they are the instances'."""
+    return _positions(store.poses(domain)) if domain in store.domains_with_own_poses else None
+
+
+@cached_by_identity(4)
+def _positions(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    return poses[:, :2].copy()
+
+
 @cached_by_identity(24)
 def stacked_points(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Stack two columns to (N, 2); the same columns give the same array, so caches keep working."""

@@ -67,10 +67,10 @@ def sides(store: Store, run: str, members: Members) -> ReportTable:
     names = ("", "accuracy", "baseline", "median error", "mean error", "largest error",
              "median heading error", "n")  # fmt: skip
     new = run_metrics.held_out(store, run) & members
-    baseline = percent(run_metrics.baseline_accuracy(store, run, members))
     rows = []
     for side in SIDES:
         metrics = run_metrics.side_metrics(store, run, side, members)
+        baseline = percent(run_metrics.baseline_accuracy(store, run, members, side))
         columns = store.run_columns(run).side(side)
         errors, turns = (
             column[new][np.isfinite(column[new])]

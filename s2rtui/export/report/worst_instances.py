@@ -35,12 +35,12 @@ def worst_instances(scene: Scene, heat: HeatChoice | None) -> list[Example]:
 def _pose_table(instance: InstanceInput) -> ReportTable:
     names = ("", "x", "y", "heading", "error", "heading error")
     rows = []
-    if instance.truth is not None:
-        rows.append(("truth", *_pose(*instance.truth), "", ""))
+    for label, pose in instance.truths:
+        rows.append((label, *_pose(*pose), "", ""))
     for role, side in (("sim", instance.sim), ("real", instance.real)):
-        if (pose := side.pose) is not None:
-            errors = number(pose.error, 2, "m"), number(math.degrees(pose.heading_error), 1, "°")
-            rows.append((role, *_pose(pose.x, pose.y, pose.heading), *errors))
+        if (shown := side.pose) is not None:
+            errors = number(shown.error, 2, "m"), number(math.degrees(shown.heading_error), 1, "°")
+            rows.append((role, *_pose(shown.x, shown.y, shown.heading), *errors))
     return ReportTable(f"Poses of instance {instance.iid}", names, rows)
 
 

@@ -59,14 +59,16 @@ def side_metrics(
     )
 
 
-def baseline_accuracy(store: Store, run: str, members: NDArray[np.bool_] | None = None) -> float:
+def baseline_accuracy(
+    store: Store, run: str, members: NDArray[np.bool_] | None = None, side: Side = "sim"
+) -> float:
     """Mean accuracy of predicting the mean position of a run's held-out instances.
 
-    With `members` (N,) the accuracy is over these alone; the position stays the mean of all.
+    Positions are those of the side's images. With `members` (N,) the accuracy is over these alone;
+    the position stays the mean of all.
     """
-    truth, keep = store.instances, held_out(store, run)
-    values = pose_metrics.baseline_accuracy(
-        truth.x[keep], truth.y[keep], store.dataset.accuracy_scale
-    )
+    keep = held_out(store, run)
+    poses = store.poses(store.run(run).domain(side))[keep]
+    values = pose_metrics.baseline_accuracy(poses[:, 0], poses[:, 1], store.dataset.accuracy_scale)
     values = values if members is None else values[members[keep]]
     return float(values.mean()) if values.size else float("nan")

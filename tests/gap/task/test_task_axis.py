@@ -256,3 +256,21 @@ def test_heading_sectors_are_centred_and_wrap_around() -> None:
     assert names == ["0", "45", "90", "135", "-180", "-135", "-90", "-45"]
     expected = ["0", "0", "45", "45", "90", "-180", "-180", "-180", "-90", "-45", "0", "0"]
     assert [names[k] for k in code] == expected
+
+
+def test_the_constant_prediction_is_measured_from_the_poses_of_sim_images(
+    path: Path, tmp_path: Path
+) -> None:
+    root = copy_store(path, tmp_path / "s.s2r")
+    with s2rstore.open(root) as store:
+        truth = store.instances
+        x, y, heading = 2 * truth.x, 3 * truth.y, truth.heading.copy()
+    own = {"iid": np.arange(N), "domain": ["sim"] * N, "x": x, "y": y, "heading": heading}
+    with edit(root) as draft:
+        draft.insert("frame_pose", own)
+    with s2rstore.open(root) as store:
+        held_out = np.arange(N) % 5 == 4
+        constant = np.hypot(*(part[held_out] - part[held_out].mean() for part in (x, y)))
+        sim = store.run_columns("vanilla").sim.error[held_out]
+        anchor = TaskAxis().anchor(evidence(store), SETTINGS)
+        assert anchor.value == pytest.approx((constant - sim).mean())

@@ -22,7 +22,7 @@ _MIN_UNITS = 3
 class GroupErrors:
     """Errors (n,) of the same instances in recording order, in metres, and their blocks.
 
-    `constant` is the error of the constant prediction of the mean position.
+    `constant` is the error of the constant prediction of the mean position, on sim images.
     """
 
     sim: Floats

@@ -75,12 +75,11 @@ class TaskAxis(Axis):
 def _errors(evidence: Evidence) -> tuple[NDArray[np.int64], GroupErrors]:
     """Raises InconclusiveError where there are too few instances or blocks."""
     store, iids = evidence.store, instance_selection.held_out(evidence)
-    truth, columns = store.instances, store.run_columns(evidence.run)
+    columns = store.run_columns(evidence.run)
     blocks = instance_selection.sufficient_blocks(evidence, iids)
     every = run_metrics.held_out(store, evidence.run)
-    constant = np.hypot(
-        truth.x[iids] - truth.x[every].mean(), truth.y[iids] - truth.y[every].mean()
-    )
+    positions = store.poses(store.run(evidence.run).sim_domain)[:, :2]
+    constant = np.hypot(*(positions[iids] - positions[every].mean(axis=0)).T)
     return iids, GroupErrors(columns.sim.error[iids], columns.real.error[iids], constant, blocks)
 
 
