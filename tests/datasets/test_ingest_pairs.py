@@ -17,7 +17,8 @@ from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets.layouts import LAYOUTS
-from s2rtools.datasets.recording import PinholeCamera
+from s2rtools.datasets.recorded_frame_source import CameraImages
+from s2rtools.datasets.recording import PinholeCamera, SourceImage
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
@@ -199,6 +200,28 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -
         assert store.domain("real").rgb.fx == 60.0
         values = np.unique(store.frames("real", 0, 4, ("depth",))["depth"])
         assert set(values.tolist()) <= {0, 2000}
+
+
+@pytest.mark.parametrize("coefficients", [(), (0.0, 0.0, 0.0, 0.0)])
+def test_a_fisheye_lens_without_coefficients_is_undistorted(
+    coefficients: tuple[float, ...],
+) -> None:
+    size, focal = 96, 40.0
+    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, coefficients, is_fisheye=True)
+    angle = 0.8
+    image = np.zeros((size, size, 3), dtype=np.uint8)
+    cv2.circle(image, (48, 48), round(focal * angle), (255, 255, 255), 1)
+
+    class Image:
+        name = "image"
+
+        def read(self) -> SourceImage:
+            return SourceImage(image, "", 8)
+
+    found = CameraImages(camera, "camera").read(Image(), cv2.INTER_LINEAR)  # type: ignore[arg-type]
+    assert isinstance(found, SourceImage)
+    radius = int(found.pixels[48, 48:, 0].argmax())
+    assert radius == pytest.approx(focal * math.tan(angle), abs=2)
 
 
 @pytest.mark.parametrize(

@@ -146,9 +146,10 @@ def normalized(camera: PinholeCamera, pixels: Floats) -> Floats:
     if not len(pixels):
         return np.empty((0, 2))
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-    coefficients = np.asarray(camera.distortion, dtype=np.float64)
     undistort = cv2.fisheye.undistortPoints if camera.is_fisheye else cv2.undistortPoints
-    return np.asarray(undistort(pixels[:, None], matrix, coefficients)[:, 0], dtype=np.float64)
+    return np.asarray(
+        undistort(pixels[:, None], matrix, camera.coefficients)[:, 0], dtype=np.float64
+    )
 
 
 def floor_height(

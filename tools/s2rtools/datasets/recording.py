@@ -36,6 +36,17 @@ class PinholeCamera:
     distortion: tuple[float, ...] = ()
     is_fisheye: bool = False
 
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether images need no undistortion; those of a fisheye lens always do."""
+        return not self.is_fisheye and not any(self.distortion)
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """OpenCV's coefficients (K,), of a fisheye camera always 4."""
+        empty = (0.0, 0.0, 0.0, 0.0) if self.is_fisheye else ()
+        return np.array(self.distortion or empty, dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceImage:
