@@ -16,7 +16,10 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import layouts
+from s2rtools.datasets.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import LAYOUTS
+from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
 from s2rtools.datasets.recorded_frame_source import CameraImages
 from s2rtools.datasets.recording import PinholeCamera, SourceImage
 from s2rtui.cli import main
@@ -149,6 +152,47 @@ def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
             assert store.instances.pair_offset_m.max() < 1e-9
             fitted = store.provenance_object("pairs", "alignment")
             assert fitted["angle"] == pytest.approx(-angle)
+
+
+@pytest.mark.parametrize("declared", [{"camera_height": 0.6}, {"ground": 0.0}])
+@pytest.mark.parametrize("depth_in_world_units", [False, True])
+def test_align_fits_the_scale_and_keeps_what_is_in_metres(
+    declared: dict[str, float], depth_in_world_units: bool, tmp_path: Path
+) -> None:
+    truth = recordings.walk(N)
+    sim, real = (
+        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
+        for name in ("sim", "real")
+    )
+    for trajectory in sim.trajectories.values():
+        trajectory.poses[:, :3, 3] /= 2.5
+    sim.is_metric = False
+    if depth_in_world_units:
+        sim.depth_scale, sim.depth_in_world_units = 0.001 / 2.5, True
+    floors = {"sim": FloorOptions(**declared), "real": FloorOptions(ground=0.0)}
+    options = PairOptions("name", None, (16, 16), align=True, floors=floors)  # type: ignore[arg-type]
+    found = scan_pairs(sim, real, options)
+    domain = found.scan.domains["sim"]
+    assert domain.camera_height == pytest.approx(recordings.HEIGHT)
+    assert domain.depth_scale == pytest.approx(0.001)
+    np.testing.assert_allclose(found.sim.poses, found.real.poses, atol=1e-9)
+    assert found.scan.issues == []
+    assert any("2.5 metres per unit" in line for line in found.summary)
+    assert found.scan.provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
+
+
+def test_a_declared_scale_applies_to_depth_in_units_of_the_world(tmp_path: Path) -> None:
+    truth = recordings.walk(N)
+    sim, real = (
+        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
+        for name in ("sim", "real")
+    )
+    sim.depth_in_world_units = True
+    floors = {side: FloorOptions(ground=0.0, metres_per_unit=2.0) for side in ("sim", "real")}
+    options = PairOptions("name", None, (16, 16), floors=floors)  # type: ignore[arg-type]
+    domains = scan_pairs(sim, real, options).scan.domains
+    assert domains["sim"].depth_scale == pytest.approx(0.002)
+    assert domains["real"].depth_scale == pytest.approx(0.001)
 
 
 def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def _image_points(
         return None
     rows, cols = (sample_pixels(_SAMPLES, extent) for extent in image.pixels.shape)
     raw = image.pixels[rows[:, None], cols[None, :]].astype(np.float64)
-    metres = raw * recording.depth_scale
+    metres = raw * recording.metres_of_depth(unit)
     with np.errstate(invalid="ignore"):
         valid = (raw > 0) & (raw <= recording.depth_raw_max) & (metres < _FAR)
     u, v = np.meshgrid(cols + 0.5, rows + 0.5)
@@ -216,4 +216,4 @@ def fit_floor(
 
 def point_tolerance(recording: Recording, unit: float) -> float:
     """Distance from a plane within which depth points count as on it, in units of the world."""
-    return max(_TOLERANCE, recording.depth_scale) / unit
+    return max(_TOLERANCE, recording.metres_of_depth(unit)) / unit

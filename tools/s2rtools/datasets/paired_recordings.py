@@ -18,7 +18,7 @@ from s2rstore.files.layout import checked_name
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.datasets.dataset_config import DatasetConfig
 from s2rtools.datasets.floor_alignment import FloorAlignment, fit_alignment
-from s2rtools.datasets.floor_poses import FloorOptions, FloorPoses, project_to_floor
+from s2rtools.datasets.floor_poses import FittedScale, FloorOptions, FloorPoses, project_to_floor
 from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.pair_matching import PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.path_containment import PathContainment
@@ -123,6 +123,11 @@ def scan_pairs(
     if options.align:
         poses = sides[0].poses[pairing.sim], sides[1].poses[pairing.real]
         alignment = fit_alignment(*poses, with_scale=not sim.is_metric)
+        if not sim.is_metric:
+            scale = FittedScale(floors["sim"], alignment.scale)
+            floors["sim"] = project_to_floor(sim, options.floors.get("sim"), scale)
+            sides = RecordedSide("sim", sim, floors["sim"]), sides[1]
+            alignment = replace(alignment, scale=1.0)
         sides[0].poses = alignment.apply(sides[0].poses)
         pairing = paired(*sides, pairing.sim, pairing.real, pairing.issues)
     unmatched = list(unmatched_images(*sides, pairing, options.match))
@@ -136,8 +141,7 @@ def scan_pairs(
             scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
     scan.issues += [*floors["real"].issues, *floors["sim"].issues, *pairing.issues]
     scan.issues += [each.issue() for each in unmatched]
-    scale = alignment.scale if alignment else 1.0
-    cameras = {each.side: _Cameras(each, options.frame, scale) for each in sides}
+    cameras = {each.side: _Cameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
     _add_trajectories(scan, *sides, pairing, cameras)
     scan.provenance = _provenance(*sides, pairing, options, alignment)
@@ -195,10 +199,10 @@ def _empty_scan(
 class _Cameras:
     """The cameras of one side, and the domain that they make."""
 
-    def __init__(self, side: RecordedSide, frame: tuple[int, int], scale: float) -> None:
-        """`scale` is that of the sim floor. Raises RequestError for unusable cameras."""
+    def __init__(self, side: RecordedSide, frame: tuple[int, int]) -> None:
+        """Raises RequestError for unusable cameras."""
         recording, floor = side.recording, side.floor
-        scale = scale if side.side == "sim" else 1.0
+        depth_scale = recording.metres_of_depth(floor.metres_per_unit)
         name = f"{recording.layout}:{recording.name}"
         has_depth = any(
             each.depth is not None
@@ -220,9 +224,9 @@ class _Cameras:
             kind=side.side,
             rgb=rgb,
             depth=depth,
-            camera_height=floor.camera_height * scale,
+            camera_height=floor.camera_height,
             forward_offset=0.0,
-            depth_scale=recording.depth_scale * scale if has_depth else math.nan,
+            depth_scale=depth_scale if has_depth else math.nan,
             depth_raw_min=1,
             depth_raw_max=min(recording.depth_raw_max, _MAX_RAW) if has_depth else 0,
             sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
@@ -305,6 +309,7 @@ def _provenance(
             "layout": recording.layout,
             "camera": asdict(recording.camera),
             "floor": list(side.floor.report),
+            "metres_per_unit": side.floor.metres_per_unit,
             "world_to_floor": side.floor.world_to_floor.tolist(),
         }
     return sections

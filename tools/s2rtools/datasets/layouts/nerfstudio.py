@@ -170,6 +170,8 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
     scale = options.positive("scale", 1.0)
     recording = Recording("nerfstudio", folder_name(root), root, camera, issues=issues)
     recording.is_metric = "scale" in options.values
+    recording.scale_option = "scale"
+    recording.depth_in_world_units = "depth_scale" not in options.values
     recording.outside_folders = containment.outside_folders
     units = {_depth_unit(frames.document) for frames in found.values() if frames.has_depth}
     if len(units) > 1 and "depth_scale" not in options.values:
