@@ -19,9 +19,10 @@ from s2rstore.maintenance.verify import verify
 from s2rtools.datasets import layouts
 from s2rtools.datasets.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import LAYOUTS
+from s2rtools.datasets.pair_matching import PoseTolerance
 from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
 from s2rtools.datasets.recorded_frame_source import CameraImages
-from s2rtools.datasets.recording import PinholeCamera, SourceImage
+from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
@@ -352,3 +353,40 @@ def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path
         assert [(t.trajectory, t.instances) for t in store.trajectories] == [("a", 10), ("b", 14)]
         assert not store.has_loose_pairs
         assert np.isnan(store.instances.timestamp).all()
+
+
+def recordings_of_own_worlds(folder: Path) -> tuple[Recording, Recording]:
+    """Trajectories `a` and `b` of the same poses in two worlds; sim `b` has an image more."""
+    truth = recordings.walk(N)
+    found = []
+    for side, count in (("sim", N), ("real", N - 1)):
+        poses = {"a": truth[: N - 1], "b": truth[:count]}
+        names = {name: [f"{i}" for i in range(len(each))] for name, each in poses.items()}
+        times = {name: [math.nan] * len(each) for name, each in poses.items()}
+        path = recordings.write(folder / side, Side(poses, names, times))
+        found.append(layouts.read("test", path))
+    found[1].has_one_world = False
+    return found[0], found[1]
+
+
+def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
+    sim, real = recordings_of_own_worlds(tmp_path)
+    del real.trajectories["a"]
+    real.trajectories["c"] = sim.trajectories["a"]
+    floors = {side: FloorOptions(ground=0.0) for side in ("sim", "real")}
+    tolerance = PoseTolerance(0.2, 0.2)
+    options = PairOptions("pose", tolerance, (16, 16), floors=floors)  # type: ignore[arg-type]
+    found = scan_pairs(sim, real, options)
+    names = [(found.sim.image(int(a)), found.real.image(int(b)))
+             for a, b in zip(found.pairing.sim, found.pairing.real, strict=True)]  # fmt: skip
+    assert names == [(f"b/{i}.png", f"b/{i}.png") for i in range(N - 1)]
+    assert {each.nearest[:2] for each in found.unmatched} <= {"", "b/"}
+    (issue,) = [each for each in found.scan.issues if each.kind == "several worlds"]
+    assert issue.file == "real"
+
+
+def test_align_refuses_several_worlds(tmp_path: Path) -> None:
+    sim, real = recordings_of_own_worlds(tmp_path)
+    options = PairOptions("name", None, (16, 16), align=True)
+    with pytest.raises(RequestError, match="choose one by --sim-trajectory and --real-trajectory"):
+        scan_pairs(sim, real, options)

@@ -609,6 +609,9 @@ def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path: Path, scene: Walk)
     (tmp_path / "notes.txt").write_text("nothing")
     recording = read("bag", tmp_path)
     assert list(recording.trajectories) == ["first", "second"]
+    assert recording.has_one_world == (
+        recording.provenance["first"]["world_frame"] in ("map", "world")
+    )
     assert_poses(recording, walk(5, seed=2).poses, "second")
     only = read("bag", tmp_path, ReadOptions(trajectories=("second",)))
     assert list(only.trajectories) == ["second"]

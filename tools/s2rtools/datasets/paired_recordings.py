@@ -33,7 +33,7 @@ from s2rtools.datasets.recording_pairs import (
     paired,
     unmatched_images,
 )
-from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
+from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
 
 MARGIN = 2.0
 """Metres of the map around the outermost poses, where no calibration file states the bounds."""
@@ -116,6 +116,10 @@ def scan_pairs(
     """
     if options.align and options.match == "pose":
         raise RequestError("--align: the worlds differ; pair by --match time or --match name")
+    worlds = _several_worlds(sim, real)
+    if options.align and worlds:
+        advice = "choose one by --sim-trajectory and --real-trajectory"
+        raise RequestError(f"--align: {worlds[0].file}: {worlds[0].detail}; {advice}")
     floors = _floors(sim, real, options)
     sides = RecordedSide("sim", sim, floors["sim"]), RecordedSide("real", real, floors["real"])
     pairing = pair_images(*sides, options.match, options.tolerance, progress)
@@ -139,7 +143,7 @@ def scan_pairs(
         for folder, count in each.outside_folders.items():
             counts = dict(scan.outside_folders)
             scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
-    scan.issues += [*floors["real"].issues, *floors["sim"].issues, *pairing.issues]
+    scan.issues += [*worlds, *floors["real"].issues, *floors["sim"].issues, *pairing.issues]
     scan.issues += [each.issue() for each in unmatched]
     cameras = {each.side: _Cameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
@@ -147,6 +151,20 @@ def scan_pairs(
     scan.provenance = _provenance(*sides, pairing, options, alignment)
     summary = _summary(*sides, pairing, options, alignment)
     return PairedScan(scan, *sides, pairing, unmatched, summary)
+
+
+def _several_worlds(sim: Recording, real: Recording) -> list[InputIssue]:
+    """An issue for each recording whose trajectories lie in worlds of their own."""
+    return [
+        InputIssue(
+            "several worlds",
+            each.name,
+            f"each of {len(each.trajectories)} trajectories has its own; their poses are not "
+            "comparable with each other",
+        )
+        for each in (sim, real)
+        if not each.has_one_world
+    ]
 
 
 def _floors(sim: Recording, real: Recording, options: PairOptions) -> dict[Side, FloorPoses]:
