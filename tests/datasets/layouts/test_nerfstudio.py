@@ -214,6 +214,14 @@ def test_what_cannot_be_read_ends_in_one_line(tmp_path: Path, keys: dict, messag
     assert "\n" not in str(error.value)
 
 
+def test_a_path_of_another_kind_is_named(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("rgb,x\n")
+    with pytest.raises(RequestError, match=r"p\.csv: not a JSON file; name transforms\.json"):
+        read("nerfstudio", tmp_path / "p.csv")
+    with pytest.raises(RequestError, match=r"nope\.json: no such file"):
+        read("nerfstudio", tmp_path / "nope.json")
+
+
 def test_numbers_that_json_does_not_know_end_in_one_line(tmp_path: Path) -> None:
     document = write(tmp_path, walk())
     document["frames"][0]["transform_matrix"][0][3] = math.nan
