@@ -228,8 +228,25 @@ def test_world_in_other_units_is_scaled_to_metres() -> None:
     found = project_to_floor(shrunk, FloorOptions("z", 0.0, metres_per_unit=0.25))
     assert found.poses["walk"] == pytest.approx(truth)
     assert found.cameras["walk"][:, :3, :3] == pytest.approx(cameras[:, :3, :3])
-    kinds = [issue.kind for issue in project_to_floor(shrunk, FloorOptions("z", 0.0)).issues]
-    assert kinds == ["scale of the world not known"]
+    issues = project_to_floor(shrunk, FloorOptions("z", 0.0)).issues
+    assert [issue.kind for issue in issues] == ["scale of the world not known"]
+    assert issues[0].detail.endswith("give metres_per_unit")
+    shrunk.scale_option = "scale"
+    (issue,) = project_to_floor(shrunk, FloorOptions("z", 0.0)).issues
+    assert issue.detail.endswith("give option scale of layout test")
+
+
+@pytest.mark.parametrize("depth_in_world_units", [False, True])
+def test_height_from_depth_follows_the_unit_of_depth(depth_in_world_units: bool) -> None:
+    truth = level_cameras(random_poses(30, 4), pitch=-0.3)
+    depth = room_depth(truth)
+    cameras = truth.copy()
+    cameras[:, :3, 3] *= 0.5
+    shrunk = recording(cameras, depth, is_metric=False)
+    if depth_in_world_units:
+        shrunk.depth_scale, shrunk.depth_in_world_units = 0.0005, True
+    found = project_to_floor(shrunk, FloorOptions("z", metres_per_unit=2.0))
+    assert found.camera_height == pytest.approx(HEIGHT, abs=0.01)
 
 
 def test_height_of_the_cameras_stays_unknown_without_depth_and_declaration() -> None:
@@ -247,7 +264,9 @@ def test_invalid_up_axis_is_refused(up: str | list[float]) -> None:
 @pytest.mark.parametrize(
     "options",
     [FloorOptions("z", ground=math.nan), FloorOptions("z", camera_height=-1.0),
-     FloorOptions("z", metres_per_unit=0.0)],
+     FloorOptions("z", metres_per_unit=0.0), FloorOptions("z", metres_per_unit=1e300),
+     FloorOptions("z", metres_per_unit=math.nan), FloorOptions("z", ground=1e300),
+     FloorOptions("z", camera_height=1e300)],
 )  # fmt: skip
 def test_invalid_figures_are_refused(options: FloorOptions) -> None:
     with pytest.raises(RequestError, match="must be a"):

@@ -16,8 +16,13 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets import layouts
+from s2rtools.datasets.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import LAYOUTS
-from s2rtools.datasets.recording import PinholeCamera
+from s2rtools.datasets.pair_matching import PoseTolerance
+from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.recorded_frame_source import CameraImages
+from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side
@@ -150,6 +155,47 @@ def test_times_and_names_pair_recordings_of_other_worlds_and_align_fits_them(
             assert fitted["angle"] == pytest.approx(-angle)
 
 
+@pytest.mark.parametrize("declared", [{"camera_height": 0.6}, {"ground": 0.0}])
+@pytest.mark.parametrize("depth_in_world_units", [False, True])
+def test_align_fits_the_scale_and_keeps_what_is_in_metres(
+    declared: dict[str, float], depth_in_world_units: bool, tmp_path: Path
+) -> None:
+    truth = recordings.walk(N)
+    sim, real = (
+        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
+        for name in ("sim", "real")
+    )
+    for trajectory in sim.trajectories.values():
+        trajectory.poses[:, :3, 3] /= 2.5
+    sim.is_metric = False
+    if depth_in_world_units:
+        sim.depth_scale, sim.depth_in_world_units = 0.001 / 2.5, True
+    floors = {"sim": FloorOptions(**declared), "real": FloorOptions(ground=0.0)}
+    options = PairOptions("name", None, (16, 16), align=True, floors=floors)  # type: ignore[arg-type]
+    found = scan_pairs(sim, real, options)
+    domain = found.scan.domains["sim"]
+    assert domain.camera_height == pytest.approx(recordings.HEIGHT)
+    assert domain.depth_scale == pytest.approx(0.001)
+    np.testing.assert_allclose(found.sim.poses, found.real.poses, atol=1e-9)
+    assert found.scan.issues == []
+    assert any("2.5 metres per unit" in line for line in found.summary)
+    assert found.scan.provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
+
+
+def test_a_declared_scale_applies_to_depth_in_units_of_the_world(tmp_path: Path) -> None:
+    truth = recordings.walk(N)
+    sim, real = (
+        layouts.read("test", recordings.write(tmp_path / name, recordings.side(truth)))
+        for name in ("sim", "real")
+    )
+    sim.depth_in_world_units = True
+    floors = {side: FloorOptions(ground=0.0, metres_per_unit=2.0) for side in ("sim", "real")}
+    options = PairOptions("name", None, (16, 16), floors=floors)  # type: ignore[arg-type]
+    domains = scan_pairs(sim, real, options).scan.domains
+    assert domains["sim"].depth_scale == pytest.approx(0.002)
+    assert domains["real"].depth_scale == pytest.approx(0.001)
+
+
 def test_images_without_depth_make_domains_without_depth(tmp_path: Path) -> None:
     sim, real, _ = loose_recordings(tmp_path, has_depth=False)
     path = tmp_path / "s.s2r"
@@ -199,6 +245,28 @@ def test_a_lens_is_undistorted_and_invalid_depth_stays_invalid(tmp_path: Path) -
         assert store.domain("real").rgb.fx == 60.0
         values = np.unique(store.frames("real", 0, 4, ("depth",))["depth"])
         assert set(values.tolist()) <= {0, 2000}
+
+
+@pytest.mark.parametrize("coefficients", [(), (0.0, 0.0, 0.0, 0.0)])
+def test_a_fisheye_lens_without_coefficients_is_undistorted(
+    coefficients: tuple[float, ...],
+) -> None:
+    size, focal = 96, 40.0
+    camera = PinholeCamera(size, size, focal, focal, 48.0, 48.0, coefficients, is_fisheye=True)
+    angle = 0.8
+    image = np.zeros((size, size, 3), dtype=np.uint8)
+    cv2.circle(image, (48, 48), round(focal * angle), (255, 255, 255), 1)
+
+    class Image:
+        name = "image"
+
+        def read(self) -> SourceImage:
+            return SourceImage(image, "", 8)
+
+    found = CameraImages(camera, "camera").read(Image(), cv2.INTER_LINEAR)  # type: ignore[arg-type]
+    assert isinstance(found, SourceImage)
+    radius = int(found.pixels[48, 48:, 0].argmax())
+    assert radius == pytest.approx(focal * math.tan(angle), abs=2)
 
 
 @pytest.mark.parametrize(
@@ -285,3 +353,40 @@ def test_several_trajectories_are_paired_by_name_within_their_own(tmp_path: Path
         assert [(t.trajectory, t.instances) for t in store.trajectories] == [("a", 10), ("b", 14)]
         assert not store.has_loose_pairs
         assert np.isnan(store.instances.timestamp).all()
+
+
+def recordings_of_own_worlds(folder: Path) -> tuple[Recording, Recording]:
+    """Trajectories `a` and `b` of the same poses in two worlds; sim `b` has an image more."""
+    truth = recordings.walk(N)
+    found = []
+    for side, count in (("sim", N), ("real", N - 1)):
+        poses = {"a": truth[: N - 1], "b": truth[:count]}
+        names = {name: [f"{i}" for i in range(len(each))] for name, each in poses.items()}
+        times = {name: [math.nan] * len(each) for name, each in poses.items()}
+        path = recordings.write(folder / side, Side(poses, names, times))
+        found.append(layouts.read("test", path))
+    found[1].has_one_world = False
+    return found[0], found[1]
+
+
+def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
+    sim, real = recordings_of_own_worlds(tmp_path)
+    del real.trajectories["a"]
+    real.trajectories["c"] = sim.trajectories["a"]
+    floors = {side: FloorOptions(ground=0.0) for side in ("sim", "real")}
+    tolerance = PoseTolerance(0.2, 0.2)
+    options = PairOptions("pose", tolerance, (16, 16), floors=floors)  # type: ignore[arg-type]
+    found = scan_pairs(sim, real, options)
+    names = [(found.sim.image(int(a)), found.real.image(int(b)))
+             for a, b in zip(found.pairing.sim, found.pairing.real, strict=True)]  # fmt: skip
+    assert names == [(f"b/{i}.png", f"b/{i}.png") for i in range(N - 1)]
+    assert {each.nearest[:2] for each in found.unmatched} <= {"", "b/"}
+    (issue,) = [each for each in found.scan.issues if each.kind == "several worlds"]
+    assert issue.file == "real"
+
+
+def test_align_refuses_several_worlds(tmp_path: Path) -> None:
+    sim, real = recordings_of_own_worlds(tmp_path)
+    options = PairOptions("name", None, (16, 16), align=True)
+    with pytest.raises(RequestError, match="choose one by --sim-trajectory and --real-trajectory"):
+        scan_pairs(sim, real, options)

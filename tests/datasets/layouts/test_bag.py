@@ -609,9 +609,20 @@ def test_a_folder_of_bags_has_a_trajectory_for_each(tmp_path: Path, scene: Walk)
     (tmp_path / "notes.txt").write_text("nothing")
     recording = read("bag", tmp_path)
     assert list(recording.trajectories) == ["first", "second"]
+    assert recording.has_one_world  # of frame map
     assert_poses(recording, walk(5, seed=2).poses, "second")
     only = read("bag", tmp_path, ReadOptions(trajectories=("second",)))
     assert list(only.trajectories) == ["second"]
+
+
+def test_bags_with_odometry_have_worlds_of_their_own(tmp_path: Path, scene: Walk) -> None:
+    for name in ("first", "second"):
+        bag = without_poses(tmp_path / f"{name}.bag", scene)
+        for row, time in enumerate(nanoseconds(scene)):
+            bag.odometry("/odom", time, scene.poses[row], CAMERA)
+        bag.write()
+    assert not read("bag", tmp_path).has_one_world
+    assert read("bag", tmp_path / "first.bag").has_one_world
 
 
 def test_images_are_read_from_several_threads(tmp_path: Path, scene: Walk) -> None:

@@ -232,6 +232,11 @@ def test_unusable_descriptions_are_refused(recording, text: str, key: str, one_l
         read_with("csv", recording[0])
 
 
+def test_a_missing_csv_file_is_named(tmp_path: Path, one_line) -> None:
+    with one_line("nope.csv: no such file"):
+        read_with("csv", tmp_path / "nope.csv")
+
+
 def test_names_outside_of_the_folder_are_refused(recording, one_line) -> None:
     path, frames = recording
     with path.open("a") as file:

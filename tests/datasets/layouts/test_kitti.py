@@ -55,10 +55,12 @@ def test_each_sequence_is_a_trajectory(recording) -> None:
     second = recordings.kitti(folder, drive(0.2 * k for k in range(3)), sequence="08")
     found = read_with("kitti", folder)
     assert list(found.trajectories) == ["07", "08"]
+    assert not found.has_one_world
     assert_found(found.trajectories["07"], first)
     assert_found(found.trajectories["08"], second)
     assert list(read_with("kitti", folder, trajectories=["08"]).trajectories) == ["08"]
     alone = read_with("kitti", folder / "sequences/08")
+    assert alone.has_one_world
     assert list(alone.trajectories) == ["08"]
     assert_found(only(alone), second)
 

@@ -83,6 +83,15 @@ def test_a_scale_makes_poses_and_depth_metric(tmp_path: Path) -> None:
     assert recording.depth_scale == pytest.approx(0.0025)
 
 
+def test_depth_follows_the_scale_of_the_world_unless_its_unit_is_stated(tmp_path: Path) -> None:
+    write(tmp_path, walk(), depth_unit_scale_factor=0.002)
+    recording = read("nerfstudio", tmp_path)
+    assert recording.metres_of_depth(2.0) == pytest.approx(0.004)
+    assert recording.scale_option == "scale"
+    stated = read("nerfstudio", tmp_path, ReadOptions({"depth_scale": "0.005"}))
+    assert stated.metres_of_depth(2.0) == pytest.approx(0.005)
+
+
 def test_applied_transform_and_scale_are_undone(tmp_path: Path) -> None:
     scene = walk()
     applied = np.eye(4)
@@ -203,6 +212,14 @@ def test_what_cannot_be_read_ends_in_one_line(tmp_path: Path, keys: dict, messag
     with pytest.raises(RequestError, match=message) as error:
         read("nerfstudio", tmp_path)
     assert "\n" not in str(error.value)
+
+
+def test_a_path_of_another_kind_is_named(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("rgb,x\n")
+    with pytest.raises(RequestError, match=r"p\.csv: not a JSON file; name transforms\.json"):
+        read("nerfstudio", tmp_path / "p.csv")
+    with pytest.raises(RequestError, match=r"nope\.json: no such file"):
+        read("nerfstudio", tmp_path / "nope.json")
 
 
 def test_numbers_that_json_does_not_know_end_in_one_line(tmp_path: Path) -> None:

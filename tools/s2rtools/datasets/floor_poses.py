@@ -31,6 +31,9 @@ _TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
 """Tilt, in the median and at most, beyond which a camera is reported as not level."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
+_MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
+"""Largest scale of a world (its inverse is the smallest), height of a floor in units of the world,
+and height of cameras in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +64,15 @@ class FloorPoses:
     `pitch` is the median, radians, positive where the camera looks upwards. `tilt_median` and
     `tilt_max` are angles, in radians, between the cameras and level ones of that pitch.
     `world_to_floor` (4, 4) maps points of the world; it scales them by `metres_per_unit`.
+    `up_source` says where the up axis comes from.
     """
 
     poses: dict[str, Floats]
     cameras: dict[str, Floats]
     world_to_floor: Floats
     up: Floats
+    up_source: str
+    metres_per_unit: float
     camera_height: float
     height_spread: float
     pitch: float
@@ -78,6 +84,14 @@ class FloorPoses:
     def usable(self, trajectory: str) -> NDArray[np.bool_]:
         """Which frames of a trajectory have a pose on the floor, (N,)."""
         return np.asarray(np.isfinite(self.poses[trajectory]).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedScale:
+    """The factor by which `metres_per_unit` of an earlier projection `floor` is multiplied."""
+
+    floor: FloorPoses
+    factor: float
 
 
 def parse_up(up: str | Sequence[float]) -> Floats:
@@ -99,18 +113,22 @@ def parse_up(up: str | Sequence[float]) -> Floats:
     return np.asarray(vector / length + 0.0)
 
 
-def project_to_floor(recording: Recording, options: FloorOptions | None = None) -> FloorPoses:
+def project_to_floor(
+    recording: Recording, options: FloorOptions | None = None, scale: FittedScale | None = None
+) -> FloorPoses:
     """Put the poses of all trajectories on the floor of their world.
 
     Without a declared up axis, that of the layout counts. Without one, it is fitted to the poses
     of a level camera, else to the floor in depth images, else to the poses of any camera (see
-    `ground_plane.up_from_poses` and `ground_plane.fit_floor`). Raises RequestError if that does not
-    determine it, or if an option is invalid.
+    `ground_plane.up_from_poses` and `ground_plane.fit_floor`). With `scale`, the up axis is that of
+    the earlier projection. Raises RequestError if the up axis is not determined, or if an option is
+    invalid.
     """
     options = options or FloorOptions()
-    unit = options.metres_per_unit
-    if not (math.isfinite(unit) and unit > 0):
-        raise RequestError(f"metres_per_unit {unit}: must be a positive number")
+    unit = options.metres_per_unit * (scale.factor if scale else 1.0)
+    if not 1 / _MOST_METRES_PER_UNIT <= unit <= _MOST_METRES_PER_UNIT:
+        low, high = 1 / _MOST_METRES_PER_UNIT, _MOST_METRES_PER_UNIT
+        raise RequestError(f"metres_per_unit {unit:g}: must be a number from {low:g} to {high:g}")
     if not any(len(t.poses) for t in recording.trajectories.values()):
         raise RequestError(f"{recording.name}: no image has a pose")
     all_poses = np.concatenate([t.poses for t in recording.trajectories.values()])
@@ -120,10 +138,13 @@ def project_to_floor(recording: Recording, options: FloorOptions | None = None) 
         ground_plane.depth_points(recording, unit) if needs_points else (np.empty((0, 3)), 0)
     )
     tolerance = ground_plane.point_tolerance(recording, unit)
-    up, how = _up(recording, options, all_poses, points, tolerance)
+    if scale is None:
+        up, how = _up(recording, options, all_poses, points, tolerance)
+    else:
+        up, how = scale.floor.up, scale.floor.up_source
     heights = all_poses[:, :3, 3] @ up
     issues: list[InputIssue] = []
-    ground, ground_text = _ground(options, up, heights, all_poses, points, tolerance)
+    ground, ground_text = _ground(options, unit, up, heights, all_poses, points, tolerance)
     if math.isnan(ground):
         ground_text = "floor not known; give ground or camera_height"
     elif frames and options.ground is None and options.camera_height is None:
@@ -148,18 +169,22 @@ def project_to_floor(recording: Recording, options: FloorOptions | None = None) 
     if tilt_median > _TILT_MEDIAN or tilt_max > _TILT_MAX:
         detail = f"{tilt_text}; roll and changes of pitch are not on the floor plan"
         issues.append(InputIssue("camera not level", recording.name, detail))
-    if not recording.is_metric and unit == 1.0:
-        detail = "the layout leaves it open; give metres_per_unit"
+    if not recording.is_metric and unit == 1.0 and scale is None:
+        own, name = recording.scale_option, recording.layout
+        advice = f"option {own} of layout {name}" if own else "metres_per_unit"
+        detail = f"the layout leaves it open; give {advice}"
         issues.append(InputIssue("scale of the world not known", recording.name, detail))
     height_text = "height unknown" if math.isnan(ground) else f"{camera_height:.3f} m above it"
-    report = (
+    report: tuple[str, ...] = (
         f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
         f"camera {height_text} ({high - low:.3f} m between the 5th and the 95th percentile), "
         f"pitch {math.degrees(pitch):.2f} degrees, {tilt_text}",
     )
+    if scale is not None:
+        report += (f"scale fitted to the pairs: {unit:.6g} metres per unit of the world",)
     return FloorPoses(
-        poses, cameras, world_to_floor, up, camera_height, high - low, pitch, tilt_median,
-        tilt_max, report, issues,
+        poses, cameras, world_to_floor, up, how, unit, camera_height, high - low, pitch,
+        tilt_median, tilt_max, report, issues,
     )  # fmt: skip
 
 
@@ -203,18 +228,23 @@ def _up(
 
 
 def _ground(
-    options: FloorOptions, up: Floats, heights: Floats, poses: Floats, points: Floats,
-    tolerance: float,
+    options: FloorOptions, unit: float, up: Floats, heights: Floats, poses: Floats,
+    points: Floats, tolerance: float,
 ) -> tuple[float, str]:  # fmt: skip
-    """The floor's height along `up` in units of the world, NaN if unknown, and its source."""
+    """The floor's height along `up` in units of the world, NaN if unknown, and its source.
+
+    `unit` is metres per unit of the world.
+    """
     if options.camera_height is not None:
-        if not (math.isfinite(options.camera_height) and options.camera_height > 0):
-            raise RequestError(f"camera_height {options.camera_height}: must be a positive number")
-        below = options.camera_height / options.metres_per_unit
+        if not 0 < options.camera_height <= _MOST_HEIGHT:
+            text = f"must be a positive number of metres, at most {_MOST_HEIGHT:g}"
+            raise RequestError(f"camera_height {options.camera_height:g}: {text}")
+        below = options.camera_height / unit
         return float(np.median(heights)) - below, "floor by the declared height of the cameras"
     if options.ground is not None:
-        if not math.isfinite(options.ground):
-            raise RequestError(f"ground {options.ground}: must be a number")
+        if not abs(options.ground) <= _MOST_GROUND:
+            limits = f"from {-_MOST_GROUND:g} to {_MOST_GROUND:g}"
+            raise RequestError(f"ground {options.ground:g}: must be a number {limits}")
         return options.ground, f"floor declared at {options.ground:g}"
     found = ground_plane.floor_height(points, poses[:, :3, 3], up, tolerance)
     if found is None:

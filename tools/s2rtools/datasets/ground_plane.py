@@ -131,7 +131,7 @@ def _image_points(
         return None
     rows, cols = (sample_pixels(_SAMPLES, extent) for extent in image.pixels.shape)
     raw = image.pixels[rows[:, None], cols[None, :]].astype(np.float64)
-    metres = raw * recording.depth_scale
+    metres = raw * recording.metres_of_depth(unit)
     with np.errstate(invalid="ignore"):
         valid = (raw > 0) & (raw <= recording.depth_raw_max) & (metres < _FAR)
     u, v = np.meshgrid(cols + 0.5, rows + 0.5)
@@ -146,9 +146,10 @@ def normalized(camera: PinholeCamera, pixels: Floats) -> Floats:
     if not len(pixels):
         return np.empty((0, 2))
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
-    coefficients = np.asarray(camera.distortion, dtype=np.float64)
     undistort = cv2.fisheye.undistortPoints if camera.is_fisheye else cv2.undistortPoints
-    return np.asarray(undistort(pixels[:, None], matrix, coefficients)[:, 0], dtype=np.float64)
+    return np.asarray(
+        undistort(pixels[:, None], matrix, camera.coefficients)[:, 0], dtype=np.float64
+    )
 
 
 def floor_height(
@@ -215,4 +216,4 @@ def fit_floor(
 
 def point_tolerance(recording: Recording, unit: float) -> float:
     """Distance from a plane within which depth points count as on it, in units of the world."""
-    return max(_TOLERANCE, recording.depth_scale) / unit
+    return max(_TOLERANCE, recording.metres_of_depth(unit)) / unit

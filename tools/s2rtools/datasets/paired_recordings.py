@@ -18,7 +18,7 @@ from s2rstore.files.layout import checked_name
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.datasets.dataset_config import DatasetConfig
 from s2rtools.datasets.floor_alignment import FloorAlignment, fit_alignment
-from s2rtools.datasets.floor_poses import FloorOptions, FloorPoses, project_to_floor
+from s2rtools.datasets.floor_poses import FittedScale, FloorOptions, FloorPoses, project_to_floor
 from s2rtools.datasets.lazy_sequence import LazySequence
 from s2rtools.datasets.pair_matching import PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.path_containment import PathContainment
@@ -33,7 +33,7 @@ from s2rtools.datasets.recording_pairs import (
     paired,
     unmatched_images,
 )
-from s2rtools.datasets.scan import FramePose, InstanceRecord, Scan
+from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
 
 MARGIN = 2.0
 """Metres of the map around the outermost poses, where no calibration file states the bounds."""
@@ -116,6 +116,10 @@ def scan_pairs(
     """
     if options.align and options.match == "pose":
         raise RequestError("--align: the worlds differ; pair by --match time or --match name")
+    worlds = _several_worlds(sim, real)
+    if options.align and worlds:
+        advice = "choose one by --sim-trajectory and --real-trajectory"
+        raise RequestError(f"--align: {worlds[0].file}: {worlds[0].detail}; {advice}")
     floors = _floors(sim, real, options)
     sides = RecordedSide("sim", sim, floors["sim"]), RecordedSide("real", real, floors["real"])
     pairing = pair_images(*sides, options.match, options.tolerance, progress)
@@ -123,6 +127,11 @@ def scan_pairs(
     if options.align:
         poses = sides[0].poses[pairing.sim], sides[1].poses[pairing.real]
         alignment = fit_alignment(*poses, with_scale=not sim.is_metric)
+        if not sim.is_metric:
+            scale = FittedScale(floors["sim"], alignment.scale)
+            floors["sim"] = project_to_floor(sim, options.floors.get("sim"), scale)
+            sides = RecordedSide("sim", sim, floors["sim"]), sides[1]
+            alignment = replace(alignment, scale=1.0)
         sides[0].poses = alignment.apply(sides[0].poses)
         pairing = paired(*sides, pairing.sim, pairing.real, pairing.issues)
     unmatched = list(unmatched_images(*sides, pairing, options.match))
@@ -134,15 +143,28 @@ def scan_pairs(
         for folder, count in each.outside_folders.items():
             counts = dict(scan.outside_folders)
             scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
-    scan.issues += [*floors["real"].issues, *floors["sim"].issues, *pairing.issues]
+    scan.issues += [*worlds, *floors["real"].issues, *floors["sim"].issues, *pairing.issues]
     scan.issues += [each.issue() for each in unmatched]
-    scale = alignment.scale if alignment else 1.0
-    cameras = {each.side: _Cameras(each, options.frame, scale) for each in sides}
+    cameras = {each.side: _Cameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
     _add_trajectories(scan, *sides, pairing, cameras)
     scan.provenance = _provenance(*sides, pairing, options, alignment)
     summary = _summary(*sides, pairing, options, alignment)
     return PairedScan(scan, *sides, pairing, unmatched, summary)
+
+
+def _several_worlds(sim: Recording, real: Recording) -> list[InputIssue]:
+    """An issue for each recording whose trajectories lie in worlds of their own."""
+    return [
+        InputIssue(
+            "several worlds",
+            each.name,
+            f"each of {len(each.trajectories)} trajectories has its own; their poses are not "
+            "comparable with each other",
+        )
+        for each in (sim, real)
+        if not each.has_one_world
+    ]
 
 
 def _floors(sim: Recording, real: Recording, options: PairOptions) -> dict[Side, FloorPoses]:
@@ -195,10 +217,10 @@ def _empty_scan(
 class _Cameras:
     """The cameras of one side, and the domain that they make."""
 
-    def __init__(self, side: RecordedSide, frame: tuple[int, int], scale: float) -> None:
-        """`scale` is that of the sim floor. Raises RequestError for unusable cameras."""
+    def __init__(self, side: RecordedSide, frame: tuple[int, int]) -> None:
+        """Raises RequestError for unusable cameras."""
         recording, floor = side.recording, side.floor
-        scale = scale if side.side == "sim" else 1.0
+        depth_scale = recording.metres_of_depth(floor.metres_per_unit)
         name = f"{recording.layout}:{recording.name}"
         has_depth = any(
             each.depth is not None
@@ -220,9 +242,9 @@ class _Cameras:
             kind=side.side,
             rgb=rgb,
             depth=depth,
-            camera_height=floor.camera_height * scale,
+            camera_height=floor.camera_height,
             forward_offset=0.0,
-            depth_scale=recording.depth_scale * scale if has_depth else math.nan,
+            depth_scale=depth_scale if has_depth else math.nan,
             depth_raw_min=1,
             depth_raw_max=min(recording.depth_raw_max, _MAX_RAW) if has_depth else 0,
             sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
@@ -305,6 +327,7 @@ def _provenance(
             "layout": recording.layout,
             "camera": asdict(recording.camera),
             "floor": list(side.floor.report),
+            "metres_per_unit": side.floor.metres_per_unit,
             "world_to_floor": side.floor.world_to_floor.tolist(),
         }
     return sections

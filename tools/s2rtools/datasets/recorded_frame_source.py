@@ -63,7 +63,7 @@ class CameraImages:
         if read.pixels.shape[:2] != size:
             detail = f"{size_text(read.pixels.shape)}, its camera has {size_text(size)}"
             return InputIssue("wrong size", image.name, detail)
-        if not any(self.camera.distortion):
+        if self.camera.is_pinhole:
             return read
         pixels = cv2.remap(read.pixels, *self._maps, interpolation, borderMode=cv2.BORDER_CONSTANT)
         return replace(read, pixels=np.asarray(pixels))
@@ -75,10 +75,10 @@ class CameraImages:
         matrix = np.array(
             [[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]]
         )  # OpenCV places the centre of pixel i at i
-        distortion, size = np.array(camera.distortion), (camera.width, camera.height)
+        size = camera.width, camera.height
         make = cv2.fisheye if camera.is_fisheye else cv2
         maps = make.initUndistortRectifyMap(
-            matrix, distortion, np.eye(3), matrix, size, cv2.CV_32FC1
+            matrix, camera.coefficients, np.eye(3), matrix, size, cv2.CV_32FC1
         )
         return maps[0], maps[1]
 

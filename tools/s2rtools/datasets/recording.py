@@ -36,6 +36,17 @@ class PinholeCamera:
     distortion: tuple[float, ...] = ()
     is_fisheye: bool = False
 
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether images need no undistortion; those of a fisheye lens always do."""
+        return not self.is_fisheye and not any(self.distortion)
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """OpenCV's coefficients (K,), of a fisheye camera always 4."""
+        empty = (0.0, 0.0, 0.0, 0.0) if self.is_fisheye else ()
+        return np.array(self.distortion or empty, dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceImage:
@@ -98,9 +109,12 @@ class RecordedTrajectory:
 class Recording:
     """All trajectories of one side, by name.
 
-    `depth_scale` is metres per raw unit of depth, `depth_raw_max` the largest valid value, 0 is
-    always invalid. `up` is the direction against gravity in the world's axes where the layout
-    defines it. `is_metric` is False where the layout leaves the scale of the world open. `issues`
+    `depth_scale` is metres per raw unit of depth, or with `depth_in_world_units` units of the world
+    per raw unit. `depth_raw_max` is the largest valid value, 0 is always invalid. `up` is the
+    direction against gravity in the world's axes where the layout defines it. `is_metric` is False
+    where the layout leaves the scale of the world open; `scale_option` then names the option of the
+    layout that states it, if there is one. `has_one_world` is False where each trajectory has a
+    world of its own, so that poses of different trajectories cannot be compared. `issues`
     report images and poses that were left out, `provenance` states options and facts of the reader.
     `outside_folders` counts the files that were read outside of the recording, by folder.
     """
@@ -111,13 +125,20 @@ class Recording:
     camera: PinholeCamera
     depth_camera: PinholeCamera | None = None
     depth_scale: float = 0.001
+    depth_in_world_units: bool = False
     depth_raw_max: int = 65534
     up: tuple[float, float, float] | None = None
     is_metric: bool = True
+    scale_option: str | None = None
+    has_one_world: bool = True
     trajectories: dict[str, RecordedTrajectory] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     outside_folders: dict[str, int] = field(default_factory=dict)
+
+    def metres_of_depth(self, metres_per_unit: float) -> float:
+        """Metres per raw unit of depth where a unit of the world is `metres_per_unit` long."""
+        return self.depth_scale * (metres_per_unit if self.depth_in_world_units else 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,17 +133,20 @@ def pair_images(
 ) -> Pairing:
     """Pair the images of two sides one to one.
 
-    Poses are compared over all trajectories. Times and names are compared between trajectories of
-    the same name, or where each side has one trajectory, between these. For the assignment and its
+    Poses are compared over all trajectories if each recording has one world. Other poses, times and
+    names are compared between trajectories of the same name, or where each side has one trajectory,
+    between these. For the assignment and its
     cost see `pair_matching`; names are equal without folder and suffix.
     """
     issues: list[InputIssue] = []
-    if isinstance(tolerance, PoseTolerance):
+    if isinstance(tolerance, PoseTolerance) and _have_one_world(sim, real):
         a, b = pair_matching.match_poses(sim.poses, real.poses, tolerance, progress)
     else:
         parts = [(np.empty(0, dtype=np.intp),) * 2]
         for rows, others in _trajectory_pairs(sim, real):
-            if tolerance is not None:
+            if isinstance(tolerance, PoseTolerance):
+                a, b = pair_matching.match_poses(sim.poses[rows], real.poses[others], tolerance)
+            elif tolerance is not None:
                 a, b = pair_matching.match_times(sim.times[rows], real.times[others], tolerance)
             else:
                 a, b = _match_names(sim, real, rows, others, issues)
@@ -166,6 +169,10 @@ def paired(
         a, b, np.hypot(apart[:, 0], apart[:, 1]), np.degrees(turned),
         np.abs(sim.times[a] - real.times[b]), issues,
     )  # fmt: skip
+
+
+def _have_one_world(sim: RecordedSide, real: RecordedSide) -> bool:
+    return sim.recording.has_one_world and real.recording.has_one_world
 
 
 def _trajectory_pairs(sim: RecordedSide, real: RecordedSide) -> Iterator[tuple[Rows, Rows]]:
@@ -273,11 +280,17 @@ _Near = Iterator[tuple[int, float, float, float]]
 
 
 def _nearest_in_space(own: RecordedSide, other: RecordedSide, numbers: Rows) -> _Near:
-    if not len(other):
-        return ((-1, math.nan, math.nan, math.nan) for _ in numbers)
-    rows, metres, turned = pair_matching.nearest_poses(own.poses[numbers], other.poses)
-    columns = rows.tolist(), metres.tolist(), np.degrees(turned).tolist()
-    return ((row, m, d, math.nan) for row, m, d in zip(*columns, strict=True))
+    """In worlds of their own, trajectories are compared with those that they belong to."""
+    found = np.full((len(own), 3), [-1.0, math.nan, math.nan])
+    groups = [(np.arange(len(own)), np.arange(len(other)))]
+    if not _have_one_world(own, other):
+        groups = list(_trajectory_pairs(own, other))
+    for rows, others in groups:
+        chosen = np.intersect1d(rows, numbers)
+        if others.size:
+            near = pair_matching.nearest_poses(own.poses[chosen], other.poses[others])
+            found[chosen] = np.column_stack([others[near[0]], near[1], np.degrees(near[2])])
+    return ((int(row), m, d, math.nan) for row, m, d in found[numbers].tolist())
 
 
 def _nearest_in_time(own: RecordedSide, other: RecordedSide, numbers: Rows) -> _Near:

@@ -46,6 +46,8 @@ from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")
+_FIXED_WORLDS = ("map", "world")
+"""Frames whose axes do not depend on where a recording starts."""
 _SCALE = "depth_scale"
 _TOLERANCE = 0.02
 
@@ -74,6 +76,9 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
         if len(trajectory.frames):
             recording.trajectories[name] = trajectory
     require_frames("bag", path, recording.trajectories, recording.issues)
+    worlds = {part.world for name, part in parts if name in recording.trajectories}
+    is_shared = len(worlds) == 1 and worlds.issubset(_FIXED_WORLDS)
+    recording.has_one_world = len(recording.trajectories) == 1 or is_shared
     if all(part.world in _LEVEL_WORLDS for _, part in parts):
         recording.up = (0.0, 0.0, 1.0)
     return recording

@@ -51,6 +51,7 @@ def read_colmap(path: Path, options: ReadOptions) -> Recording:
         recording.issues.append(InputIssue("several cameras", str(folder), remark))
     scale = options.positive("scale", 1.0)
     recording.is_metric = "scale" in options.values
+    recording.scale_option = "scale"
     recording.depth_scale = options.positive("depth_scale", recording.depth_scale)
     depth = _DepthFolder(options.values.get("depth"), containment)
     by_trajectory: dict[str, list[tuple[ModelImage, str | None]]] = {}

@@ -145,6 +145,8 @@ def read(path: Path, options: ReadOptions) -> Recording:
     """
     if path.is_dir():
         raise RequestError(f"{path}: a folder; name the CSV file in it")
+    if not path.is_file():
+        raise RequestError(f"{path}: no such file")
     containment = PathContainment(path.parent, options.allow_outside)
     description = _description_path(path, options, containment)
     table = convert(read_document(description), _Description, str(description))

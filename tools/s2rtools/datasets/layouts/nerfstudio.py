@@ -147,6 +147,10 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
     Each of several files is a trajectory. Raises RequestError if a file is missing or damaged, has
     cameras that the option does not choose from, or no usable frame.
     """
+    if path.suffix and not path.exists():
+        raise RequestError(f"{path}: no such file or folder")
+    if path.is_file() and path.suffix.lower() != ".json":
+        raise RequestError(f"{path}: not a JSON file; name transforms.json or its folder")
     files = {trajectory_name(path.stem): path} if path.is_file() else _files_in(path)
     root = path.parent if path.is_file() else path
     containment = PathContainment(root, options.allow_outside)
@@ -170,6 +174,8 @@ def read_nerfstudio(path: Path, options: ReadOptions) -> Recording:
     scale = options.positive("scale", 1.0)
     recording = Recording("nerfstudio", folder_name(root), root, camera, issues=issues)
     recording.is_metric = "scale" in options.values
+    recording.scale_option = "scale"
+    recording.depth_in_world_units = "depth_scale" not in options.values
     recording.outside_folders = containment.outside_folders
     units = {_depth_unit(frames.document) for frames in found.values() if frames.has_depth}
     if len(units) > 1 and "depth_scale" not in options.values:
