@@ -138,18 +138,6 @@ def test_existing_iids_and_frames_stay_and_only_the_ends_change_their_curvature(
         assert [t.instances for t in opened.trajectories] == [N, 4, 3]
 
 
-def test_stores_with_a_continued_trajectory_have_another_schema_number(
-    scan: Scan, store: Path
-) -> None:
-    """Earlier releases look for all frames of a trajectory in one array."""
-    add(cut(scan, {"c": N, "a": 2}), store)
-    assert layout.read_current(store).schema == schema.VERSION
-    add(cut(scan, {"c": N, "a": 3}), store)
-    assert layout.read_current(store).schema == schema.CONTINUED_VERSION != schema.VERSION
-    add(cut(scan, {"b": 1}), store)
-    assert layout.read_current(store).schema == schema.CONTINUED_VERSION
-
-
 def test_a_source_without_further_instances_adds_nothing(scan: Scan, tmp_path: Path) -> None:
     store = tmp_path / "s.s2r"
     grow(scan, store, [{"a": 4}, {"a": 6}])

@@ -9,14 +9,14 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 1
-"""The schema number of a store, in `CURRENT.json`."""
-CONTINUED_VERSION = 2
-"""That of a store in which instances were appended to a trajectory.
+VERSION = 2
+"""The schema number that every written index has, in `CURRENT.json`.
 
-Earlier releases, which look for all frames of a trajectory in one array, refuse such a store.
+Releases up to 0.2.0, which expect another view `pair` and one frame array per trajectory, refuse
+such a store.
 """
-VERSIONS = (VERSION, CONTINUED_VERSION)
+VERSIONS = (1, VERSION)
+"""The schema numbers that can be read; 1 is that of releases up to 0.2.0."""
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
