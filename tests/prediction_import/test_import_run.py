@@ -321,7 +321,7 @@ def test_files_that_are_no_predictions(store: Path, tmp_path: Path) -> None:
     for name, content, message in (
         ("p.csv", b"", "no rows"),
         ("p.csv", b"iid,side\n\x00", "NUL bytes"),
-        ("p.parquet", b"PAR1 cut", "not a Parquet file"),
+        ("p.parquet", b"PAR1 cut", "cannot be read as a Parquet file"),
         ("p.tum", b"# nothing\n", "no rows"),
         ("p.xls", b"1", "unknown suffix"),
     ):
