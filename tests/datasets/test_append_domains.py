@@ -105,7 +105,7 @@ def test_a_domain_and_further_instances_are_added_at_once(
         data_set, hashes = opened.dataset.hash, [part.hash for part in opened.parts]
     lines: list[str] = []
     assert add(whole, store, strict=True, lines=lines) == {"a": N - 5, "b": N - 3}
-    assert lines == [
+    assert lines[:2] == [
         f"trajectory {name}: already in the store; its further instances are added" for name in "ab"
     ]
     assert rows_by_trajectory(store) == rows_by_trajectory(once)

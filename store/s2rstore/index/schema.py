@@ -26,7 +26,8 @@ IMAGE_SIZES = "image sizes"
 networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
 alone."""
 CONVENTIONS = "conventions"
-"""Value of `provenance.what`: `key` is a domain, `value` the check of its headings and depth."""
+"""Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
+part, `value` the check of its headings and depth."""
 
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"

@@ -49,7 +49,8 @@ class InputContract:
 
     `missing_depth` are the metres, not clipped, that stand for pixels without valid depth; a pixel
     of the resized image is one of these if any of the pixels that it was interpolated from is. None
-    keeps the values of the file. The defaults give values in [-1, 1] for RGB and for depth of 0 to 10 m.
+    keeps the values of the file. The defaults give values in [-1, 1] for RGB and for depth of 0 to
+    10 m.
     """
 
     channels: Channels = "rgbd"
