@@ -414,6 +414,20 @@ def test_other_embeddings_are_refused(
         assert opened.runs == {}
 
 
+def test_the_first_embedding_of_the_file_that_is_not_finite_is_named(
+    store: Path, tmp_path: Path
+) -> None:
+    made = make(store)
+    rows = [(iid, side, *made.of(side)[iid]) for side in ("real", "sim") for iid in range(N)]
+    names = ("iid", "side", "x", "y", "heading")
+    file = write_rows(tmp_path / "p.csv", names, rows)
+    values = embedding(2 * N)
+    values[[2, 7, N + 3]] = np.nan
+    np.save(tmp_path / "e.npy", values)
+    with pytest.raises(RequestError, match=r"e\.npy: row 2 .from 0. is not finite"):
+        run_import(store, file, embeddings=(tmp_path / "e.npy",))
+
+
 def test_a_cut_file_of_embeddings_is_refused(store: Path, tmp_path: Path) -> None:
     np.save(tmp_path / "e.npy", embedding(2 * N))
     content = (tmp_path / "e.npy").read_bytes()
