@@ -9,6 +9,7 @@ import pytest
 import s2rstore
 from s2rtui.cli import main
 from tests.support import pairs
+from tests.support.predictions import make, write_csv
 
 SIZE = ("--size", "32")
 
@@ -53,3 +54,17 @@ def test_refusals_are_one_line(
     assert main(["ingest", *source, "--store", store, "--append", "--size", "48"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "another frame size (--size): 48x48, the store 32x32" in line
+
+
+def test_runs_of_imported_predictions_are_to_be_imported_again(
+    source: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = str(tmp_path / "s.s2r")
+    assert main(["ingest", *source, "--store", store, *SIZE, "--trajectory", "b"]) == 0
+    file = write_csv(tmp_path / "p.csv", make(Path(store)))
+    assert main(["run", "import", "theirs", "--predictions", str(file), "--store", store]) == 0
+    capsys.readouterr()
+    assert main(["ingest", *source, "--store", store, "--append"]) == 0
+    output = capsys.readouterr().out
+    assert "import the predictions of theirs again (`s2r run import`)" in output
+    assert "s2r precompute" not in output

@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
 from s2rstore.geometry import angles
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check as verified
 from s2rtools.datasets import ScanOptions
+from s2rtools.datasets.append import append
 from s2rtools.datasets.build import build
 from s2rtools.datasets.convention_check import (
     CONVENTIONS,
@@ -25,7 +28,7 @@ from s2rtools.datasets.convention_check import (
     ConventionCheck,
     check_conventions,
 )
-from s2rtools.datasets.convention_report import PICTURE, check_stored, doubts
+from s2rtools.datasets.convention_report import PICTURE, doubts
 from s2rtools.datasets.depth_frames import DepthFrames, DepthPoints
 from s2rtools.datasets.importers import synthetic_world
 from s2rtools.datasets.scan import Scan
@@ -156,14 +159,25 @@ def test_drawn_floor_plan_shows_the_walls_of_the_world(ingested: tuple[Path, lis
     assert truth[dark].mean() < truth[dark[:, ::-1]].mean() - 10
 
 
-def test_frames_of_a_store_are_checked_from_an_instance_on(
-    ingested: tuple[Path, list[str]],
-) -> None:
-    with s2rstore.open(ingested[0]) as store:
-        whole, rest = check_stored(store, 0), check_stored(store, 20)
-    assert [check.domain for check in whole] == ["real", "sim"]
-    assert [check.verdict for check in whole] == ["as declared"] * 2
-    assert rest[0].frames < whole[0].frames
+def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path: Path) -> None:
+    path, scan, first = tmp_path / "a.s2r", world_scan(count=COUNT), 2
+    records = list(scan.trajectories["traj1"])[: CHECKED + first]
+    scan.trajectories["traj1"] = records[:first]
+    build(scan, path, "test", True, lambda count: None)
+    negated = [replace(record, heading=-record.heading) for record in records[first:]]
+    scan.trajectories["traj1"] = records[:first] + negated
+    before = layout.read_current(path)
+    with pytest.raises(RequestError, match=r"convention doubtful .* with heading negated"):
+        append(scan, path, "test", True, lambda count: None)
+    assert layout.read_current(path) == before
+    scan.issues.clear()
+    lines: list[str] = []
+    append(scan, path, "test", False, lambda count: None, lines.append)
+    assert lines[-1].startswith("headings, handedness and depth scale: real doubtful (")
+    assert {issue.kind for issue in scan.issues} == {"convention doubtful"}
+    notes = [note for note in verified(path).notes if "sharper" in note]
+    assert len(notes) == len(scan.issues)
+    assert all(f", instances from iid {first} on: " in note for note in notes)
 
 
 def test_verify_notes_doubtful_conventions(

@@ -95,6 +95,14 @@ def test_missing_depth_becomes_the_declared_distance():
         np.testing.assert_allclose(x, [[[[corner, 1], [1, 1]]]], rtol=1e-6)
 
 
+def test_missing_depth_may_lie_outside_the_range_of_depth():
+    depth = np.array([[[0, 20], [100, 200]]], dtype=np.uint8)
+    given = contract((2, 2), channels="depth", depth_unit=1.0, depth_mean=0.0, depth_std=1.0,
+                     depth_range=(0.5, 1.5), missing_depth=0.0)  # fmt: skip
+    x = preprocess(np.zeros((1, 2, 2, 3), np.uint8), depth, 0.01, given, depth > 0)
+    np.testing.assert_allclose(x, [[[[0.0, 0.5], [1.0, 1.5]]]], rtol=1e-6)
+
+
 OPENCV = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
 
 

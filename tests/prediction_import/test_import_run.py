@@ -321,7 +321,7 @@ def test_files_that_are_no_predictions(store: Path, tmp_path: Path) -> None:
     for name, content, message in (
         ("p.csv", b"", "no rows"),
         ("p.csv", b"iid,side\n\x00", "NUL bytes"),
-        ("p.parquet", b"PAR1 cut", "not a Parquet file"),
+        ("p.parquet", b"PAR1 cut", "cannot be read as a Parquet file"),
         ("p.tum", b"# nothing\n", "no rows"),
         ("p.xls", b"1", "unknown suffix"),
     ):
@@ -412,6 +412,20 @@ def test_other_embeddings_are_refused(
         run_import(store, file, embeddings=(tmp_path / "e.npy",))
     with s2rstore.open(store) as opened:
         assert opened.runs == {}
+
+
+def test_the_first_embedding_of_the_file_that_is_not_finite_is_named(
+    store: Path, tmp_path: Path
+) -> None:
+    made = make(store)
+    rows = [(iid, side, *made.of(side)[iid]) for side in ("real", "sim") for iid in range(N)]
+    names = ("iid", "side", "x", "y", "heading")
+    file = write_rows(tmp_path / "p.csv", names, rows)
+    values = embedding(2 * N)
+    values[[2, 7, N + 3]] = np.nan
+    np.save(tmp_path / "e.npy", values)
+    with pytest.raises(RequestError, match=r"e\.npy: row 2 .from 0. is not finite"):
+        run_import(store, file, embeddings=(tmp_path / "e.npy",))
 
 
 def test_a_cut_file_of_embeddings_is_refused(store: Path, tmp_path: Path) -> None:

@@ -74,3 +74,13 @@ def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_a_file_without_the_columns_gives_none(tmp_path: Path) -> None:
     assert read_columns(write(tmp_path / "p.parquet", "SELECT 1 AS foo"), ["iid"], []) == {}
+
+
+def test_names_of_columns_may_have_quotes(tmp_path: Path) -> None:
+    names = """a"b""", """') AS x, (SELECT 1) AS \"y"""
+    quoted = ['"' + name.replace('"', '""') + '"' for name in names]
+    file = write(tmp_path / "p.parquet", f"SELECT 1.5 AS {quoted[0]}, 'text' AS {quoted[1]}")
+    found = read_columns(file, names[:1], names[1:])
+    assert {name: values.tolist() for name, values in found.items()} == {
+        names[0]: [1.5], names[1]: ["text"],
+    }  # fmt: skip

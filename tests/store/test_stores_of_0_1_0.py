@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.files import layout
 from s2rstore.gap_history import reader
+from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import check
 from s2rtui.cli import main
@@ -65,6 +67,18 @@ def test_the_store_verifies(folder: Path) -> None:
     report = check(folder / "demo.s2r")
     assert report.damages == ()
     assert any("0.1.0" in note for note in report.notes)
+
+
+def test_the_next_generation_has_the_schema_that_the_release_refuses(
+    folder: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "demo.s2r"
+    shutil.copytree(folder / "demo.s2r", store)
+    assert layout.read_current(store).schema == 1
+    with edit(store) as draft:
+        draft.set_provenance("dataset", {"note": "x"})
+    assert layout.read_current(store).schema == 2
+    assert check(store).damages == ()
 
 
 def test_images_predictions_and_heatmaps_can_be_read(folder: Path) -> None:

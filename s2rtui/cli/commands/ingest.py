@@ -174,7 +174,6 @@ def _interrupted_state(target: Path) -> str:
 
 
 def _append(scan: Any, options: argparse.Namespace) -> int:
-    from s2rtools.datasets import convention_report
     from s2rtools.datasets.append import append
 
     try:
@@ -187,10 +186,8 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         print(printable(f"s2r: interrupted; append to {options.store} again"), file=sys.stderr)
         return 130
     with s2rstore.open(options.store) as store:
-        count, runs = len(store.instances), any(run.key for run in store.runs.values())
-        checks = []
-        if added.instances:
-            checks = convention_report.check_stored(store, store.parts[-1].first_iid)
+        count = len(store.instances)
+        computed = [run for run in store.runs.values() if run.key]
     if added.domains:
         print(f"{options.store}: {', '.join(added.domains)} added")
     if not added.instances:
@@ -200,12 +197,12 @@ def _append(scan: Any, options: argparse.Namespace) -> int:
         f"{options.store}: {sum(added.instances.values())} instances added, now {count}; "
         f"trajectories {trajectories}"
     )
-    if checks:
-        print(printable(convention_report.line(checks)), file=sys.stderr)
-        scan.issues += convention_report.doubts(checks)
-    if runs:
+    if any(not run.is_imported for run in computed):
         command = f"s2r precompute {shlex.quote(str(options.store))}"
         print(f"`{command}` computes the runs for the new instances")
+    if imported := [run.run for run in computed if run.is_imported]:
+        names = printable(", ".join(imported))
+        print(f"import the predictions of {names} again (`s2r run import`) for the new instances")
     return 0
 
 

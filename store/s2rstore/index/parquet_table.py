@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from contextlib import closing
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,26 +27,18 @@ def read_columns(
     `numbers` as float64, times as seconds since 1970, NaN where there is no number; `texts` as
     objects, empty where there is none. Raises RequestError where the file cannot be read.
     """
-    check_regular(path)
-    table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
-    try:
-        with closing(connect_to_file(path)) as connection:
-            (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]
-            if count > MAX_ROWS:
-                raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
-            described = connection.execute(f"DESCRIBE SELECT * FROM {table}").fetchall()
-            types = {str(name): str(kind) for name, kind, *_ in described}
-            values = {
-                name: _number(name, kind) if name in numbers else _text(name)
-                for name, kind in types.items()
-                if name in numbers or name in texts
-            }
-            if not values:
-                return {}
-            listed = ", ".join(f'{value} AS "{name}"' for name, value in values.items())
-            found = connection.execute(f"SELECT {listed} FROM {table}").fetchnumpy()
-    except duckdb.Error as error:
-        raise RequestError(f"{path}: not a Parquet file ({first_line(error)})") from error
+    with _opened(path) as (connection, table):
+        described = connection.execute(f"DESCRIBE SELECT * FROM {table}").fetchall()
+    types = {str(name): str(kind) for name, kind, *_ in described}
+    values = {
+        name: _number(name, kind) if name in numbers else _text(name)
+        for name, kind in types.items()
+        if name in numbers or name in texts
+    }
+    if not values:
+        return {}
+    listed = ", ".join(f"{value} AS {_quoted(name)}" for name, value in values.items())
+    found = _select(path, listed)
     return {
         name: np.ma.filled(found[name], np.nan) if name in numbers else np.asarray(found[name])
         for name in values
@@ -54,12 +46,14 @@ def read_columns(
 
 
 def _number(name: str, kind: str) -> str:
-    value = f'epoch("{name}")' if kind.startswith(("TIMESTAMP", "DATE")) else f'"{name}"'
+    value = _quoted(name)
+    if kind.startswith(("TIMESTAMP", "DATE")):
+        value = f"epoch({value})"
     return f"TRY_CAST({value} AS DOUBLE)"
 
 
 def _text(name: str) -> str:
-    return f"coalesce(TRY_CAST(\"{name}\" AS VARCHAR), '')"
+    return f"coalesce(TRY_CAST({_quoted(name)} AS VARCHAR), '')"
 
 
 def read_vectors(path: Path, column: str, elements: Sequence[int]) -> NDArray[np.float64]:
@@ -88,6 +82,18 @@ def read_blobs(path: Path, column: str, field: str, start: int, count: int) -> l
 
 def _select(path: Path, columns: str, rows: str = "") -> dict[str, NDArray[Any]]:
     """Columns of the file, and the clause that limits its rows."""
+    with _opened(path) as (connection, table):
+        query = f"SELECT {columns} FROM {table} {rows}"
+        found: dict[str, NDArray[Any]] = connection.execute(query).fetchnumpy()
+        return found
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[duckdb.DuckDBPyConnection, str]]:
+    """A connection, and the function of SQL that gives the rows of the file.
+
+    Raises RequestError for a file that cannot be read, or has more than `MAX_ROWS` rows.
+    """
     check_regular(path)
     table = f"read_parquet(['{escaped(literal_path(path))}'], hive_partitioning = false)"
     try:
@@ -95,11 +101,11 @@ def _select(path: Path, columns: str, rows: str = "") -> dict[str, NDArray[Any]]
             (count,) = connection.execute(f"SELECT count(*) FROM {table}").fetchall()[0]
             if count > MAX_ROWS:
                 raise RequestError(f"{path}: more than {MAX_ROWS:,} rows; split it")
-            query = f"SELECT {columns} FROM {table} {rows}"
-            found: dict[str, NDArray[Any]] = connection.execute(query).fetchnumpy()
-            return found
+            yield connection, table
     except duckdb.Error as error:
-        raise RequestError(f"{path}: cannot be read ({first_line(error)})") from error
+        raise RequestError(
+            f"{path}: cannot be read as a Parquet file ({first_line(error)})"
+        ) from error
 
 
 def _quoted(name: str) -> str:

@@ -9,14 +9,14 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
-VERSION = 1
-"""The schema number of a store, in `CURRENT.json`."""
-CONTINUED_VERSION = 2
-"""That of a store in which instances were appended to a trajectory.
+VERSION = 2
+"""The schema number that every written index has, in `CURRENT.json`.
 
-Earlier releases, which look for all frames of a trajectory in one array, refuse such a store.
+Releases up to 0.2.0, which expect another view `pair` and one frame array per trajectory, refuse
+such a store.
 """
-VERSIONS = (VERSION, CONTINUED_VERSION)
+VERSIONS = (1, VERSION)
+"""The schema numbers that can be read; 1 is that of releases up to 0.2.0."""
 
 CHECKSUMS = "checksums"
 """Value of `provenance.what`: `key` is a file's path inside the store, `value` its SHA-256."""
@@ -26,7 +26,8 @@ IMAGE_SIZES = "image sizes"
 networks see them, by domain and image. Releases up to 0.2.0 wrote none: they kept resized frames
 alone."""
 CONVENTIONS = "conventions"
-"""Value of `provenance.what`: `key` is a domain, `value` the check of its headings and depth."""
+"""Value of `provenance.what`: `key` is a domain, or DOMAIN@PART for the instances of an appended
+part, `value` the check of its headings and depth."""
 
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"

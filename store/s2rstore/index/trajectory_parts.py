@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import duckdb
-
 from s2rstore.errors import RequestError
 from s2rstore.records import Trajectory, TrajectoryPart
 
@@ -25,12 +23,6 @@ _GROUPS = """
 """
 _ONE_PART = _GROUPS.format(part="0", join="")
 _PARTS = _GROUPS.format(part="part", join="ASOF JOIN part ON instance.iid >= part.first_iid")
-_CONTINUED = """
-    SELECT 1 FROM (
-        SELECT DISTINCT trajectory, part
-        FROM instance ASOF JOIN part ON instance.iid >= part.first_iid)
-    GROUP BY trajectory HAVING count(*) > 1 LIMIT 1
-"""
 
 
 def trajectory_parts(execute: Query) -> list[TrajectoryPart]:
@@ -63,9 +55,3 @@ def check_contiguous(
             f"{path}: the instances of a trajectory do not follow one another in the index; run "
             "`s2r verify`"
         )
-
-
-def has_continued_trajectory(connection: duckdb.DuckDBPyConnection) -> bool:
-    """Whether a trajectory has instances in several parts, in an index with table `part`."""
-    (several,) = connection.execute("SELECT count(*) > 1 FROM part").fetchall()[0]
-    return several and bool(connection.execute(_CONTINUED).fetchall())

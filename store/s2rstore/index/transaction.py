@@ -18,7 +18,6 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.index.file_tables import FileTables
-from s2rstore.index.trajectory_parts import has_continued_trajectory
 
 _TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
 
@@ -143,7 +142,6 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             yield IndexTransaction(connection, tables)
             check_leases()  # a new holder of the lock has removed this index
             rows = connection.execute("SELECT hash FROM dataset").fetchall()
-            is_continued = has_continued_trajectory(connection)
             moved = tables.move_large_tables()
             tables.write()
             finished = compacted if moved else building
@@ -155,8 +153,7 @@ def edit(root: Path, check: Check = lambda: None) -> Iterator[IndexTransaction]:
             connection.close()
             dataset_hash = str(rows[0][0]) if rows else ""
             generation = _next_generation(root, base)
-            version = schema.CONTINUED_VERSION if is_continued else schema.VERSION
-            _publish(root, finished, generation, dataset_hash, version, check_leases)
+            _publish(root, finished, generation, dataset_hash, check_leases)
         except duckdb.IOException as error:
             reason = " ".join(str(error).split())
             raise RequestError(f"{root}: the index cannot be written ({reason})") from error
@@ -239,9 +236,7 @@ def _check_names(table: str, names: Iterable[str]) -> None:
         raise KeyError(f"{table} has no column {min(unknown)}")
 
 
-def _publish(
-    root: Path, building: str, generation: int, dataset_hash: str, version: int, check: Check
-) -> None:
+def _publish(root: Path, building: str, generation: int, dataset_hash: str, check: Check) -> None:
     name = layout.index_name(generation)
     atomic_writes.sync(root, building)
     check()
@@ -251,7 +246,7 @@ def _publish(
         index=name,
         sha256=safe_files.sha256(root, name),
         bytes=safe_files.size(root, name),
-        schema=version,
+        schema=schema.VERSION,
         dataset_hash=dataset_hash,
     )
     layout.write_current(root, current, check)

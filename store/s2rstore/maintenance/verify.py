@@ -330,12 +330,18 @@ class _Verification:
 
     def _note_conventions(self) -> None:
         """Note the domains whose conventions the ingest found doubtful."""
-        for domain in self.store.domains:
-            check = self.store.provenance_object(schema.CONVENTIONS, domain)
+        names = {domain: domain for domain in self.store.domains} | {
+            f"{domain}@{part.part}": f"{domain}, instances from iid {part.first_iid} on"
+            for domain in self.store.domains
+            for part in self.store.parts[1:]
+        }
+        for key, name in names.items():
+            check = self.store.provenance_object(schema.CONVENTIONS, key)
             if check.get("verdict") == "doubtful":
+                picture = f"; see {check['picture']}" if "picture" in check else ""
                 self.notes.append(
-                    f"domain {domain}: depth is sharper on the floor with other conventions than "
-                    f"declared; see {check.get('picture')}"
+                    f"domain {name}: depth is sharper on the floor with other conventions than "
+                    f"declared{picture}"
                 )
 
     def _check_drives(self) -> None:

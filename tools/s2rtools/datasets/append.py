@@ -19,11 +19,12 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import appending_folder, appending_folders
 from s2rstore.files.ledger import Ledger, LedgerEntry
-from s2rstore.index import locked_connection
+from s2rstore.index import locked_connection, schema
 from s2rstore.index.transaction import IndexTransaction, check_writable, edit
 from s2rstore.maintenance.prune import frame_folders
 from s2rstore.reader import Store
 from s2rstore.records import Part, TrajectoryPart
+from s2rtools.datasets import convention_report
 from s2rtools.datasets.build import (
     ReportLine,
     ReportProgress,
@@ -33,6 +34,7 @@ from s2rtools.datasets.build import (
     unlisted_checksums,
     write_frames,
 )
+from s2rtools.datasets.convention_check import ConventionCheck
 from s2rtools.datasets.frame_writing import FramePlace
 from s2rtools.datasets.index_rows import (
     TrajectoryEnd,
@@ -70,13 +72,15 @@ class Appended:
 class _Written:
     """What lies in the folder of an append: frames of instances and of new domains.
 
-    `ends` are those of the trajectories that are continued.
+    `ends` are those of the trajectories that are continued; `checks` are those of the conventions
+    of the new instances.
     """
 
     stored: StoredRecords
     domains: tuple[str, ...]
     domain_frames: DomainFrames
     ends: dict[str, TrajectoryEnd]
+    checks: list[ConventionCheck]
 
 
 def append(
@@ -94,8 +98,8 @@ def append(
     recording order. Bounds, rooms and floor plan stay those of the store. Instances with an
     unusable frame are left out and reported in `scan.issues`. `progress` is called with the number
     of finished frames, `report_line` with a line about each trajectory that the store has already,
-    and about the remains of interrupted ingests. Where there is nothing new, no generation is
-    published.
+    about the remains of interrupted ingests, and about the conventions of the new instances. Where
+    there is nothing new, no generation is published.
 
     Raises RequestError if there is no store, if the scan does not agree with it, if a trajectory of
     the store has other images or poses in the scan, if a new domain does not image every instance,
@@ -123,6 +127,8 @@ def append(
         try:
             folder.mkdir()
             written = _write(added, scan, store, found, folder, progress)
+            if written.checks:
+                report_line(convention_report.line(written.checks))
             refuse_unusable(scan if found.domains else added, strict)
             _publish(scan, written, folder, store, command)
         except OSError as error:
@@ -160,7 +166,9 @@ def _write(
         places[name] = FramePlace(TrajectoryPart.later_folder(name, part), types)
     stored = write_frames(added, folder, progress, places) if added.trajectories else {}
     ends = {name: TrajectoryEnd.of(store, name) for name in found.continued if name in stored}
-    return _Written(stored, found.domains, domain_frames, ends)
+    folders = {name: place.folder for name, place in places.items()}
+    checks = convention_report.check_appended(added, stored, folder, folders)
+    return _Written(stored, found.domains, domain_frames, ends, checks)
 
 
 def _publish(scan: Scan, written: _Written, folder: Path, store: Store, command: str) -> None:
@@ -239,6 +247,8 @@ def _insert_rows(
         added = Part(len(parts), parts[-1].stop, count, sha256, facts["added_at"])
         draft.insert_row("part", _part_row(added))
         insert_instances(draft, scan, stored, added.first_iid, ends)
+        checks = convention_report.appended_facts(written.checks, added.part)
+        draft.set_provenance(schema.CONVENTIONS, checks)
         parts.append(added)
         counts = {name: len(stored[name]) for name in sorted(stored)}
         draft.set_provenance("dataset", {f"append:{added.part}": {**facts, "trajectories": counts}})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from s2rstore.files import atomic_writes, layout
 from s2rstore.geometry import angles
-from s2rstore.reader import Store
 from s2rstore.records import Bounds
 from s2rtools.datasets.convention_check import (
     DECLARED,
@@ -55,11 +54,7 @@ def check_ingested(
     `plan` (h, w, 3) BGR fills the bounds. Writes `PICTURE`, and adds an issue to the scan for each
     domain whose declared conventions are doubtful. Empty without poses or depth.
     """
-    if not scan.has_poses:
-        return []
-    rows = _moving(islice(stored_rows(stored), _MAX_SEARCHED), lambda each: each.pose)
-    read = (read_depth(scan, domain, rows, root) for domain in scan.domains.values())
-    compared = [frames for frames in read if frames is not None]
+    compared = _compared(scan, stored, root, {})
     checks = [check_conventions(frames) for frames in compared]
     if checks:
         picture = draw(compared, checks, scan.bounds, plan)
@@ -68,27 +63,37 @@ def check_ingested(
     return checks
 
 
-def check_stored(store: Store, first_iid: int) -> list[ConventionCheck]:
-    """Check the frames of a store from an iid on."""
-    if not store.has_poses:
-        return []
-    truth = store.instances
-    poses = np.stack([truth.x, truth.y, truth.heading], axis=1)
-    rows = _moving(range(first_iid, len(poses))[:_MAX_SEARCHED], lambda iid: poses[iid])
-    checks = []
-    for domain in store.domains.values() if rows else ():
-        if domain.has_depth:
-            depth = [store.frames(domain.domain, i, i + 1, ("depth",))["depth"][0] for i in rows]
-            frames = DepthFrames.of(
-                domain, depth, store.poses(domain.domain)[rows], store.dataset.y_down
-            )
-            checks.append(check_conventions(frames))
+def check_appended(
+    scan: Scan, stored: StoredRecords, root: Path, folders: Mapping[str, str]
+) -> list[ConventionCheck]:
+    """As `check_ingested` without a picture, for frames that are appended to a store.
+
+    `folders` are those of the frames of trajectories that have frames in the store already.
+    """
+    checks = [check_conventions(frames) for frames in _compared(scan, stored, root, folders)]
+    scan.issues += doubts(checks)
     return checks
+
+
+def _compared(
+    scan: Scan, stored: StoredRecords, root: Path, folders: Mapping[str, str]
+) -> list[DepthFrames]:
+    """Frames of each domain with depth, whose poses are apart."""
+    if not scan.has_poses:
+        return []
+    rows = _moving(islice(stored_rows(stored), _MAX_SEARCHED), lambda each: each.pose)
+    read = (read_depth(scan, domain, rows, root, folders) for domain in scan.domains.values())
+    return [frames for frames in read if frames is not None]
 
 
 def facts(checks: Sequence[ConventionCheck]) -> dict[str, dict[str, Any]]:
     """The figures of each domain, for section `schema.CONVENTIONS` of a store's provenance."""
     return {check.domain: {**check.facts(), "picture": PICTURE} for check in checks}
+
+
+def appended_facts(checks: Sequence[ConventionCheck], part: int) -> dict[str, dict[str, Any]]:
+    """As `facts`, for the instances of an appended part."""
+    return {f"{check.domain}@{part}": check.facts() for check in checks}
 
 
 def doubts(checks: Sequence[ConventionCheck]) -> list[InputIssue]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -91,13 +91,21 @@ def spread_rows(stored: StoredRecords, count: int) -> Iterator[StoredRow]:
 
 
 def read_depth(
-    scan: Scan, domain: Domain, rows: Iterable[StoredRow], root: Path
+    scan: Scan,
+    domain: Domain,
+    rows: Iterable[StoredRow],
+    root: Path,
+    folders: Mapping[str, str] | None = None,
 ) -> DepthFrames | None:
-    """The depth of instances whose frames lie below `root`; None for a domain without depth."""
+    """The depth of instances whose frames lie below `root`; None for a domain without depth.
+
+    `folders` are those of trajectories whose folder has another name than the trajectory.
+    """
     raw, poses = [], []
     size = 0, 0
     for each in rows:
-        folder = f"{layout.FRAMES}/{domain.domain}/{each.trajectory}/depth"
+        name = (folders or {}).get(each.trajectory, each.trajectory)
+        folder = f"{layout.FRAMES}/{domain.domain}/{name}/depth"
         if safe_files.kind(root, folder) is None:
             continue
         image = stored_array.open_read(root / folder, root).rows(each.row, each.row + 1)[0]

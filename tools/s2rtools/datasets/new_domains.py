@@ -16,7 +16,7 @@ from s2rstore.records import Domain, TrajectoryPart
 from s2rtools.datasets.frame_writing import FramePlace, ReportProgress, write_trajectory
 from s2rtools.datasets.index_rows import add_image_sizes, domain_hash, insert_domain, insert_frames
 from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.scan import InstanceRecord, Scan
+from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
 from s2rtools.datasets.stored_instances import StoredTrajectory
 
 DomainFrames = list[tuple[TrajectoryPart, StoredTrajectory]]
@@ -48,7 +48,7 @@ def write_domain_frames(
         of_part = replace(scan, trajectories={name: records})
         stored = write_trajectory(of_part, root, name, progress, place)
         if stored is None or len(stored) != part.instances:
-            issue = scan.issues[before]
+            issue = _of_left_out(scan, scan.issues[before:], stored)
             raise RequestError(
                 f"{issue.file}: {issue.kind} {issue.detail}".rstrip()
                 + f"; the new domain {', '.join(domains)} needs an image of every instance of "
@@ -56,6 +56,16 @@ def write_domain_frames(
             )
         written.append((part, stored))
     return written
+
+
+def _of_left_out(
+    scan: Scan, issues: Sequence[InputIssue], stored: StoredTrajectory | None
+) -> InputIssue:
+    """The first issue of a record that was left out; stored records have issues, too."""
+    records = [] if stored is None else stored.records()
+    sources = (source for record in records for source in record.sources.values())
+    kept = {file for source in sources for file in source.file_names(scan)}
+    return next((issue for issue in issues if issue.file not in kept), issues[0])
 
 
 def insert_domains(

@@ -47,9 +47,10 @@ class InputContract:
         colour = (level / 255 * rgb_scale - mean) / std                      mean, std: r, g, b
         depth  = (clip(metres, depth_range) / depth_unit - depth_mean) / depth_std
 
-    `missing_depth` are the metres that stand for pixels without valid depth; a pixel of the resized
-    image is one of these if any of the pixels that it was interpolated from is. None keeps the
-    values of the file. The defaults give values in [-1, 1] for RGB and for depth of 0 to 10 m.
+    `missing_depth` are the metres, not clipped, that stand for pixels without valid depth; a pixel
+    of the resized image is one of these if any of the pixels that it was interpolated from is. None
+    keeps the values of the file. The defaults give values in [-1, 1] for RGB and for depth of 0 to
+    10 m.
     """
 
     channels: Channels = "rgbd"

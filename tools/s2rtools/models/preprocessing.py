@@ -65,11 +65,11 @@ def _fill_depth(
     np.multiply(
         resize(depth, contract.size, how), np.float32(depth_scale / unit), out=x, dtype=np.float32
     )
+    low, high = (np.float32(limit / unit) for limit in contract.depth_range)
+    np.clip(x, low, high, out=x)
     if contract.missing_depth is not None and valid is not None:
         missing = resize((~valid).astype(np.float32), contract.size, how)
         x[np.abs(missing) > _ROUNDING] = contract.missing_depth / unit
-    low, high = (np.float32(limit / unit) for limit in contract.depth_range)
-    np.clip(x, low, high, out=x)
     x -= np.float32(contract.depth_mean / contract.depth_std)
 
 

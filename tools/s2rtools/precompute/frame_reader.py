@@ -41,8 +41,9 @@ AdjustedImages = tuple[NDArray[np.uint8], NDArray[Any], NDArray[np.bool_]]
 class SideFrames:
     """One side of B instances: the network input x (B, C, h, w), and its images of the frame size.
 
-    x is made from the images at the size of their source. `images` are those of the frame size
-    before the adjustments of `chain`; `known` those after it, if they are computed already.
+    x is made from the images at the size of their source where `RunFrames.read_source` gives them,
+    else from `images`, which are those of the frame size before the adjustments of `chain`; `known`
+    are those after it, if they are computed already.
     """
 
     images: FrameImages
@@ -102,6 +103,7 @@ class RunFrames:
         self._store, self._run, self._rendered = store, run, rendered
         self._moves = {side: run_camera_move(store, run, side) for side in SIDES}
         self._renderers = {} if renderers is None else renderers
+        self._has_contract = run.model is None or store.models[run.model].input is not None
 
     def read(
         self, side: Side, start: int, stop: int, images: tuple[str, ...] = ("rgb", "depth")
@@ -120,11 +122,12 @@ class RunFrames:
     def read_source(self, side: Side, start: int, stop: int) -> list[SourceBlock] | None:
         """The images of iids [start, stop) at the size of their source.
 
-        None where they are those that `read` gives: the store holds no others, or they are
-        rendered.
+        None where the network gets those that `read` gives: the store holds no others, they are
+        rendered, or the model has no contract. Releases up to 0.2.0, which registered such models,
+        gave them the stored frames.
         """
         domain = self._run.domain(side)
-        if self._moves[side] != UNMOVED:
+        if self._moves[side] != UNMOVED or not self._has_contract:
             return None
         return read_source(self._store, domain, start, stop)
 

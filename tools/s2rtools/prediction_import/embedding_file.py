@@ -50,36 +50,39 @@ class InstanceEmbeddings:
     """
 
     def __init__(
-        self, path: Path, values: Values, count: int, iids: NDArray[np.int64],
-        rows: NDArray[np.int64],
-    ) -> None:  # fmt: skip
-        """The embeddings of `iids` (n,) are `rows` (n,) of the file; `count` is N.
-
-        Raises RequestError where one is not finite as it is stored.
-        """
+        self, values: Values, count: int, iids: NDArray[np.int64], rows: NDArray[np.int64]
+    ) -> None:
+        """The embeddings of `iids` (n,) are `rows` (n,) of `values`; `count` is N."""
         self.shape = count, int(values.shape[1])
         self.dtype = np.dtype(_STORED[values.dtype.name])
         self._values = values
         self._row = np.full(count, -1, dtype=np.int64)
         self._row[iids] = rows
-        for start in range(0, rows.size, _BLOCK):
-            part = np.sort(rows[start : start + _BLOCK])
-            finite = np.isfinite(self._stored(part)).all(axis=1)
-            if not finite.all():
-                row = int(part[np.flatnonzero(~finite)[0]])
-                raise RequestError(
-                    f"{path}: row {row} (from 0) is not finite as {self.dtype}; remove it with its "
-                    "prediction"
-                )
 
     def __getitem__(self, rows: slice) -> Values:
         """The embeddings of a range of instances."""
         numbers = self._row[rows]
         block = np.full((numbers.size, self.shape[1]), np.nan, dtype=self.dtype)
         known = numbers >= 0
-        block[known] = self._stored(numbers[known])
+        block[known] = _as_stored(self._values[numbers[known]])
         return block
 
-    def _stored(self, rows: NDArray[np.int64]) -> Values:
-        with np.errstate(over="ignore"):
-            return self._values[rows].astype(self.dtype)
+
+def check_finite(path: Path, values: Values, rows: NDArray[np.int64]) -> None:
+    """Raise RequestError for the first of `rows` (n,) that is not finite as it is stored."""
+    in_order = np.sort(rows)
+    for start in range(0, in_order.size, _BLOCK):
+        part = in_order[start : start + _BLOCK]
+        stored = _as_stored(values[part])
+        finite = np.isfinite(stored).all(axis=1)
+        if not finite.all():
+            row = int(part[np.flatnonzero(~finite)[0]])
+            raise RequestError(
+                f"{path}: row {row} (from 0) is not finite as {stored.dtype}; remove it with its "
+                "prediction"
+            )
+
+
+def _as_stored(values: Values) -> Values:
+    with np.errstate(over="ignore"):
+        return values.astype(_STORED[values.dtype.name])

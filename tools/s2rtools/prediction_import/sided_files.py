@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.records import SIDES, Side
-from s2rtools.prediction_import.embedding_file import InstanceEmbeddings, Values, open_embeddings
+from s2rtools.prediction_import.embedding_file import (
+    InstanceEmbeddings,
+    Values,
+    check_finite,
+    open_embeddings,
+)
 from s2rtools.prediction_import.file_predictions import FilePredictions
 
 
@@ -55,6 +60,7 @@ def read_embeddings(
     by_side: dict[Side, InstanceEmbeddings] = {}
     for each in embeddings:
         values = open_embeddings(each.path)
+        used: dict[Side, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
         for code, side in enumerate(SIDES):
             if each.side not in (None, side):
                 continue
@@ -62,9 +68,10 @@ def read_embeddings(
                 raise RequestError(f"--embeddings {each.path}: the {side} side has a file already")
             predictions, rows = _aligned_rows(each, files, side, values)
             chosen = predictions.sides == code
-            by_side[side] = InstanceEmbeddings(
-                each.path, values, count, predictions.iids[chosen], rows[predictions.rows[chosen]]
-            )
+            used[side] = predictions.iids[chosen], rows[predictions.rows[chosen]]
+        check_finite(each.path, values, np.concatenate([numbers for _, numbers in used.values()]))
+        for side, (iids, numbers) in used.items():
+            by_side[side] = InstanceEmbeddings(values, count, iids, numbers)
     for side in SIDES:
         if side not in by_side:
             raise RequestError(f"--embeddings: none for the {side} side; add {side}:FILE.npy")
