@@ -14,7 +14,7 @@ from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
 from s2rtui.session import HeatChoice, Session, State, instance_list
-from s2rtui.session.heatmaps import heatmap_choices
+from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
 
@@ -72,6 +72,8 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
             fields |= loader.read(store, state, LoadContext())
     if state.overlay != "off" and "floor_heat" in fields and fields["floor_heat"] is None:
         label = state.heat.label if state.heat else ""
+        if state.heat:
+            require_floor(store, state.run, state.heat)
         raise RequestError(
             f"--heat {label}: run {state.run} has no stored map of it; use --on selection"
         )

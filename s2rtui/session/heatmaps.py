@@ -91,6 +91,13 @@ def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray
     return selection_grid(store, run, heat, np.array([iid]), "mean")
 
 
+def require_floor(store: Store, run: str, heat: HeatChoice) -> None:
+    """Raise RequestError unless the domains that the heat is projected with have depth."""
+    surfaces = store.provenance_object(f"run:{run}", "surfaces")
+    sides = SIDES if heat.kind in surfaces else (heat.side,)
+    store.require_depth(map(store.run(run).domain, sides), "heat on the map")
+
+
 def selection_grid(
     store: Store,
     run: str,
@@ -104,10 +111,8 @@ def selection_grid(
     An empty kind projects every pixel without a heatmap. `report_share` gets the share that is done
     and returns False to stop.
     """
+    require_floor(store, run, heat)
     record = store.run(run)
-    surfaces = store.provenance_object(f"run:{run}", "surfaces")
-    sides = SIDES if heat.kind in surfaces else (heat.side,)
-    store.require_depth(map(record.domain, sides), "heat on the map")
     grid = MapGrid(store.dataset.bounds)
     for chosen, block in _blocks(iids):
         if not heat.kind:

@@ -230,7 +230,9 @@ class RgbNetwork(nn.Module):
         return self.out(x.mean(dim=(2, 3)))
 
 
-def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(tmp_path: Path) -> None:
+def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = make_store(tmp_path, has_depth=False)
     torch.manual_seed(0)
     with edit(path) as draft:
@@ -259,6 +261,9 @@ def test_without_depth_an_rgb_model_runs_and_what_needs_depth_says_so(tmp_path: 
         with pytest.raises(RequestError, match="domain real has no depth; heat on the map"):
             selection_grid(store, "r", heat, np.arange(3), "mean")
     assert verify(path) == []
+    export = ["export", str(path), "--view", "map", "--out", str(tmp_path / "m.png")]
+    assert main([*export, "--heat", "pixel_difference:rgb"]) == 2
+    assert "has no depth; heat on the map" in capsys.readouterr().err
     for arguments in (
         ["show", str(path), "instance", "--iid", "2"],
         ["show", str(path), "errors"],
