@@ -35,7 +35,7 @@ def loose(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tiny.build(folder / "s.s2r")
     with s2rstore.open(path) as store:
         sim = store.run_columns(RUN).sim
-        rows = {
+        rows: dict[str, np.ndarray | list[str]] = {
             "iid": np.arange(len(sim.x)),
             "domain": ["sim"] * len(sim.x),
             "x": sim.x.copy(),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.records import SIDES, Side
 from s2rtui.analysis.identity_cache import identity_key
@@ -75,11 +77,31 @@ class MapView(PointsView):
 
     def numbers(self, scene: Scene) -> Table:
         truth, run = scene.store.instances, scene.store.run_columns(scene.state.run)
-        columns = (truth.x, truth.y, np.degrees(truth.heading), run.sim.x, run.sim.y,
-                   np.degrees(run.sim.heading), run.real.x, run.real.y,
-                   np.degrees(run.real.heading), run.shift)  # fmt: skip
-        names = ("iid", "x", "y", "heading", "sim x", "sim y", "sim heading", "real x", "real y",
-                 "real heading", "shift")  # fmt: skip
+        columns: tuple[NDArray[Any], ...] = (
+            truth.x,
+            truth.y,
+            np.degrees(truth.heading),
+            run.sim.x,
+            run.sim.y,
+            np.degrees(run.sim.heading),
+            run.real.x,
+            run.real.y,
+            np.degrees(run.real.heading),
+            run.shift,
+        )
+        names: tuple[str, ...] = (
+            "iid",
+            "x",
+            "y",
+            "heading",
+            "sim x",
+            "sim y",
+            "sim heading",
+            "real x",
+            "real y",
+            "real heading",
+            "shift",
+        )
         record = scene.store.run(scene.state.run)
         for side in SIDES:
             if (domain := record.domain(side)) in scene.store.domains_with_own_poses:
