@@ -81,7 +81,10 @@ CONVENTIONS = (
     *(Convention(s, q, f) for f in (False, True) for s in (1, -1) for q in range(4)),
     *(Convention(scale=scale) for scale in SCALES),
 )
-"""With headings negated, an inverted handedness equals mirrored positions: see `_MIRRORED`."""
+"""All conventions that are compared.
+
+Negated headings together with an inverted handedness equal mirrored positions: see `_MIRRORED`.
+"""
 
 
 @dataclass(frozen=True, slots=True)

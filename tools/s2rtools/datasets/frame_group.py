@@ -57,7 +57,7 @@ class FrameGroup:
 
     @property
     def pending_rows(self) -> int:
-        """Instances that are in no block of the journal yet."""
+        """Number of instances that the journal does not record yet."""
         return len(self.stored) - self._recorded
 
     def add(self, row: int, frames: Frames, sources: Sources) -> None:

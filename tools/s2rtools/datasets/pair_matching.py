@@ -222,7 +222,7 @@ def _near_poses(
 
 
 def _embedded(poses: Floats, tolerance: PoseTolerance, seed: int) -> Floats:
-    """Points (N, 4) whose distances grow with those of positions and headings alike."""
+    """Map poses to points (N, 4) for a KD-tree: position, then weighted heading vector."""
     jitter = np.random.default_rng(seed).uniform(-_JITTER, _JITTER, (len(poses), 2))
     directions = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     return np.hstack([poses[:, :2] + jitter, tolerance.metres_per_radian * directions])

@@ -35,8 +35,8 @@ _COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 @dataclass(frozen=True, slots=True)
-class RgbImageFile:
-    """A colour image in a file; `name` is its path relative to the recording.
+class _ImageFile:
+    """An image in a file; `name` is its path relative to the recording.
 
     Images of another `size` (height, width) are reported instead of read, if it is given.
     """
@@ -57,29 +57,18 @@ class RgbImageFile:
     def checksum(self) -> str | None:
         return _checksum(self.path)
 
+
+@dataclass(frozen=True, slots=True)
+class RgbImageFile(_ImageFile):
+    """A colour image in a file; fields as in `_ImageFile`."""
+
     def read(self) -> SourceImage | InputIssue:
         return _read(self.path, self.name, _COLOUR, self.size)
 
 
 @dataclass(frozen=True, slots=True)
-class DepthImageFile:
-    """A depth image in a file, one channel of 8 or 16 bits; the rest as in `RgbImageFile`."""
-
-    path: Path
-    name: str
-    size: tuple[int, int] | None = None
-
-    @property
-    def pixels(self) -> int:
-        height, width = declared_size(self.path) or (0, 0)
-        return height * width
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        return (self.path,)
-
-    def checksum(self) -> str | None:
-        return _checksum(self.path)
+class DepthImageFile(_ImageFile):
+    """A depth image in a file, one channel of 8 or 16 bits; fields as in `_ImageFile`."""
 
     def read(self) -> SourceImage | InputIssue:
         image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)

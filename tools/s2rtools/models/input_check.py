@@ -81,7 +81,7 @@ def _fitting(network: nn.Module, contract: InputContract) -> InputContract | Non
             candidate = replace(contract, channels=channels, size=size)
             try:
                 _forward(network, candidate)
-            except Exception:
+            except Exception:  # networks raise anything for an input that does not fit
                 continue
             return candidate
     return None

@@ -30,7 +30,7 @@ class SidedFile:
 
 
 def parse_file(text: str) -> SidedFile:
-    """A file as `FILE`, `sim:FILE` or `sim/TRAJECTORY:FILE`, and so for `real`."""
+    """Parse `FILE`, `SIDE:FILE` or `SIDE/TRAJECTORY:FILE`; the side is `sim` or `real`."""
     prefix, colon, path = text.partition(":")
     name, slash, trajectory = prefix.partition("/")
     for side in SIDES:

@@ -36,7 +36,7 @@ class PoseLog:
     def ordered(
         self, origin: int, name: str
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], list[InputIssue]]:
-        """Ascending times (K,), in seconds since `origin` (ns), poses (K, 4, 4), and issues.
+        """Sort the poses by time: times (K,), seconds since `origin` (ns), poses (K, 4, 4), issues.
 
         Unusable poses, and those with the time of another, are left out. `name` names the log in
         the issues.

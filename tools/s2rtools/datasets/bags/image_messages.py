@@ -96,7 +96,7 @@ def declared(message: Any) -> Declared:
 
 
 def checksum(message: Any) -> str:
-    """SHA-256 of the message's field `data`."""
+    """SHA-256 of the image data of a ROS message."""
     return hashlib.sha256(message.data.tobytes()).hexdigest()
 
 

@@ -214,7 +214,7 @@ class _Values:
         return found
 
     def is_fisheye(self) -> bool:
-        """Raises RequestError for a camera model that is not read."""
+        """Whether the camera is a fisheye. Raises RequestError for an unsupported camera model."""
         model = self._frame.camera_model or self._document.camera_model
         if model is not None and model.upper() not in _PINHOLES + _FISHEYES:
             known = ", ".join(_PINHOLES[:3] + _FISHEYES[:1])
