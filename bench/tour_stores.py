@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from bench.measured_stores import QUIET
 from s2rstore.index.transaction import edit
 from s2rstore.records import Side
-from s2rtools.datasets.build import build
 from s2rtools.datasets.importers import synthetic_world as importer
 from s2rtools.datasets.scan import InstanceRecord, ScanOptions
+from s2rtools.datasets.writing.build import build
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe

@@ -67,8 +67,8 @@ def trained_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("trained")
     os.environ["XDG_CACHE_HOME"] = str(root / "cache")
     from s2rtools.datasets import IMPORTERS
-    from s2rtools.datasets.build import build
     from s2rtools.datasets.scan import ScanOptions
+    from s2rtools.datasets.writing.build import build
     from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 
     header = pairs.sim2realviz(root / "data", n=40)

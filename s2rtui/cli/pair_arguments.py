@@ -12,8 +12,8 @@ from s2rstore.records import SIDES, Side
 from s2rtui.cli.formatting.progress import Reporter
 
 if TYPE_CHECKING:
-    from s2rtools.datasets.floor_poses import FloorOptions
-    from s2rtools.datasets.paired_recordings import PairedScan
+    from s2rtools.datasets.floor.floor_poses import FloorOptions
+    from s2rtools.datasets.pairing.paired_recordings import PairedScan
     from s2rtools.datasets.recording import Recording
 
 _FLOOR = ("up", "ground", "camera_height", "metres_per_unit")
@@ -50,8 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def scan(options: argparse.Namespace, frame: tuple[int, int], progress: Reporter) -> PairedScan:
     """Read and pair both recordings. Raises RequestError for unusable arguments and input."""
-    from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
-    from s2rtools.datasets.recording_pairs import parse_tolerance
+    from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+    from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
     floors = {side: _floor(side, getattr(options, f"{side}_floor")) for side in SIDES}
     pair_options = PairOptions(
@@ -79,7 +79,7 @@ def _recording(side: Side, options: argparse.Namespace) -> Recording:
 
 
 def _floor(side: Side, arguments: Sequence[str]) -> FloorOptions:
-    from s2rtools.datasets.floor_poses import FloorOptions
+    from s2rtools.datasets.floor.floor_poses import FloorOptions
 
     values = _values(f"--{side}-floor", arguments)
     numbers: dict[str, float] = {}

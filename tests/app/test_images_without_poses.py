@@ -9,7 +9,7 @@ import pytest
 
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.records import Side
-from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+from s2rtools.datasets.writing.image_instances import ImageInstance, build_from_images
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.app.pilot import settle, snapshot

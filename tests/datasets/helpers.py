@@ -8,9 +8,9 @@ from pathlib import Path
 import s2rstore
 from s2rstore.files import layout
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.append import append
-from s2rtools.datasets.build import build
+from s2rtools.datasets.appending.append import append
 from s2rtools.datasets.scan import Scan, ScanOptions
+from s2rtools.datasets.writing.build import build
 
 SIZE = (32, 32)
 

@@ -15,9 +15,10 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.ingest_folder import appending_folders
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets import append, build
-from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.appending import append
+from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (

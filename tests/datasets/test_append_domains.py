@@ -15,8 +15,9 @@ from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets import append, build
+from s2rtools.datasets.appending import append
 from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing import build
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (
     add,

@@ -23,8 +23,9 @@ from s2rstore.index import schema
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check, verify
-from s2rtools.datasets import append, build
+from s2rtools.datasets.appending import append
 from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing import build
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 from tests.datasets.conftest import N
 from tests.datasets.helpers import (

@@ -14,9 +14,9 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.maintenance.room_names import rename_room
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets import append as append_module
-from s2rtools.datasets import build
+from s2rtools.datasets.appending import append as append_module
 from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing import build
 from tests.datasets.conftest import N
 from tests.datasets.helpers import add, files, ingest, kinds, scan_of
 from tests.support import image_folders, pairs

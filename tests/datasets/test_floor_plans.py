@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.records import Bounds
-from s2rtools.datasets.floor_plans import (
+from s2rtools.datasets.floor.floor_plans import (
     OUTSIDE,
     PlacedPlan,
     PointsTable,

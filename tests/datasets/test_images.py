@@ -14,7 +14,7 @@ from s2rstore.files import safe_files
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import NO_RUN
-from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+from s2rtools.datasets.writing.image_instances import ImageInstance, build_from_images
 from s2rtools.translation import image_set
 from tests.datasets.helpers import kinds
 from tests.support import image_folders

@@ -17,12 +17,12 @@ from s2rstore.errors import RequestError
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rtools.datasets import layouts
-from s2rtools.datasets.floor_poses import FloorOptions
+from s2rtools.datasets.floor.floor_poses import FloorOptions
 from s2rtools.datasets.layouts import LAYOUTS
-from s2rtools.datasets.pair_matching import PoseTolerance
-from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
-from s2rtools.datasets.recorded_frame_source import CameraImages
+from s2rtools.datasets.pairing.pair_matching import PoseTolerance
+from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
 from s2rtools.datasets.recording import PinholeCamera, Recording, SourceImage
+from s2rtools.datasets.recordings.recorded_frame_source import CameraImages
 from s2rtui.cli import main
 from tests.support import recordings
 from tests.support.recordings import Side

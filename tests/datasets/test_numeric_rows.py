@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.numeric_rows import (
+from s2rtools.datasets.files.numeric_rows import (
     NumericRows,
     in_time_order,
     read_matrix,
     read_numbers,
     read_stamped_names,
 )
-from s2rtools.datasets.recorded_files import NumberedFiles
-from s2rtools.datasets.recorded_folders import trajectory_name
-from s2rtools.datasets.recorded_poses import poses_at, poses_near
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles
+from s2rtools.datasets.recordings.recorded_folders import trajectory_name
+from s2rtools.datasets.recordings.recorded_poses import poses_at, poses_near
 from s2rtools.datasets.scan import InputIssue
 from tests.datasets.layouts.recordings import drive
 

@@ -16,12 +16,13 @@ import pytest
 
 import s2rstore
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets import image_decoding, index_rows
-from s2rtools.datasets.build import build
-from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.files import image_decoding
+from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.importers.synthetic_world import RenderedFrameSource
 from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
 from s2rtools.datasets.scan import DecodedFrame, Scan
+from s2rtools.datasets.writing import index_rows
+from s2rtools.datasets.writing.build import build
 from tests.datasets.helpers import SIZE, ingest, kinds, scan_of
 from tests.support import image_folders, pairs
 

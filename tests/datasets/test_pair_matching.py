@@ -13,9 +13,9 @@ from scipy.optimize import linear_sum_assignment
 
 from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
-from s2rtools.datasets import pair_matching
-from s2rtools.datasets.pair_matching import Candidates, PoseTolerance, assign, match_poses
-from s2rtools.datasets.recording_pairs import parse_tolerance
+from s2rtools.datasets.pairing import pair_matching
+from s2rtools.datasets.pairing.pair_matching import Candidates, PoseTolerance, assign, match_poses
+from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
 TOLERANCE = PoseTolerance(0.5, math.radians(20))
 

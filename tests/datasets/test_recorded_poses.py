@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from s2rtools.datasets.recorded_poses import (
+from s2rtools.datasets.recordings.recorded_poses import (
     nearest_times,
     orthonormal,
     poses_at,

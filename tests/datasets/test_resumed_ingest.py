@@ -19,17 +19,17 @@ from s2rstore.files import atomic_writes, layout
 from s2rstore.files.ingest_folder import BuildingFolder, building_folders
 from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets import build as build_module
-from s2rtools.datasets import (
+from s2rtools.datasets.files.image_decoding import ImageFiles
+from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing import build as build_module
+from s2rtools.datasets.writing import (
     frame_group,
     frame_writing,
     growing_array,
     ingest_journal,
     source_arrays,
 )
-from s2rtools.datasets.build import build
-from s2rtools.datasets.image_decoding import ImageFiles
-from s2rtools.datasets.scan import Scan
+from s2rtools.datasets.writing.build import build
 from tests.datasets.helpers import rows_by_trajectory, scan_of
 from tests.support import pairs
 

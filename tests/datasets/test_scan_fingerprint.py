@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from s2rtools.datasets.scan_fingerprint import fingerprint
+from s2rtools.datasets.writing.scan_fingerprint import fingerprint
 from tests.datasets.helpers import scan_of
 from tests.support import pairs
 

@@ -13,10 +13,10 @@ import s2rstore
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import check, verify
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.append import append
-from s2rtools.datasets.build import build
-from s2rtools.datasets.image_decoding import ImageFiles
+from s2rtools.datasets.appending.append import append
+from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.scan import DecodedFrame, InputIssue, ScanOptions
+from s2rtools.datasets.writing.build import build
 from s2rtools.models import build_network
 from s2rtools.models.input_contract import contract_of
 from s2rtools.models.model_registration import pack_weights, register_model

@@ -16,8 +16,8 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import run_frames
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
+from s2rtools.datasets.writing.build import build
 from s2rtools.gap.visual import visual_axis
 from s2rtools.scoring import heatmap_metrics
 from s2rtools.scoring.ground_truth import GroundTruth

@@ -136,7 +136,7 @@ def jpeg_variants() -> list[bytes]:
 
 
 def test_valid_jpegs_of_all_kinds_are_accepted() -> None:
-    from s2rtools.datasets.jpeg_entropy import check_jpeg
+    from s2rtools.datasets.files.jpeg_entropy import check_jpeg
 
     for content in jpeg_variants():
         check_jpeg(content)
@@ -144,7 +144,7 @@ def test_valid_jpegs_of_all_kinds_are_accepted() -> None:
 
 def test_most_damage_of_a_jpeg_is_detected() -> None:
     """A changed amplitude gives another valid image, so not all damage can be detected."""
-    from s2rtools.datasets.jpeg_entropy import check_jpeg
+    from s2rtools.datasets.files.jpeg_entropy import check_jpeg
 
     rng = np.random.default_rng(1)
     content = jpeg(cv2.resize(IMAGE, (320, 240)))

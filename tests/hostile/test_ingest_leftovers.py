@@ -21,7 +21,7 @@ from s2rstore.files import process_identity
 from s2rstore.files.ingest_folder import building_folder, building_folders
 from s2rstore.files.layout import read_current
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets import ingest_journal
+from s2rtools.datasets.writing import ingest_journal
 from s2rtui.cli import main
 from tests.support import pairs
 

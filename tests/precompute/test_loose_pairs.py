@@ -18,9 +18,9 @@ from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import SIDES
-from s2rtools.datasets.build import build
-from s2rtools.datasets.floor_poses import FloorOptions
-from s2rtools.datasets.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.floor.floor_poses import FloorOptions
+from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
+from s2rtools.datasets.writing.build import build
 from s2rtools.interactive.live_model import LiveModel
 from s2rtools.models import build_network
 from s2rtools.models.conventions import OutputConvention

@@ -16,8 +16,8 @@ from torch import nn
 import s2rstore
 from s2rstore.maintenance.verify import check
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
+from s2rtools.datasets.writing.build import build
 from s2rtools.models.model_registration import add_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run

@@ -13,7 +13,7 @@ import pytest
 import s2rstore
 from bench.support.ros_programs import missing_ros
 from s2rstore.maintenance.verify import verify
-from s2rtools.datasets.frame_cache import FrameCache
+from s2rtools.datasets.writing.frame_cache import FrameCache
 from s2rtools.lane_detection.conditions import CONDITIONS
 from s2rtools.lane_detection.rendered_folder import lit_frames
 from s2rtools.ros.ros_environment import SYSTEM_PACKAGES

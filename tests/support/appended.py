@@ -10,7 +10,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore.records import Domain
-from s2rtools.datasets.append import append
+from s2rtools.datasets.appending.append import append
 from s2rtools.datasets.scan import DecodedFrame, InstanceRecord, Scan
 
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import Scan, ScanOptions
+from s2rtools.datasets.writing.build import build
 
 SIM_SIZE, REAL_SIZE = (48, 96), (64, 128)
 """(height, width) of the images; both have the aspect ratio 2."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from s2rstore.index.transaction import edit
 from s2rtools.datasets import IMPORTERS
-from s2rtools.datasets.build import build
 from s2rtools.datasets.scan import ScanOptions
+from s2rtools.datasets.writing.build import build
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.model_registration import Weights, register_model

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.datasets.recorded_files import DepthImageFile, RgbImageFile
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -19,6 +18,7 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_files import DepthImageFile, RgbImageFile
 
 CAMERA = PinholeCamera(32, 24, 30.0, 30.0, 16.0, 12.0)
 HEIGHT = 0.6

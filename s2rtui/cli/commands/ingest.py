@@ -140,7 +140,7 @@ def _frame_size(options: argparse.Namespace) -> int:
 
 
 def _build(scan: Any, options: argparse.Namespace) -> int:
-    from s2rtools.datasets.build import build
+    from s2rtools.datasets.writing.build import build
 
     try:
         with interrupts.sigterm_as_interrupt(), reporter() as progress:
@@ -160,7 +160,7 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
 
 def _interrupted_state(target: Path) -> str:
     """What an interrupted ingest has left, and how it is resumed."""
-    from s2rtools.datasets.ingest_journal import fingerprint_of
+    from s2rtools.datasets.writing.ingest_journal import fingerprint_of
 
     if target.exists():
         return f"{target} is complete"
@@ -174,7 +174,7 @@ def _interrupted_state(target: Path) -> str:
 
 
 def _append(scan: Any, options: argparse.Namespace) -> int:
-    from s2rtools.datasets.append import append
+    from s2rtools.datasets.appending.append import append
 
     try:
         with reporter() as progress:

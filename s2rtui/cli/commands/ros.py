@@ -201,7 +201,7 @@ def _translate_to_store(options: argparse.Namespace) -> None:
 
     The images of the bag are domain `camera` of the store, their translations `translated`.
     """
-    from s2rtools.datasets.image_instances import ImageInstance, build_from_images
+    from s2rtools.datasets.writing.image_instances import ImageInstance, build_from_images
     from s2rtools.ros.callback_items import callback_items
 
     recording = re.sub(r"[^A-Za-z0-9_.+-]", "_", options.bag.stem)[:80].lstrip("_.+-") or "bag"

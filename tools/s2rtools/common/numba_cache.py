@@ -23,7 +23,7 @@ from numba import njit, prange
 __all__ = ["cached", "njit", "prange"]
 
 _FILES = (
-    "datasets/jpeg_entropy.py",
+    "datasets/files/jpeg_entropy.py",
     "synthetic_world/raycaster.py",
     "synthetic_world/materials.py",
     "sysid/variable_projection.py",

@@ -32,8 +32,8 @@ from s2rstore.files.layout import checked_name
 from s2rstore.records import Bounds, Domain, Intrinsics, Room
 from s2rtools.common.documents import convert
 from s2rtools.common.image_files import MAX_PIXELS
-from s2rtools.datasets.floor_plans import PlacedPlan, PointsTable, placed_plan
-from s2rtools.datasets.path_containment import PathContainment
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.floor.floor_plans import PlacedPlan, PointsTable, placed_plan
 from s2rtools.datasets.scan import InputIssue, Scan
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]

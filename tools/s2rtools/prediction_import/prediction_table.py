@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
-from s2rtools.datasets.csv_rows import parse_float, read_rows
+from s2rtools.datasets.files.csv_rows import parse_float, read_rows
 from s2rtools.motion_logs import row_checks
 from s2rtools.prediction_import.row_issues import RowIssues
 

@@ -12,8 +12,8 @@ from s2rstore.errors import RequestError
 from s2rtools.datasets.bags.frame_tree import FrameTree, PoseLog, plain
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.bags.topics import ODOMETRY, TF, Topics, is_static
-from s2rtools.datasets.recorded_poses import FORWARD_TO_OPTICAL, poses_at
 from s2rtools.datasets.recording import ReadOptions
+from s2rtools.datasets.recordings.recorded_poses import FORWARD_TO_OPTICAL, poses_at
 from s2rtools.datasets.scan import InputIssue
 
 OPTICAL, FORWARD = "optical", "forward"

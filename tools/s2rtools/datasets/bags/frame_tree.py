@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.recorded_poses import poses_at, poses_from_quaternions, usable_poses
+from s2rtools.datasets.recordings.recorded_poses import (
+    poses_at,
+    poses_from_quaternions,
+    usable_poses,
+)
 from s2rtools.datasets.scan import InputIssue
 
 _MOST_POSES = 4_000_000

@@ -10,7 +10,7 @@ from s2rstore.errors import RequestError
 from s2rtools.datasets.bags.image_messages import COMPRESSED, IMAGE, declared
 from s2rtools.datasets.bags.messages import BagMessages
 from s2rtools.datasets.recording import PinholeCamera, ReadOptions
-from s2rtools.datasets.stated_cameras import checked
+from s2rtools.datasets.recordings.stated_cameras import checked
 
 INFO = "sensor_msgs/msg/CameraInfo"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -20,19 +20,8 @@ from s2rtools.datasets.bags.camera_poses import FORWARD, MAX_GAP, OPTICAL, Camer
 from s2rtools.datasets.bags.image_index import ImageIndex
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
 from s2rtools.datasets.bags.topics import camera_of, choose_topics
+from s2rtools.datasets.files.numeric_rows import report_unusable
 from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.numeric_rows import report_unusable
-from s2rtools.datasets.recorded_folders import (
-    existing_folder,
-    folder_name,
-    report_none_near,
-    require_frames,
-    trajectory_name,
-)
-from s2rtools.datasets.recorded_poses import (
-    mutual_nearest,
-    orthonormal,
-)
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -41,8 +30,19 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    report_none_near,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.recorded_poses import (
+    mutual_nearest,
+    orthonormal,
+)
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _LEVEL_WORLDS = ("map", "odom", "world")

@@ -15,14 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.colmap_model import ModelImage, holds_model, read_model
-from s2rtools.datasets.numeric_rows import report_unusable
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recorded_files import FrameFiles
-from s2rtools.datasets.recorded_folders import folder_name, require_frames, trajectory_name
-from s2rtools.datasets.recorded_poses import orthonormal, poses_from_quaternions
+from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import Layout, ReadOptions, RecordedTrajectory, Recording
+from s2rtools.datasets.recordings.colmap_model import ModelImage, holds_model, read_model
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
+from s2rtools.datasets.recordings.recorded_folders import (
+    folder_name,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.recorded_poses import orthonormal, poses_from_quaternions
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
 
 _MODEL_FOLDERS = (".", "sparse", "colmap/sparse")

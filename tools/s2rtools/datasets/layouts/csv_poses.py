@@ -40,7 +40,6 @@ from scipy.spatial.transform import Rotation
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import read_document
 from s2rtools.common.documents import convert
-from s2rtools.datasets.csv_rows import parse_float, read_rows
 from s2rtools.datasets.dataset_config import (
     CameraTable,
     Coordinate,
@@ -48,11 +47,9 @@ from s2rtools.datasets.dataset_config import (
     IntrinsicsCamera,
     Positive,
 )
-from s2rtools.datasets.numeric_rows import report_unusable
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file
-from s2rtools.datasets.recorded_folders import require_frames, trajectory_name
-from s2rtools.datasets.recorded_poses import FORWARD_TO_OPTICAL, orthonormal, poses_from_quaternions
+from s2rtools.datasets.files.csv_rows import parse_float, read_rows
+from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -60,8 +57,15 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file
+from s2rtools.datasets.recordings.recorded_folders import require_frames, trajectory_name
+from s2rtools.datasets.recordings.recorded_poses import (
+    FORWARD_TO_OPTICAL,
+    orthonormal,
+    poses_from_quaternions,
+)
+from s2rtools.datasets.recordings.stated_cameras import checked
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import checked
 
 _POSITION = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")

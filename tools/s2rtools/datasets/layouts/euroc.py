@@ -27,27 +27,13 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rtools.common.documents import convert
 from s2rtools.common.yaml_files import read_yaml
-from s2rtools.datasets.numeric_rows import (
+from s2rtools.datasets.files.numeric_rows import (
     in_time_order,
     read_numbers,
     read_stamped_names,
     report_unusable,
 )
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
-from s2rtools.datasets.recorded_folders import (
-    existing_folder,
-    folder_name,
-    report_none_near,
-    require_frames,
-    trajectory_name,
-)
-from s2rtools.datasets.recorded_poses import (
-    orthonormal,
-    poses_at,
-    poses_from_quaternions,
-    usable_poses,
-)
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -55,8 +41,22 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file, usual_size
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    report_none_near,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.recorded_poses import (
+    orthonormal,
+    poses_at,
+    poses_from_quaternions,
+    usable_poses,
+)
+from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import checked, opencv_camera
 
 MAX_GAP = 0.1
 """Seconds between two poses that are interpolated."""

@@ -23,11 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.numeric_rows import NumericRows, read_numbers, report_unusable
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, NumberedFiles, find_file, usual_size
-from s2rtools.datasets.recorded_folders import existing_folder, folder_name, require_frames
-from s2rtools.datasets.recorded_poses import orthonormal
+from s2rtools.datasets.files.numeric_rows import NumericRows, read_numbers, report_unusable
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.files.text_lines import read_lines
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -35,9 +33,20 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_files import (
+    FrameFiles,
+    NumberedFiles,
+    find_file,
+    usual_size,
+)
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    require_frames,
+)
+from s2rtools.datasets.recordings.recorded_poses import orthonormal
+from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import checked, opencv_camera
-from s2rtools.datasets.text_lines import read_lines
 
 _SEQUENCE = re.compile(r"[0-9]{2,4}")
 _IMAGE = re.compile(r"([0-9]+)\.(?:png|jpg)", re.IGNORECASE)

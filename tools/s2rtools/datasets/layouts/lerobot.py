@@ -15,8 +15,17 @@ from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
 from s2rstore.index.parquet_table import read_columns, read_vectors
+from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.lazy_sequence import LazySequence
-from s2rtools.datasets.lerobot_files import (
+from s2rtools.datasets.recording import (
+    Layout,
+    ReadOptions,
+    RecordedFrame,
+    RecordedTrajectory,
+    Recording,
+)
+from s2rtools.datasets.recordings.lerobot_files import (
     Episode,
     ImageStore,
     Info,
@@ -26,23 +35,18 @@ from s2rtools.datasets.lerobot_files import (
     episodes_of,
     read_info,
 )
-from s2rtools.datasets.numeric_rows import report_unusable
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_folders import existing_folder, folder_name, require_frames
-from s2rtools.datasets.recorded_poses import (
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    require_frames,
+)
+from s2rtools.datasets.recordings.recorded_poses import (
     FORWARD_TO_OPTICAL,
     orthonormal,
     poses_from_quaternions,
 )
-from s2rtools.datasets.recording import (
-    Layout,
-    ReadOptions,
-    RecordedFrame,
-    RecordedTrajectory,
-    Recording,
-)
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option
 
 _STATE = "observation.state"
 _NUMBERS = ("episode_index", "frame_index", "timestamp")

@@ -23,18 +23,9 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import decode_json, read_bytes
 from s2rtools.common.image_files import SUFFIXES
-from s2rtools.datasets.image_decoding import declared_size
-from s2rtools.datasets.numeric_rows import report_unusable
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_cameras import CAMERA_ID, choose_camera
-from s2rtools.datasets.recorded_files import FrameFiles
-from s2rtools.datasets.recorded_folders import (
-    existing_folder,
-    folder_name,
-    require_frames,
-    trajectory_name,
-)
-from s2rtools.datasets.recorded_poses import orthonormal
+from s2rtools.datasets.files.image_decoding import declared_size
+from s2rtools.datasets.files.numeric_rows import report_unusable
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -42,8 +33,17 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.recorded_cameras import CAMERA_ID, choose_camera
+from s2rtools.datasets.recordings.recorded_files import FrameFiles
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.recorded_poses import orthonormal
+from s2rtools.datasets.recordings.stated_cameras import checked
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import checked
 
 _MAX_BYTES = 256 << 20
 """Bytes of a file; a frame has about 700."""

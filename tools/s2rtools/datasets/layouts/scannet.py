@@ -21,19 +21,19 @@ from pathlib import Path
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.numeric_rows import read_matrix
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recorded_files import NumberedFiles, usual_size
-from s2rtools.datasets.recorded_folders import (
+from s2rtools.datasets.files.numeric_rows import read_matrix
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
+from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles, usual_size
+from s2rtools.datasets.recordings.recorded_folders import (
     existing_folder,
     folder_name,
     require_frames,
     trajectory_name,
 )
-from s2rtools.datasets.recording import Layout, PinholeCamera, ReadOptions, Recording
+from s2rtools.datasets.recordings.stated_cameras import checked, opencv_camera
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import checked, opencv_camera
 
 _RGB = re.compile(r"([0-9]+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
 _DEPTH = re.compile(r"([0-9]+)\.png", re.IGNORECASE)

@@ -20,15 +20,8 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.pose_files import NumberedFrames, read_frames
-from s2rtools.datasets.recorded_files import NumberedFiles, usual_size
-from s2rtools.datasets.recorded_folders import (
-    existing_folder,
-    folder_name,
-    require_frames,
-    trajectory_name,
-)
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.files.text_lines import read_lines
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -36,9 +29,16 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
+from s2rtools.datasets.recordings.pose_files import NumberedFrames, read_frames
+from s2rtools.datasets.recordings.recorded_files import NumberedFiles, usual_size
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.stated_cameras import CAMERA_OPTION, camera_option, fit_to_images
 from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import CAMERA_OPTION, camera_option, fit_to_images
-from s2rtools.datasets.text_lines import read_lines
 
 RAW_MAX = 65534
 _COLOUR = PinholeCamera(640, 480, 525.0, 525.0, 320.0, 240.0)

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.datasets.numeric_rows import (
+from s2rtools.datasets.files.numeric_rows import (
     NumericRows,
     StampedNames,
     in_time_order,
@@ -30,21 +30,7 @@ from s2rtools.datasets.numeric_rows import (
     read_stamped_names,
     report_unusable,
 )
-from s2rtools.datasets.path_containment import PathContainment
-from s2rtools.datasets.recorded_files import FrameFiles, find_file, usual_size
-from s2rtools.datasets.recorded_folders import (
-    existing_folder,
-    folder_name,
-    report_none_near,
-    require_frames,
-    trajectory_name,
-)
-from s2rtools.datasets.recorded_poses import (
-    mutual_nearest,
-    orthonormal,
-    poses_from_quaternions,
-    poses_near,
-)
+from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
     Layout,
     PinholeCamera,
@@ -52,13 +38,27 @@ from s2rtools.datasets.recording import (
     RecordedTrajectory,
     Recording,
 )
-from s2rtools.datasets.scan import InputIssue, choose_trajectories
-from s2rtools.datasets.stated_cameras import (
+from s2rtools.datasets.recordings.recorded_files import FrameFiles, find_file, usual_size
+from s2rtools.datasets.recordings.recorded_folders import (
+    existing_folder,
+    folder_name,
+    report_none_near,
+    require_frames,
+    trajectory_name,
+)
+from s2rtools.datasets.recordings.recorded_poses import (
+    mutual_nearest,
+    orthonormal,
+    poses_from_quaternions,
+    poses_near,
+)
+from s2rtools.datasets.recordings.stated_cameras import (
     CAMERA_OPTION,
     camera_option,
     fit_to_images,
     opencv_camera,
 )
+from s2rtools.datasets.scan import InputIssue, choose_trajectories
 
 UNITS_PER_METRE = 5000
 TOLERANCE = 0.02

@@ -1,0 +1,1 @@
+"""Append the new instances and domains of a scan to a store."""

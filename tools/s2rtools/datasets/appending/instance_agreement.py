@@ -1,0 +1,187 @@
+"""Compare the instances of a scan with those that the store has of the same trajectories.
+
+Stored instances are never replaced. So the source must have them unchanged, in the same order;
+further ones may follow them.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+
+from s2rstore.errors import RequestError
+from s2rstore.reader import Store
+from s2rtools.common.read_ahead import map_ahead
+from s2rtools.datasets.appending.store_agreement import is_close
+from s2rtools.datasets.scan import InputIssue, InstanceRecord, Scan
+from s2rtools.datasets.writing.frame_writing import depth_type
+
+_THREADS = 2
+_BLOCK = 4096
+"""Stored instances that are read together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Additions:
+    """What a scan adds to a store.
+
+    `new` and `unchanged` are names of trajectories. `continued` has the number of the first record
+    behind the stored instances of a trajectory, `rows` the numbers of the records of these.
+    `domains` are added to all stored instances.
+    """
+
+    new: tuple[str, ...]
+    domains: tuple[str, ...]
+    unchanged: list[str] = field(default_factory=list)
+    continued: dict[str, int] = field(default_factory=dict)
+    rows: dict[str, array[int]] = field(default_factory=dict)
+
+    @property
+    def is_empty(self) -> bool:
+        return not (self.new or self.continued or self.domains)
+
+
+@dataclass(frozen=True, slots=True)
+class _StoredInstance:
+    pose: tuple[float, float, float]
+    checksums: dict[str, str]
+
+
+class _DifferenceError(Exception):
+    """The first difference of a trajectory from the stored one."""
+
+
+def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Additions:
+    """What the scan, in the terms of the store, adds to it.
+
+    `progress` is called with twice the number of compared frames. Raises RequestError for a
+    trajectory that the store has with other images or poses, and for a new domain where the scan
+    does not have all stored instances.
+    """
+    stored = {trajectory.trajectory for trajectory in store.trajectories}
+    domains = tuple(name for name in scan.domains if name not in store.domains)
+    missing = sorted(stored - scan.trajectories.keys()) if domains else []
+    if missing:
+        raise RequestError(
+            f"{store.path}: {_names(domains)}: the source has no trajectory {missing[0]}; a new "
+            "domain needs an image of every instance of the store"
+        )
+    found = Additions(tuple(sorted(scan.trajectories.keys() - stored)), domains)
+    for name in sorted(stored & scan.trajectories.keys()):
+        try:
+            first = _compare(scan, store, name, found.rows.setdefault(name, array("i")), progress)
+        except _DifferenceError as difference:
+            raise _refusal(store, name, difference, domains) from None
+        if first is None:
+            found.unchanged.append(name)
+        else:
+            found.continued[name] = first
+    return found
+
+
+def stored_depth_types(store: Store, trajectory: str) -> dict[str, str]:
+    """The numpy type of a trajectory's stored depth images in each domain with depth."""
+    part = next(part for part in store.trajectory_parts if part.trajectory == trajectory)
+    return {
+        name: store.frames_array(name, part, "depth").layout.dtype
+        for name, domain in store.domains.items()
+        if domain.has_depth
+    }
+
+
+def _refusal(
+    store: Store, name: str, difference: _DifferenceError, domains: tuple[str, ...]
+) -> RequestError:
+    advice = "and stored instances are never replaced; give the trajectory another name"
+    if domains:
+        advice = (
+            f"and {_names(domains)} needs an image of every stored instance; complete the source, "
+            "or leave that domain out"
+        )
+    return RequestError(
+        f"{store.path}: trajectory {name}: the source differs from what is stored ({difference}), "
+        f"{advice}"
+    )
+
+
+def _names(domains: tuple[str, ...]) -> str:
+    return f"the new domain {', '.join(domains)}"
+
+
+def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance]:
+    """The instances of a trajectory in recording order."""
+    query = """
+        SELECT iid, any_value(x), any_value(y), any_value(heading), list(domain), list(sha256)
+        FROM instance JOIN frame USING (iid)
+        WHERE iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
+    """
+    for part in store.trajectory_parts:
+        if part.trajectory != trajectory:
+            continue
+        for start in range(part.first_iid, part.stop, _BLOCK):
+            stop = min(start + _BLOCK, part.stop)
+            for _, x, y, heading, domains, sums in store.execute(query, [start, stop]):
+                known = None not in (x, y, heading)
+                pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
+                yield _StoredInstance(pose, dict(zip(domains, sums, strict=True)))
+
+
+def _compare(
+    scan: Scan, store: Store, name: str, rows: array[int], progress: Callable[[int], None]
+) -> int | None:
+    """Compare a trajectory's usable records with the stored instances, up to the first further one.
+
+    Adds the numbers of the records of stored instances to `rows`; gives that of the first further
+    record, None without one. Records whose images cannot be decoded, or have another depth type,
+    were left out when the trajectory was ingested. Raises _DifferenceError.
+    """
+    types, kept = stored_depth_types(store, name), frozenset(store.domains)
+    stored = _stored_instances(store, name)
+    expected = next(stored, None)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        compared = map_ahead(pool, partial(_checksums, scan, kept), scan.trajectories[name])
+        for number, (record, checksums) in enumerate(compared):
+            if expected is not None and expected.checksums == checksums:
+                pose = record.x, record.y, record.heading
+                if not all(map(is_close, pose, expected.pose)):
+                    file = _file(scan, record, next(iter(checksums)), len(rows))
+                    raise _DifferenceError(f"the pose of {file}")
+                rows.append(number)
+                expected = next(stored, None)
+            elif all(_is_usable(scan, record, domain, types) for domain in checksums):
+                if expected is None:
+                    return number
+                differing = (d for d, sum in checksums.items() if expected.checksums.get(d) != sum)
+                domain = next(differing, next(iter(checksums)))
+                raise _DifferenceError(_file(scan, record, domain, len(rows)))
+            progress(2 * len(checksums))
+    if expected is not None:
+        raise _DifferenceError(f"only the first {len(rows)} of the stored instances")
+    return None
+
+
+def _file(scan: Scan, record: InstanceRecord, domain: str, seq: int) -> str:
+    """The files of a frame as messages name them."""
+    files = [name for name in record.sources[domain].file_names(scan) if name is not None]
+    return " or ".join(files) or f"instance {seq} in {domain}"
+
+
+def _checksums(
+    scan: Scan, domains: frozenset[str], record: InstanceRecord
+) -> tuple[InstanceRecord, dict[str, str | None]]:
+    """A record and the checksums of its frames in the stored domains."""
+    sources = ((name, source) for name, source in record.sources.items() if name in domains)
+    return record, {name: source.checksum(scan, scan.domains[name]) for name, source in sources}
+
+
+def _is_usable(
+    scan: Scan, record: InstanceRecord, domain: str, depth_types: Mapping[str, str]
+) -> bool:
+    frame = record.sources[domain].decode(scan, scan.domains[domain])
+    if isinstance(frame, InputIssue):
+        return False
+    return depth_type(frame) == depth_types.get(domain, depth_type(frame))

@@ -1,0 +1,1 @@
+"""Check the conventions of poses and depth on back-projected depth images."""

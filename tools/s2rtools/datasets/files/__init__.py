@@ -1,0 +1,1 @@
+"""Files of unknown origin: lines, tables and images, read within limits and checked."""

@@ -1,0 +1,1 @@
+"""The floor of a data set: its plan, its plane, and poses on it."""

@@ -1,0 +1,317 @@
+"""6-DoF poses of a recording on the floor: position, heading, and what does not fit on a plane.
+
+The floor's axes are right-handed: x and y in the plane, z upwards, z = 0 on the floor, metres. They
+follow from those of the recording's world by the smallest rotation that turns up into z: a world
+whose z points up keeps its x and y; one whose y points up keeps x, and its -z becomes y.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rtools.datasets.floor import ground_plane
+from s2rtools.datasets.recording import Recording
+from s2rtools.datasets.scan import InputIssue
+
+Floats = NDArray[np.float64]
+
+_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_NO_HEADING = math.radians(5)
+"""Angle between the optical axis and the vertical below which a frame has no heading."""
+_LEVEL = math.radians(0.5)
+"""Deviation of the cameras' horizontal axes up to which poses alone determine the up axis best."""
+_TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
+"""Tilt, in the median and at most, beyond which a camera is reported as not level."""
+_INCLINED = math.radians(5)
+"""Angle between the up axis and the fitted floor that is reported."""
+_MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
+"""Largest scale of a world (its inverse is the smallest), height of a floor in units of the world,
+and height of cameras in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorOptions:
+    """How poses are put on the floor.
+
+    `up` is the direction against gravity in the world's axes: "z", "-y" or three numbers; by
+    default the layout's, else fitted. `ground` is the floor's height along it in units of the
+    world; by default fitted to depth. `camera_height` is that of the cameras above the floor in
+    metres, in the median; it replaces `ground`. `metres_per_unit` is the scale of the world.
+    """
+
+    up: str | Sequence[float] | None = None
+    ground: float | None = None
+    camera_height: float | None = None
+    metres_per_unit: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorPoses:
+    """The poses of a recording on the floor, by trajectory, a row for every frame.
+
+    `poses` (N, 3) are x, y in metres and heading in radians in [-pi, pi), the direction of the
+    optical axis on the floor; y grows to the left of x, so that maps have `y_down` = False. Rows
+    of frames that look straight up or down are NaN and in `issues`. `cameras` (N, 4, 4) are the
+    full poses in the floor's axes, metres. `camera_height` is the median height above the floor,
+    NaN where it is unknown, `height_spread` the distance of the 5th and the 95th percentile.
+    `pitch` is the median, radians, positive where the camera looks upwards. `tilt_median` and
+    `tilt_max` are angles, in radians, between the cameras and level ones of that pitch.
+    `world_to_floor` (4, 4) maps points of the world; it scales them by `metres_per_unit`.
+    `up_source` says where the up axis comes from.
+    """
+
+    poses: dict[str, Floats]
+    cameras: dict[str, Floats]
+    world_to_floor: Floats
+    up: Floats
+    up_source: str
+    metres_per_unit: float
+    camera_height: float
+    height_spread: float
+    pitch: float
+    tilt_median: float
+    tilt_max: float
+    report: tuple[str, ...]
+    issues: list[InputIssue] = field(default_factory=list)
+
+    def usable(self, trajectory: str) -> NDArray[np.bool_]:
+        """Which frames of a trajectory have a pose on the floor, (N,)."""
+        return np.asarray(np.isfinite(self.poses[trajectory]).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedScale:
+    """The factor by which `metres_per_unit` of an earlier projection `floor` is multiplied."""
+
+    floor: FloorPoses
+    factor: float
+
+
+def parse_up(up: str | Sequence[float]) -> Floats:
+    """A unit vector (3,) of "z", "-y" or three numbers. Raises RequestError for anything else."""
+    if isinstance(up, str):
+        name = up.strip().lower()
+        sign, name = (-1.0 if name.startswith("-") else 1.0), name.lstrip("+-")
+        numbers: Sequence[object] = _AXES.get(name) or up.replace(",", " ").split()
+        sign = sign if name in _AXES else 1.0
+    else:
+        sign, numbers = 1.0, up
+    try:
+        vector = sign * np.array([float(str(number)) for number in numbers])
+    except ValueError:
+        vector = np.empty(0)
+    length = float(np.linalg.norm(vector))
+    if vector.shape != (3,) or not math.isfinite(length) or length < 1e-9:
+        raise RequestError(f"up {up!r}: give x, y or z, with - for its opposite, or three numbers")
+    return np.asarray(vector / length + 0.0)
+
+
+def project_to_floor(
+    recording: Recording, options: FloorOptions | None = None, scale: FittedScale | None = None
+) -> FloorPoses:
+    """Put the poses of all trajectories on the floor of their world.
+
+    Without a declared up axis, that of the layout counts. Without one, it is fitted to the poses
+    of a level camera, else to the floor in depth images, else to the poses of any camera (see
+    `ground_plane.up_from_poses` and `ground_plane.fit_floor`). With `scale`, the up axis is that of
+    the earlier projection. Raises RequestError if the up axis is not determined, or if an option is
+    invalid.
+    """
+    options = options or FloorOptions()
+    unit = options.metres_per_unit * (scale.factor if scale else 1.0)
+    if not 1 / _MOST_METRES_PER_UNIT <= unit <= _MOST_METRES_PER_UNIT:
+        low, high = 1 / _MOST_METRES_PER_UNIT, _MOST_METRES_PER_UNIT
+        raise RequestError(f"metres_per_unit {unit:g}: must be a number from {low:g} to {high:g}")
+    if not any(len(t.poses) for t in recording.trajectories.values()):
+        raise RequestError(f"{recording.name}: no image has a pose")
+    all_poses = np.concatenate([t.poses for t in recording.trajectories.values()])
+    needs_points = options.up is None and recording.up is None
+    needs_points |= options.ground is None and options.camera_height is None
+    points, frames = (
+        ground_plane.depth_points(recording, unit) if needs_points else (np.empty((0, 3)), 0)
+    )
+    tolerance = ground_plane.point_tolerance(recording, unit)
+    if scale is None:
+        up, how = _up(recording, options, all_poses, points, tolerance)
+    else:
+        up, how = scale.floor.up, scale.floor.up_source
+    heights = all_poses[:, :3, 3] @ up
+    issues: list[InputIssue] = []
+    ground, ground_text = _ground(options, unit, up, heights, all_poses, points, tolerance)
+    if math.isnan(ground):
+        ground_text = "floor not known; give ground or camera_height"
+    elif frames and options.ground is None and options.camera_height is None:
+        ground_text += f" of {frames} frames"
+        issues += _inclination(recording, up, all_poses, points, tolerance)
+    world_to_floor = _world_to_floor(up, 0.0 if math.isnan(ground) else ground, unit)
+    cameras = {
+        name: _moved(trajectory.poses, world_to_floor, unit)
+        for name, trajectory in recording.trajectories.items()
+    }
+    poses = {name: _on_floor(each) for name, each in cameras.items()}
+    issues += _without_heading(recording, poses)
+    everything = np.concatenate(list(cameras.values()))
+    pitch, tilt = _tilt(everything, np.concatenate(list(poses.values()))[:, 2])
+    low, middle, high = (float(each) for each in np.percentile(everything[:, 2, 3], [5, 50, 95]))
+    camera_height = math.nan if math.isnan(ground) else middle
+    tilt_median, tilt_max = float(np.median(tilt)), float(tilt.max())
+    tilt_text = (
+        f"tilt {math.degrees(tilt_median):.1f} degrees in the median, at most "
+        f"{math.degrees(tilt_max):.1f}"
+    )
+    if tilt_median > _TILT_MEDIAN or tilt_max > _TILT_MAX:
+        detail = f"{tilt_text}; roll and changes of pitch are not on the floor plan"
+        issues.append(InputIssue("camera not level", recording.name, detail))
+    if not recording.is_metric and unit == 1.0 and scale is None:
+        own, name = recording.scale_option, recording.layout
+        advice = f"option {own} of layout {name}" if own else "metres_per_unit"
+        detail = f"the layout leaves it open; give {advice}"
+        issues.append(InputIssue("scale of the world not known", recording.name, detail))
+    height_text = "height unknown" if math.isnan(ground) else f"{camera_height:.3f} m above it"
+    report: tuple[str, ...] = (
+        f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
+        f"camera {height_text} ({high - low:.3f} m between the 5th and the 95th percentile), "
+        f"pitch {math.degrees(pitch):.2f} degrees, {tilt_text}",
+    )
+    if scale is not None:
+        report += (f"scale fitted to the pairs: {unit:.6g} metres per unit of the world",)
+    return FloorPoses(
+        poses, cameras, world_to_floor, up, how, unit, camera_height, high - low, pitch,
+        tilt_median, tilt_max, report, issues,
+    )  # fmt: skip
+
+
+def _without_heading(recording: Recording, poses: dict[str, Floats]) -> list[InputIssue]:
+    """An issue for each frame that looks straight up or down."""
+    return [
+        InputIssue(
+            "no heading",
+            recording.trajectories[name].frames[int(row)].rgb.name,
+            "the camera looks straight up or down",
+        )
+        for name, each in poses.items()
+        for row in np.flatnonzero(np.isnan(each[:, 2]))
+    ]
+
+
+def _up(
+    recording: Recording, options: FloorOptions, poses: Floats, points: Floats, tolerance: float
+) -> tuple[Floats, str]:
+    """The unit vector against gravity in the world's axes, and where it comes from."""
+    if options.up is not None:
+        return parse_up(options.up), "declared"
+    if recording.up is not None:
+        return parse_up(recording.up), f"of the layout {recording.layout}"
+    fitted = ground_plane.up_from_poses(poses)
+    if fitted is not None and fitted.deviation <= _LEVEL:
+        return fitted.up, f"fitted to the {fitted.method}"
+    upright = -poses[:, :3, 1].mean(axis=0) if fitted is None else fitted.up
+    length = float(np.linalg.norm(upright))
+    if length > 0.5:
+        floor = ground_plane.fit_floor(points, poses[:, :3, 3], upright / length, tolerance)
+        if floor is not None:
+            share = f"{100 * floor.share:.0f} % of the depth points below the cameras"
+            return floor.normal, f"fitted to the floor, {share}"
+    if fitted is not None:
+        deviation = math.degrees(fitted.deviation)
+        return fitted.up, f"fitted to the {fitted.method}, which deviate by {deviation:.1f} degrees"
+    raise RequestError(
+        f"{recording.name}: poses and depth do not determine which way is up; give up, such as z"
+    )
+
+
+def _ground(
+    options: FloorOptions, unit: float, up: Floats, heights: Floats, poses: Floats,
+    points: Floats, tolerance: float,
+) -> tuple[float, str]:  # fmt: skip
+    """The floor's height along `up` in units of the world, NaN if unknown, and its source.
+
+    `unit` is metres per unit of the world.
+    """
+    if options.camera_height is not None:
+        if not 0 < options.camera_height <= _MOST_HEIGHT:
+            text = f"must be a positive number of metres, at most {_MOST_HEIGHT:g}"
+            raise RequestError(f"camera_height {options.camera_height:g}: {text}")
+        below = options.camera_height / unit
+        return float(np.median(heights)) - below, "floor by the declared height of the cameras"
+    if options.ground is not None:
+        if not abs(options.ground) <= _MOST_GROUND:
+            limits = f"from {-_MOST_GROUND:g} to {_MOST_GROUND:g}"
+            raise RequestError(f"ground {options.ground:g}: must be a number {limits}")
+        return options.ground, f"floor declared at {options.ground:g}"
+    found = ground_plane.floor_height(points, poses[:, :3, 3], up, tolerance)
+    if found is None:
+        return math.nan, ""
+    height, share = found
+    text = f"floor at {height:.3f}, {100 * share:.0f} % of the points below the cameras in depth"
+    return height, text
+
+
+def _inclination(
+    recording: Recording, up: Floats, poses: Floats, points: Floats, tolerance: float
+) -> list[InputIssue]:
+    """An issue if the floor in depth images is inclined to the up axis."""
+    floor = ground_plane.fit_floor(points, poses[:, :3, 3], up, tolerance)
+    if floor is None:
+        return []
+    angle = math.acos(float(np.clip(floor.normal @ up, -1.0, 1.0)))
+    if angle <= _INCLINED:
+        return []
+    normal = ", ".join(f"{value:.3f}" for value in floor.normal)
+    detail = f"by {math.degrees(angle):.1f} degrees to the up axis; its normal is {normal}"
+    return [InputIssue("floor inclined", recording.name, detail)]
+
+
+def _world_to_floor(up: Floats, ground: float, unit: float) -> Floats:
+    """(4, 4): the smallest rotation that turns `up` into z, the floor to z = 0, world to metres."""
+    axis = np.cross(up, _AXES["z"])
+    sine = float(np.linalg.norm(axis))
+    axis = axis / sine if sine else np.array(_AXES["x"])
+    rotation = Rotation.from_rotvec(math.atan2(sine, up[2]) * axis).as_matrix()
+    result = np.eye(4)
+    result[:3, :3] = unit * rotation
+    result[2, 3] = -unit * ground
+    return result
+
+
+def _moved(poses: Floats, transform: Floats, unit: float) -> Floats:
+    """Poses (N, 4, 4) in the floor's axes; their rotations are not scaled."""
+    moved = np.asarray(transform @ poses)
+    moved[:, :3, :3] /= unit
+    return moved
+
+
+def _on_floor(cameras: Floats) -> Floats:
+    """x, y and heading (N, 3) of poses in the floor's axes; NaN without a heading."""
+    forward = cameras[:, :3, 2]
+    heading = angles.wrap(np.arctan2(forward[:, 1], forward[:, 0]))
+    result = np.column_stack([cameras[:, 0, 3], cameras[:, 1, 3], heading])
+    result[np.hypot(forward[:, 0], forward[:, 1]) < math.sin(_NO_HEADING)] = np.nan
+    return result
+
+
+def _tilt(cameras: Floats, headings: Floats) -> tuple[float, Floats]:
+    """The median pitch, and the angles between cameras and level ones of that pitch, radians.
+
+    Frames without a heading do not count. Raises RequestError if there are no others.
+    """
+    kept = np.isfinite(headings)
+    if not kept.any():
+        raise RequestError("all cameras look straight up or down; check the up axis")
+    rotations, heading = cameras[kept, :3, :3], headings[kept]
+    pitch = float(np.median(np.arcsin(np.clip(rotations[:, 2, 2], -1.0, 1.0))))
+    cos, sin = np.cos(heading), np.sin(heading)
+    zero = np.zeros_like(heading)
+    forward = np.stack([cos * math.cos(pitch), sin * math.cos(pitch), zero + math.sin(pitch)], 1)
+    right = np.stack([sin, -cos, zero], 1)
+    level = np.stack([right, np.cross(forward, right), forward], axis=2)
+    trace = (level * rotations).sum(axis=(1, 2))
+    return pitch, np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))

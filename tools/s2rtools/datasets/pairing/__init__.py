@@ -1,0 +1,1 @@
+"""Pairs of two recordings: matching, and the data set that they make."""

@@ -1,0 +1,375 @@
+"""A data set of pairs from two recordings, one of the sim and one of the real side."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from s2rstore.errors import RequestError
+from s2rstore.files.layout import checked_name
+from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
+from s2rtools.datasets.dataset_config import DatasetConfig
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.floor.floor_alignment import FloorAlignment, fit_alignment
+from s2rtools.datasets.floor.floor_poses import (
+    FittedScale,
+    FloorOptions,
+    FloorPoses,
+    project_to_floor,
+)
+from s2rtools.datasets.lazy_sequence import LazySequence
+from s2rtools.datasets.pairing.pair_matching import PoseTolerance, ReportProgress, Rows
+from s2rtools.datasets.pairing.recording_pairs import (
+    Match,
+    Pairing,
+    RecordedSide,
+    UnmatchedImage,
+    pair_images,
+    paired,
+    unmatched_images,
+)
+from s2rtools.datasets.recording import Recording
+from s2rtools.datasets.recordings.recorded_frame_source import CameraImages, RecordedFrameSource
+from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
+
+MARGIN = 2.0
+"""Metres of the map around the outermost poses, where no calibration file states the bounds."""
+_MAX_RAW = 65535
+_NO_CAMERA = Intrinsics(*[math.nan] * 5)
+
+
+@dataclass(frozen=True, slots=True)
+class PairOptions:
+    """How two recordings become a data set.
+
+    `tolerance` is that of `recording_pairs.parse_tolerance`. With `align`, the floor of the sim
+    recording is fitted to that of the real one by the pairs, which then are those of times or
+    names. `floors` say how poses are put on the floor. `calibration` is a file with bounds, rooms
+    and floor plan; its cameras are not used.
+    """
+
+    match: Match
+    tolerance: PoseTolerance | float | None
+    frame: tuple[int, int]
+    align: bool = False
+    floors: Mapping[Side, FloorOptions] = field(default_factory=dict)
+    calibration: Path | None = None
+    allow_outside: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairedScan:
+    """The scan of a paired data set, and how it was paired.
+
+    `summary` holds lines for the user. `unmatched` are the images without partner.
+    """
+
+    scan: Scan
+    sim: RecordedSide
+    real: RecordedSide
+    pairing: Pairing
+    unmatched: list[UnmatchedImage]
+    summary: list[str]
+
+    def write_report(self, path: Path) -> None:
+        """Write a CSV file with a row per pair and per image without partner.
+
+        Raises RequestError where the file cannot be written.
+        """
+        columns = ("status", "sim", "real", "offset_m", "offset_deg", "offset_s")
+        try:
+            with path.open("w", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow(columns)
+                pairs = self.pairing
+                rows = zip(pairs.sim.tolist(), pairs.real.tolist(), pairs.metres.tolist(),
+                           pairs.degrees.tolist(), pairs.seconds.tolist(), strict=True)  # fmt: skip
+                for sim, real, *offsets in rows:
+                    names = self.sim.image(sim), self.real.image(real)
+                    writer.writerow(["pair", *names, *_numbers(offsets)])
+                for each in self.unmatched:
+                    is_sim = each.side == "sim"
+                    names = (each.image, each.nearest) if is_sim else (each.nearest, each.image)
+                    offsets = [each.metres, each.degrees, each.seconds]
+                    writer.writerow([f"unmatched {each.side}", *names, *_numbers(offsets)])
+        except OSError as error:
+            raise RequestError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def _numbers(values: list[float]) -> list[str]:
+    return [f"{value:.6g}" if math.isfinite(value) else "" for value in values]
+
+
+def scan_pairs(
+    sim: Recording,
+    real: Recording,
+    options: PairOptions,
+    progress: ReportProgress = lambda images: None,
+) -> PairedScan:
+    """Pair two recordings; the pose, trajectory and time of an instance are those of the real side.
+
+    `progress` is called with numbers of images that are compared. Raises RequestError where there
+    is no pair, or where poses, cameras or options are not usable.
+    """
+    if options.align and options.match == "pose":
+        raise RequestError("--align: the worlds differ; pair by --match time or --match name")
+    worlds = _several_worlds(sim, real)
+    if options.align and worlds:
+        advice = "choose one by --sim-trajectory and --real-trajectory"
+        raise RequestError(f"--align: {worlds[0].file}: {worlds[0].detail}; {advice}")
+    floors = _floors(sim, real, options)
+    sides = RecordedSide("sim", sim, floors["sim"]), RecordedSide("real", real, floors["real"])
+    pairing = pair_images(*sides, options.match, options.tolerance, progress)
+    alignment = None
+    if options.align:
+        poses = sides[0].poses[pairing.sim], sides[1].poses[pairing.real]
+        alignment = fit_alignment(*poses, with_scale=not sim.is_metric)
+        if not sim.is_metric:
+            scale = FittedScale(floors["sim"], alignment.scale)
+            floors["sim"] = project_to_floor(sim, options.floors.get("sim"), scale)
+            sides = RecordedSide("sim", sim, floors["sim"]), sides[1]
+            alignment = replace(alignment, scale=1.0)
+        sides[0].poses = alignment.apply(sides[0].poses)
+        pairing = paired(*sides, pairing.sim, pairing.real, pairing.issues)
+    unmatched = list(unmatched_images(*sides, pairing, options.match))
+    if not pairing.sim.size:
+        raise RequestError(_no_pairs(sim, real, options, unmatched))
+    scan = _empty_scan(*sides, pairing, options)
+    for each in (sim, real):
+        scan.issues += each.issues
+        for folder, count in each.outside_folders.items():
+            counts = dict(scan.outside_folders)
+            scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
+    scan.issues += [*worlds, *floors["real"].issues, *floors["sim"].issues, *pairing.issues]
+    scan.issues += [each.issue() for each in unmatched]
+    cameras = {each.side: _Cameras(each, options.frame) for each in sides}
+    scan.domains = {side: cameras[side].domain for side in SIDES}
+    _add_trajectories(scan, *sides, pairing, cameras)
+    scan.provenance = _provenance(*sides, pairing, options, alignment)
+    summary = _summary(*sides, pairing, options, alignment)
+    return PairedScan(scan, *sides, pairing, unmatched, summary)
+
+
+def _several_worlds(sim: Recording, real: Recording) -> list[InputIssue]:
+    """An issue for each recording whose trajectories lie in worlds of their own."""
+    return [
+        InputIssue(
+            "several worlds",
+            each.name,
+            f"each of {len(each.trajectories)} trajectories has its own; their poses are not "
+            "comparable with each other",
+        )
+        for each in (sim, real)
+        if not each.has_one_world
+    ]
+
+
+def _floors(sim: Recording, real: Recording, options: PairOptions) -> dict[Side, FloorPoses]:
+    """The poses of both sides on the floor.
+
+    Where neither the layout nor the options state the up axis of the sim world, it is that of the
+    real one, unless the worlds differ: two fitted axes would not agree exactly.
+    """
+    own = options.floors
+    floor = project_to_floor(real, own.get("real"))
+    of_sim = own.get("sim", FloorOptions())
+    if of_sim.up is None and sim.up is None and not options.align:
+        of_sim = replace(of_sim, up=tuple(floor.up.tolist()))
+    return {"sim": project_to_floor(sim, of_sim), "real": floor}
+
+
+def _no_pairs(
+    sim: Recording, real: Recording, options: PairOptions, unmatched: list[UnmatchedImage]
+) -> str:
+    near = [each for each in unmatched if math.isfinite(each.metres) or math.isfinite(each.seconds)]
+    best = min(
+        near,
+        key=lambda each: each.seconds if math.isfinite(each.seconds) else each.metres,
+        default=None,
+    )
+    found = f"; the nearest: {best.issue().file}, {best.issue().detail}" if best else ""
+    return f"{sim.name}, {real.name}: no pairs by --match {options.match}{found}"
+
+
+def _empty_scan(
+    sim: RecordedSide, real: RecordedSide, pairing: Pairing, options: PairOptions
+) -> Scan:
+    """The data set without domains and trajectories; bounds are the file's or the poses'."""
+    root = real.recording.root
+    if options.calibration is not None:
+        config = DatasetConfig(options.calibration, name=real.recording.name, y_down=False)
+        containment = PathContainment(config.path.parent, options.allow_outside)
+        if config.table.y_down:
+            raise RequestError(
+                f"{config.path}: y_down = true; on the floor of recordings y grows upwards"
+            )
+        return config.empty_scan(root, options.frame, containment)
+    places = np.concatenate([sim.poses[pairing.sim, :2], real.poses[pairing.real, :2]])
+    (x0, y0), (x1, y1) = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+    bounds = Bounds(float(x0), float(y0), float(x1), float(y1))
+    name = real.recording.name
+    return Scan(name, root, options.frame, False, bounds, bounds.diagonal, ())
+
+
+class _Cameras:
+    """The cameras of one side, and the domain that they make."""
+
+    def __init__(self, side: RecordedSide, frame: tuple[int, int]) -> None:
+        """Raises RequestError for unusable cameras."""
+        recording, floor = side.recording, side.floor
+        depth_scale = recording.metres_of_depth(floor.metres_per_unit)
+        name = f"{recording.layout}:{recording.name}"
+        has_depth = any(
+            each.depth is not None
+            for trajectory in recording.trajectories.values()
+            for each in trajectory.frames
+        )
+        self.rgb = CameraImages(recording.camera, f"{name}: camera")
+        own = recording.depth_camera or recording.camera
+        self.depth = CameraImages(own, f"{name}: depth camera") if has_depth else None
+        if has_depth and not math.isfinite(floor.camera_height):
+            raise RequestError(
+                f"{name}: the height of the camera above the floor is not known; give "
+                f"--{side.side}-floor camera_height=METRES"
+            )
+        rgb = self.rgb.intrinsics(frame, floor.pitch)
+        depth = self.depth.intrinsics(frame, floor.pitch) if self.depth else _NO_CAMERA
+        self.domain = Domain(
+            domain=side.side,
+            kind=side.side,
+            rgb=rgb,
+            depth=depth,
+            camera_height=floor.camera_height,
+            forward_offset=0.0,
+            depth_scale=depth_scale if has_depth else math.nan,
+            depth_raw_min=1,
+            depth_raw_max=min(recording.depth_raw_max, _MAX_RAW) if has_depth else 0,
+            sources={"intrinsics": "declared", "camera_height": "estimated", "pitch": "estimated"},
+            has_depth=has_depth,
+        )
+
+
+def _add_trajectories(
+    scan: Scan,
+    sim: RecordedSide,
+    real: RecordedSide,
+    pairing: Pairing,
+    cameras: Mapping[Side, _Cameras],
+) -> None:
+    """Add the pairs, by the trajectories of the real side, in its recording order."""
+
+    def records(sims: Rows, reals: Rows) -> LazySequence[InstanceRecord]:
+        def record(row: int) -> InstanceRecord:
+            numbers = int(sims[row]), int(reals[row])
+            sides = list(zip((sim, real), numbers, strict=True))
+            x, y, heading = real.poses[numbers[1]].tolist()
+            time = float(real.times[numbers[1]])
+            return InstanceRecord(
+                x, y, heading,
+                {
+                    side.side: RecordedFrameSource(
+                        side.frame(number), cameras[side.side].rgb, cameras[side.side].depth
+                    )
+                    for side, number in sides
+                },
+                timestamp=time if math.isfinite(time) else None,
+                frame_poses={side.side: _frame_pose(side, number) for side, number in sides},
+            )  # fmt: skip
+
+        return LazySequence(len(sims), record)
+
+    codes = real.codes[pairing.real]
+    for code, name in enumerate(real.names):
+        chosen = np.flatnonzero(codes == code)
+        if chosen.size:
+            trajectory = checked_name(name, "trajectory")
+            scan.add_trajectory(trajectory, records(pairing.sim[chosen], pairing.real[chosen]))
+
+
+def _frame_pose(side: RecordedSide, number: int) -> FramePose:
+    x, y, heading = side.poses[number].tolist()
+    pose = side.camera_pose(number)
+    position = (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]))
+    a, b, c, d = (float(each) for each in Rotation.from_matrix(pose[:3, :3]).as_quat())
+    return FramePose(x, y, heading, (*position, a, b, c, d))
+
+
+def _provenance(
+    sim: RecordedSide,
+    real: RecordedSide,
+    pairing: Pairing,
+    options: PairOptions,
+    alignment: FloorAlignment | None,
+) -> dict[str, dict[str, Any]]:
+    facts: dict[str, Any] = {
+        "match": options.match,
+        "pairs": int(pairing.sim.size),
+        "images": {side.side: len(side) for side in (sim, real)},
+        "offsets": _offsets(pairing),
+    }
+    if isinstance(options.tolerance, PoseTolerance):
+        tolerance = options.tolerance
+        facts["tolerance"] = {"m": tolerance.distance, "degrees": math.degrees(tolerance.angle)}
+        facts["cost"] = f"metres + {tolerance.metres_per_radian:.6g} * angle in radians"
+    elif options.tolerance is not None:
+        facts["tolerance"] = {"s": options.tolerance}
+        facts["cost"] = "seconds"
+    if alignment is not None:
+        facts["alignment"] = asdict(alignment)
+    sections: dict[str, dict[str, Any]] = {"pairs": facts}
+    for side in (sim, real):
+        recording = side.recording
+        sections[f"recording:{side.side}"] = {
+            **{str(key): value for key, value in recording.provenance.items()},
+            "layout": recording.layout,
+            "camera": asdict(recording.camera),
+            "floor": list(side.floor.report),
+            "metres_per_unit": side.floor.metres_per_unit,
+            "world_to_floor": side.floor.world_to_floor.tolist(),
+        }
+    return sections
+
+
+def _offsets(pairing: Pairing) -> dict[str, list[float]]:
+    """Median and 95th percentile of the offsets in metres, degrees and seconds where known."""
+    columns = {"m": pairing.metres, "degrees": pairing.degrees, "s": pairing.seconds}
+    return {
+        unit: [round(float(value), 6) for value in np.percentile(known, [50, 95])]
+        for unit, known in ((unit, _finite(each)) for unit, each in columns.items())
+        if known.size
+    }
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values[np.isfinite(values)]
+
+
+def _summary(
+    sim: RecordedSide,
+    real: RecordedSide,
+    pairing: Pairing,
+    options: PairOptions,
+    alignment: FloorAlignment | None,
+) -> list[str]:
+    lines = [f"{side.side} floor: {line}" for side in (sim, real) for line in side.floor.report]
+    if alignment is not None:
+        lines.append(f"sim floor {alignment.text}")
+    offsets = _offsets(pairing)
+    units = ["m", "degrees", *(["s"] if options.match == "time" else [])]
+    median, high = (
+        ", ".join(f"{offsets[unit][n]:.3g} {unit}" for unit in units if unit in offsets)
+        for n in (0, 1)
+    )
+    lines.append(
+        f"pairs: {pairing.sim.size} of {len(sim)} sim and {len(real)} real images; offset "
+        f"{median} in the median, {high} at the 95th percentile"
+    )
+    return lines

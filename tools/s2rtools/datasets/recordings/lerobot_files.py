@@ -1,0 +1,295 @@
+"""Files of LeRobot data sets of versions 2 and 3: episodes, and images in videos or in Parquet.
+
+Source: the documentation of LeRobotDataset. `meta/info.json` has the rate, the features, and the
+templates of the names of files. Version 2 has a file for each episode; version 3 has several
+episodes in a file, which `meta/episodes` lists.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import decode_json, open_regular, read_bytes
+from s2rstore.index.parquet_table import read_blobs, read_columns
+from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.datasets.files.image_decoding import decode_image
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.recording import SourceImage
+from s2rtools.datasets.scan import InputIssue
+
+_MAX_INFO_BYTES = 8 << 20
+_MAX_EPISODES = 100_000
+_FIELD = re.compile(r"\{(\w+)(?::0?(\d*)d)?\}")
+_MP4 = b"ftyp"
+"""Bytes 4 to 8 of every MP4 file; FFmpeg reads playlists, too, which name other files."""
+_AHEAD = 60
+"""Frames that are decoded to reach one ahead; beyond, the video is searched."""
+_CACHED = 16
+_BLOCK = 64
+"""Images that are read from Parquet at once."""
+
+
+class Feature(msgspec.Struct):
+    """A column or video: its type, and its entries' names, in a list or a table of lists."""
+
+    dtype: str
+    shape: list[int] = []
+    names: Any = None
+    info: dict[str, Any] | None = None
+
+    @property
+    def codec(self) -> str:
+        return str((self.info or {}).get("video.codec", "unknown"))
+
+    @property
+    def is_depth(self) -> bool:
+        return bool((self.info or {}).get("video.is_depth_map", False))
+
+    def entries(self) -> list[str]:
+        """The names of the entries, as far as they are stated."""
+        names = self.names
+        if isinstance(names, dict):
+            names = next((each for each in names.values() if isinstance(each, list)), [])
+        return [str(name) for name in names] if isinstance(names, list) else []
+
+
+class Info(msgspec.Struct):
+    """`meta/info.json`."""
+
+    codebase_version: str
+    fps: float
+    total_episodes: int
+    data_path: str
+    features: dict[str, Feature]
+    chunks_size: int = 1000
+    video_path: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """An episode: its number, its files, and the first of its frames in the video."""
+
+    number: int
+    data: str
+    video: str | None
+    first_frame: int = 0
+
+
+def read_info(folder: Path) -> Info:
+    """Raises RequestError unless the folder holds a data set of version 2 or 3."""
+    path = folder / "meta/info.json"
+    info = decode_json(read_bytes(path, _MAX_INFO_BYTES), Info, str(path))
+    if not info.codebase_version.startswith(("v2.", "v3.")):
+        raise RequestError(f"{path}: version {info.codebase_version!r}; versions 2 and 3 are read")
+    if not 0 <= info.total_episodes <= _MAX_EPISODES:
+        raise RequestError(f"{path}: {info.total_episodes} episodes; at most {_MAX_EPISODES:,}")
+    if info.chunks_size < 1 or not 0 < info.fps < 1e4:
+        raise RequestError(f"{path}: chunks_size and fps must be positive")
+    return info
+
+
+def episodes_of(folder: Path, info: Info, image: str) -> Iterator[Episode]:
+    """The episodes, with the files of the feature `image`. Raises RequestError for damage."""
+    video = info.video_path if info.features[image].dtype == "video" else None
+    where = folder / "meta/info.json"
+    if info.codebase_version.startswith("v2."):
+        for number in range(info.total_episodes):
+            values: dict[str, str | int] = {
+                "episode_chunk": number // info.chunks_size,
+                "episode_index": number,
+                "video_key": image,
+            }
+            yield Episode(
+                number,
+                _filled(info.data_path, values, where),
+                None if video is None else _filled(video, values, where),
+            )
+        return
+    for path in sorted((folder / "meta/episodes").glob("chunk-*/file-*.parquet")):
+        yield from _listed_episodes(path, info, image, video)
+
+
+def _listed_episodes(path: Path, info: Info, image: str, video: str | None) -> Iterator[Episode]:
+    names = ["episode_index", "data/chunk_index", "data/file_index"]
+    if video is not None:
+        names += [f"videos/{image}/{n}" for n in ("chunk_index", "file_index", "from_timestamp")]
+    columns = read_columns(path, names, ())
+    if missing := [name for name in names if name not in columns]:
+        raise RequestError(f"{path}: no column {missing[0]}")
+    for row in np.column_stack([columns[name] for name in names]).tolist():
+        if not np.isfinite(row).all():
+            raise RequestError(f"{path}: an episode without a number in {', '.join(names)}")
+        data = {"chunk_index": int(row[1]), "file_index": int(row[2])}
+        source = _filled(info.data_path, data, path)
+        if video is None:
+            yield Episode(int(row[0]), source, None)
+            continue
+        place: dict[str, str | int] = {"chunk_index": int(row[3]), "file_index": int(row[4])}
+        filled = _filled(video, place | {"video_key": image}, path)
+        yield Episode(int(row[0]), source, filled, round(row[5] * info.fps))
+
+
+def _filled(template: str, values: dict[str, Any], where: Path) -> str:
+    """A file name of a template with fields like `{episode_index:06d}`."""
+
+    def text(match: re.Match[str]) -> str:
+        if match[1] not in values:
+            raise RequestError(f"{where}: unknown field {match[0]!r} in {template!r}")
+        width = min(int(match[2] or 0), 20)
+        value = values[match[1]]
+        return f"{value:0{width}d}" if isinstance(value, int) else str(value)
+
+    return _FIELD.sub(text, template)
+
+
+class ImageStore(Protocol):
+    """Images by file and number, from any thread."""
+
+    def read(self, file: str, number: int) -> SourceImage | InputIssue: ...
+    def path(self, file: str) -> Path: ...
+
+
+class VideoImages:
+    """Frames of videos; the SHA-256 is that of the decoded pixels."""
+
+    def __init__(self, containment: PathContainment, codec: str) -> None:
+        self._containment, self._codec = containment, codec
+        self._lock = threading.Lock()
+        self._file, self._next = "", 0
+        self._capture = cv2.VideoCapture()
+        self._frames: dict[int, NDArray[np.uint8]] = {}
+
+    def read(self, file: str, number: int) -> SourceImage | InputIssue:
+        name = f"{file}:{number}"
+        with self._lock:
+            try:
+                self._open(file)
+            except RequestError as error:
+                return InputIssue("unreadable image", name, str(error))
+            pixels = self._frames.get(number)
+            if pixels is None:
+                pixels = self._decoded(number)
+        if pixels is None:
+            detail = f"frame {number} of a video in {self._codec} cannot be decoded"
+            return InputIssue("unreadable image", name, detail)
+        return SourceImage(pixels, hashlib.sha256(pixels.tobytes()).hexdigest(), 8)
+
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
+
+    def _open(self, file: str) -> None:
+        if file == self._file:
+            return
+        path = self._containment.resolve(file, str(self._containment.folder))
+        with open_regular(path) as video:
+            is_mp4 = video.read(8)[4:] == _MP4
+        self._frames.clear()
+        self._file, self._next = file, 0
+        self._capture.release()
+        if not is_mp4:
+            return
+        self._capture.open(str(path.absolute()), cv2.CAP_FFMPEG)
+        width = self._capture.get(cv2.CAP_PROP_FRAME_WIDTH)
+        if width * self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT) > MAX_PIXELS:
+            self._capture.release()
+
+    def _decoded(self, number: int) -> NDArray[np.uint8] | None:
+        if not self._capture.isOpened():
+            return None
+        if not 0 <= number - self._next <= _AHEAD:
+            self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
+            self._next = number
+        while self._next <= number:
+            found, pixels = self._capture.read()
+            if not found:
+                self._next = -1 - _AHEAD
+                return None
+            rgb = np.ascontiguousarray(pixels[..., ::-1])
+            self._frames[self._next] = rgb
+            self._next += 1
+            while len(self._frames) > _CACHED:
+                del self._frames[next(iter(self._frames))]
+        return self._frames[number]
+
+
+class ParquetImages:
+    """Encoded images in a column of records with the fields `bytes` and `path`."""
+
+    def __init__(self, containment: PathContainment, column: str) -> None:
+        self._containment, self._column = containment, column
+        self._lock = threading.Lock()
+        self._key: tuple[str, int] = ("", -1)
+        self._block: list[bytes] = []
+
+    def read(self, file: str, number: int) -> SourceImage | InputIssue:
+        name = f"{file}:{number}"
+        try:
+            content = self._content(file, number)
+        except RequestError as error:
+            return InputIssue("unreadable image", name, str(error))
+        decoded = decode_image(content, name, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+        if isinstance(decoded, InputIssue):
+            return decoded
+        return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])
+
+    def path(self, file: str) -> Path:
+        """The path of a file of the data set."""
+        return self._containment.folder / file
+
+    def _content(self, file: str, number: int) -> bytes:
+        key = file, number // _BLOCK
+        with self._lock:
+            if key != self._key:
+                path = self._containment.resolve(file, str(self._containment.folder))
+                start = key[1] * _BLOCK
+                self._block = read_blobs(path, self._column, "bytes", start, _BLOCK)
+                self._key = key
+            row = number % _BLOCK
+            return self._block[row] if row < len(self._block) else b""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredImage:
+    """An image of an `ImageStore`; see `recording.RecordedImage`."""
+
+    images: ImageStore
+    file: str
+    number: int
+    size: tuple[int, int]
+
+    @property
+    def name(self) -> str:
+        return f"{self.file}:{self.number}"
+
+    @property
+    def pixels(self) -> int:
+        return self.size[0] * self.size[1]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.images.path(self.file),)
+
+    def checksum(self) -> str | None:
+        image = self.images.read(self.file, self.number)
+        return None if isinstance(image, InputIssue) else image.sha256
+
+    def read(self) -> SourceImage | InputIssue:
+        image = self.images.read(self.file, self.number)
+        if isinstance(image, SourceImage) and image.pixels.shape[:2] != self.size:
+            height, width = image.pixels.shape[:2]
+            expected = f"expected {self.size[1]}x{self.size[0]}"
+            return InputIssue("wrong size", self.name, f"{width}x{height}, {expected}")
+        return image

@@ -1,0 +1,219 @@
+"""Images of a recording that lie in files: found, listed by number, and read.
+
+The orientation that an image file states is ignored, because intrinsics are those of its pixels.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.files.input_files import read_bytes
+from s2rtools.common.image_files import MAX_PIXELS
+from s2rtools.datasets.files.image_decoding import MAX_METADATA_BYTES, declared_size, decode_image
+from s2rtools.datasets.files.path_containment import PathContainment
+from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
+from s2rtools.datasets.recording import RecordedFrame, SourceImage
+from s2rtools.datasets.scan import InputIssue
+
+_SAMPLES = 25
+_MOST_DIGITS = 18
+"""Digits of a number in a file name; it fits into 64 bits."""
+_MAX_BYTES = 8 * MAX_PIXELS + MAX_METADATA_BYTES
+_COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
+
+
+@dataclass(frozen=True, slots=True)
+class _ImageFile:
+    """An image in a file; `name` is its path relative to the recording.
+
+    Images of another `size` (height, width) are reported instead of read, if it is given.
+    """
+
+    path: Path
+    name: str
+    size: tuple[int, int] | None = None
+
+    @property
+    def pixels(self) -> int:
+        height, width = declared_size(self.path) or (0, 0)
+        return height * width
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.path,)
+
+    def checksum(self) -> str | None:
+        return _checksum(self.path)
+
+
+@dataclass(frozen=True, slots=True)
+class RgbImageFile(_ImageFile):
+    """A colour image in a file; fields as in `_ImageFile`."""
+
+    def read(self) -> SourceImage | InputIssue:
+        return _read(self.path, self.name, _COLOUR, self.size)
+
+
+@dataclass(frozen=True, slots=True)
+class DepthImageFile(_ImageFile):
+    """A depth image in a file, one channel of 8 or 16 bits; fields as in `_ImageFile`."""
+
+    def read(self) -> SourceImage | InputIssue:
+        image = _read(self.path, self.name, cv2.IMREAD_UNCHANGED, self.size)
+        if isinstance(image, InputIssue):
+            return image
+        if image.pixels.ndim != 2 or image.pixels.dtype not in (np.uint8, np.uint16):
+            channels = image.pixels.shape[2] if image.pixels.ndim == 3 else 1
+            found = f"{channels} channels of type {image.pixels.dtype}"
+            return InputIssue("not a depth image", self.name, f"{found}, expected 1 of 16 bits")
+        return image
+
+
+class FrameFiles:
+    """Names of the images of frames relative to a folder, in a temporary file.
+
+    A frame takes 8 bytes of memory. RGB images of another `size` (height, width) are reported
+    instead of read, if it is set.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.size: tuple[int, int] | None = None
+        self._root = root
+        self._names = RowFile()
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def append(self, rgb: str, depth: str | None = None) -> None:
+        """Add a frame behind the others."""
+        self._names.append(rgb, depth)
+
+    def __getitem__(self, number: int) -> RecordedFrame:
+        rgb, depth = self._names[number]
+        return RecordedFrame(
+            RgbImageFile(self._root / rgb, rgb, self.size),
+            None if depth is None else DepthImageFile(self._root / depth, depth),
+        )
+
+    def chosen(self, numbers: Iterable[int]) -> Sequence[RecordedFrame]:
+        """The frames of the given numbers, in their order; each is made when it is read."""
+        kept = array("q", numbers)
+        return LazySequence(len(kept), lambda row: self[kept[row]])
+
+
+class NumberedFiles:
+    """The files of a folder whose names contain a number, by ascending number."""
+
+    def __init__(self, folder: Path, pattern: re.Pattern[str]) -> None:
+        """List the names that `pattern` matches as a whole; its first group is the number.
+
+        Of several names with one number the first in alphabetical order counts, and the others are
+        in `repeated`. Raises RequestError if the folder cannot be read.
+        """
+        names, numbers = [], array("q")
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    match = pattern.fullmatch(entry.name)
+                    if match and len(match[1]) <= _MOST_DIGITS:
+                        names.append(entry.name.encode("ascii"))
+                        numbers.append(int(match[1]))
+        except OSError as error:
+            raise RequestError(f"{folder}: cannot be read ({error.strerror})") from error
+        texts = np.array(names, dtype=np.bytes_)
+        order = np.lexsort((texts, np.asarray(numbers)))
+        found = np.asarray(numbers, dtype=np.int64)[order]
+        again = np.zeros(len(found), dtype=bool)
+        again[1:] = np.diff(found) == 0
+        self.numbers: NDArray[np.int64] = found[~again]
+        self.repeated: list[str] = [text.decode("ascii") for text in texts[order[again]]]
+        self._texts = texts[order[~again]]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def repetitions(self, kind: str, folder: str) -> list[InputIssue]:
+        """Reports of the repeated names; `folder` is put before each."""
+        return [
+            InputIssue(f"repeated {kind}", f"{folder}{name}", "another file has its number")
+            for name in self.repeated
+        ]
+
+    def name(self, number: int) -> str | None:
+        """The file name of a number; None if there is no such file."""
+        row = int(np.searchsorted(self.numbers, number))
+        if row == len(self.numbers) or self.numbers[row] != number:
+            return None
+        return str(self._texts[row].decode("ascii"))
+
+
+def find_file(
+    containment: PathContainment, name: str, where: str, issues: list[InputIssue]
+) -> bool:
+    """Whether a named file exists; reports it as a missing image otherwise.
+
+    `where` is the place that names it. Raises RequestError if the name leads out of the folder.
+    """
+    path = containment.resolve(name, where)
+    if os.path.isfile(path):
+        return True
+    issues.append(InputIssue("missing image", name, f"named in {where}"))
+    return False
+
+
+def usual_size(
+    frames: Sequence[RecordedFrame], where: object, depth: bool = False
+) -> tuple[int, int]:
+    """The most frequent (height, width) in the headers of up to 25 RGB or `depth` images.
+
+    They are spread evenly over all; if none of them can be read, it is the size of the first that
+    can. Raises RequestError, beginning with `where`, if there is none.
+    """
+    rows = np.linspace(0, len(frames) - 1, _SAMPLES).round() if frames else np.zeros(0)
+    found = (_size(frames[int(row)], depth) for row in np.unique(rows))
+    sizes = Counter(size for size in found if size is not None)
+    if sizes:
+        return sizes.most_common(1)[0][0]
+    for frame in frames:
+        if size := _size(frame, depth):
+            return size
+    raise RequestError(f"{where}: no {'depth' if depth else 'RGB'} image can be read")
+
+
+def _size(frame: RecordedFrame, depth: bool) -> tuple[int, int] | None:
+    image = frame.depth if depth else frame.rgb
+    if isinstance(image, RgbImageFile | DepthImageFile):
+        return declared_size(image.path)
+    return None
+
+
+def _checksum(path: Path) -> str | None:
+    try:
+        return hashlib.sha256(read_bytes(path, _MAX_BYTES)).hexdigest()
+    except RequestError:
+        return None
+
+
+def _read(
+    path: Path, name: str, mode: int, size: tuple[int, int] | None
+) -> SourceImage | InputIssue:
+    try:
+        content = read_bytes(path, _MAX_BYTES)
+    except RequestError as error:
+        return InputIssue("unreadable image", name, str(error).removeprefix(f"{path}: "))
+    decoded = decode_image(content, name, mode, size)
+    if isinstance(decoded, InputIssue):
+        return decoded
+    return SourceImage(decoded[0], hashlib.sha256(content).hexdigest(), decoded[1])

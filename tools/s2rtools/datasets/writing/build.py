@@ -1,0 +1,233 @@
+"""Build a store from a scan: decode, check and write in a temporary folder, then rename it."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.arrays import stored_array
+from s2rstore.errors import RequestError
+from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
+from s2rstore.index import schema
+from s2rstore.index.transaction import edit
+from s2rtools.datasets.conventions import convention_report
+from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
+from s2rtools.datasets.floor.floor_plans import plan_from_depth
+from s2rtools.datasets.scan import InputIssue, Scan
+from s2rtools.datasets.stored_instances import StoredRecords
+from s2rtools.datasets.writing.frame_writing import FramePlace, ReportProgress, write_trajectory
+from s2rtools.datasets.writing.index_rows import write_index
+from s2rtools.datasets.writing.ingest_journal import IngestJournal, fingerprint_of
+from s2rtools.datasets.writing.scan_fingerprint import fingerprint
+
+_MAX_FLOOR_PLAN_SIDE = 1056
+
+ReportLine = Callable[[str], object]
+
+
+def build(
+    scan: Scan,
+    target: Path,
+    command: str,
+    strict: bool,
+    progress: ReportProgress,
+    report_line: ReportLine = lambda line: None,
+) -> None:
+    """Decode, check and store a scan as a new store at `target`.
+
+    Instances with an unusable frame are left out and reported in `scan.issues`. `progress` is
+    called with the number of finished frames, `report_line` with a line about the remains of an
+    interrupted ingest of the same store. What an interrupted ingest of the same frames has written
+    is taken over. Raises RequestError if `target` exists, if nothing is usable, or with `strict` if
+    there is any issue; then, and where files cannot be written, nothing is left. An interrupt
+    leaves the folder in which the store is built.
+    """
+    if target.exists():
+        raise RequestError(
+            f"{target}: exists; choose another --store, remove it, or add to it with --append"
+        )
+    report_outside_bounds(scan)
+    refuse_unusable(scan, strict)
+    folder, journal = _open_folder(scan, target, progress, report_line)
+    try:
+        stored = write_frames(scan, folder, progress, journal=journal)
+        plan = floor_plan_image(scan)
+        drawn = plan_from_depth(scan, stored, folder) if scan.floor_plan is None else None
+        plan = plan if drawn is None else drawn.image
+        name = None if plan is None else _write_floor_plan(plan, folder)
+        checks = convention_report.check_ingested(scan, stored, folder, plan)
+        if checks:
+            picture = target / convention_report.PICTURE
+            report_line(f"{convention_report.line(checks)}; picture {picture}")
+        refuse_unusable(scan, strict)
+        if scan.drives:
+            scan.drives(folder / layout.DRIVES)
+        with edit(folder) as draft:
+            write_index(draft, scan, stored, name, command)
+            draft.set_provenance(schema.CONVENTIONS, convention_report.facts(checks))
+            if drawn is not None:
+                facts = {"drawn_from": f"depth of {drawn.domain}", "frames": drawn.frames}
+                draft.set_provenance("floor_plan", facts)
+            draft.record_checksums(unlisted_checksums(folder))
+        if journal is not None:
+            journal.close()
+        folder.rename(target)
+        atomic_writes.sync_path(target.parent)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(target, error) from error
+    except BaseException as error:
+        if journal is None or isinstance(error, RequestError):
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _open_folder(
+    scan: Scan, target: Path, progress: ReportProgress, report_line: ReportLine
+) -> tuple[Path, IngestJournal | None]:
+    """The folder to build in, and its journal: that of an interrupted ingest, or a new one.
+
+    There is no journal where a source of the scan does not state its origin.
+    """
+    mark = fingerprint(scan)
+    folder, journal = building_folder(target), None
+    try:
+        for left in building_folders(target):
+            if left.is_abandoned and mark is not None and fingerprint_of(left.path) == mark:
+                try:
+                    left.path.rename(folder)  # its name states this process from now on
+                except FileNotFoundError:  # another process has taken it over
+                    continue
+                journal = IngestJournal.resume(folder, mark)
+                steps, instances = 0, 0
+                for name, records in scan.trajectories.items():
+                    taken = journal.taken(name, len(records))
+                    steps, instances = steps + taken.steps, instances + len(taken)
+                total = sum(map(len, scan.trajectories.values()))
+                report_line(
+                    f"{target}: an interrupted ingest ({left.builder}) is resumed; {instances} of "
+                    f"{total} instances are not decoded again"
+                )
+                progress(2 * steps)
+                break
+        remove_leftovers(
+            [each for each in building_folders(target) if each.path != folder], report_line
+        )
+        if journal is None:
+            folder.mkdir(parents=True)
+            journal = None if mark is None else IngestJournal.begin(folder, mark)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(target, error) from error
+    return folder, journal
+
+
+def _unwritable(target: Path, error: OSError) -> RequestError:
+    return RequestError(f"{error.filename or target}: cannot be written ({error.strerror})")
+
+
+def report_outside_bounds(scan: Scan) -> None:
+    """Add an issue for every pose outside the bounds."""
+    edges = scan.bounds
+    posed = scan.trajectories.values() if scan.has_poses else ()
+    for record in (record for records in posed for record in records):
+        if not (edges.x0 <= record.x <= edges.x1 and edges.y0 <= record.y <= edges.y1):
+            file = next(iter(record.sources.values())).file_names(scan)[0] or scan.name
+            detail = f"({record.x:g}, {record.y:g}); stored anyway"
+            scan.issues.append(InputIssue("pose outside the bounds", file, detail))
+
+
+def write_frames(
+    scan: Scan,
+    root: Path,
+    progress: ReportProgress,
+    places: Mapping[str, FramePlace] | None = None,
+    journal: IngestJournal | None = None,
+) -> StoredRecords:
+    """Write the frames of all trajectories below `root`; returns the usable instances.
+
+    `places` are those of trajectories that have frames in the store already, `journal` is that of
+    `root`. Trajectories without a usable instance are left out; it is an issue if that leaves none.
+    """
+    stored: StoredRecords = {}
+    for name in scan.trajectories:
+        place = (places or {}).get(name)
+        trajectory = write_trajectory(scan, root, name, progress, place, journal)
+        if trajectory is not None:
+            stored[name] = trajectory
+    if not stored:
+        scan.issues.append(InputIssue("empty data set", str(scan.root), f"no usable {scan.unit}"))
+    return stored
+
+
+def remove_leftovers(folders: list[BuildingFolder], report_line: ReportLine) -> None:
+    """Remove the building folders of ingests that have ended; report every such folder.
+
+    Folders stay whose process runs, or may run on another host.
+    """
+    for folder in folders:
+        if folder.is_abandoned:
+            shutil.rmtree(folder.path, ignore_errors=True)
+            if not folder.path.exists():
+                report_line(
+                    f"{folder.path}: removed; an interrupted ingest ({folder.builder}) had left it"
+                )
+                continue
+        report_line(
+            f"{folder.path}: left by another ingest ({folder.builder}); "
+            f"when that has ended, remove it with: rm -r {shlex.quote(str(folder.path))}"
+        )
+
+
+def refuse_unusable(scan: Scan, strict: bool) -> None:
+    """Raise RequestError where there is no instance, or with `strict` where there is any issue."""
+    issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
+    fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
+    if fatal or (strict and scan.issues):
+        first, more = issues[0], f" and {len(issues) - 1} more" if len(issues) > 1 else ""
+        raise RequestError(
+            f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
+        )
+
+
+def _write_floor_plan(image: NDArray[np.uint8], root: Path) -> str:
+    name = f"{layout.ASSETS}/floor_plan.png"
+    atomic_writes.write(root, name, cv2.imencode(".png", image)[1].tobytes())
+    return name
+
+
+def floor_plan_image(scan: Scan) -> NDArray[np.uint8] | None:
+    """The floor plan (h, w, 3) BGR as it is stored; None without one. Reports an unreadable one."""
+    if scan.floor_plan is None:
+        return None
+    if isinstance(scan.floor_plan, Path):
+        image = read_floor_plan(scan.floor_plan)
+        if image is None:
+            file = scan.relative(scan.floor_plan)
+            scan.issues.append(InputIssue("unreadable floor plan", file))
+            return None
+    else:
+        image = cv2.cvtColor(scan.floor_plan, cv2.COLOR_RGB2BGR)
+    scale = min(1.0, _MAX_FLOOR_PLAN_SIDE / max(image.shape[:2]))
+    size = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def unlisted_checksums(root: Path) -> dict[str, str]:
+    """SHA-256 of the files that the ledger does not list: array metadata, floor plan, drives."""
+    return {
+        entry.path: safe_files.sha256(root, entry.path)
+        for entry in safe_files.walk(root)
+        if entry.kind == "file"
+        and (
+            entry.name == stored_array.METADATA
+            or entry.path.startswith((f"{layout.ASSETS}/", f"{layout.DRIVES}/"))
+        )
+    }

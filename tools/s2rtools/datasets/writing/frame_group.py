@@ -1,0 +1,148 @@
+"""The arrays of a trajectory's instances whose depth images have the same types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from s2rstore.arrays import array_writer
+from s2rstore.arrays.zarr_metadata import Layout
+from s2rstore.dataset_reader import SOURCE_IMAGES
+from s2rstore.files import atomic_writes, layout
+from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rtools.datasets.scan import DecodedFrame
+from s2rtools.datasets.stored_instances import StoredTrajectory
+from s2rtools.datasets.writing import source_arrays
+from s2rtools.datasets.writing.growing_array import GrowingArray
+from s2rtools.datasets.writing.ingest_journal import SHARD_ROWS, Block
+from s2rtools.datasets.writing.source_arrays import CompressedImages
+
+Frames = Mapping[str, DecodedFrame]
+Sources = Mapping[str, CompressedImages]
+DepthTypes = tuple[str, ...]
+"""The depth type of each domain, in the order of the records' sources."""
+
+
+class FrameGroup:
+    """The written instances of one combination of depth types.
+
+    `number` counts the combinations; the arrays of number 0 are written in their final places.
+    `folders` are those of the arrays by domain, `folder` that of the trajectory in the store.
+    """
+
+    def __init__(
+        self,
+        root: Path,
+        number: int,
+        folders: Mapping[str, str],
+        folder: str,
+        stored: StoredTrajectory,
+    ) -> None:
+        self.number, self.stored = number, stored
+        self._root, self._folder, self._folders = root, folder, folders
+        self._arrays: dict[str, dict[str, GrowingArray[Any]]] = {}
+        for domain, base in folders.items():
+            frames = {image: _frame_array(root, f"{base}/{image}") for image in ("rgb", "depth")}
+            sources = {
+                image: source_arrays.source_array(root, f"{base}/{image}")
+                for image in SOURCE_IMAGES.values()
+            }
+            self._arrays[domain] = {**frames, **sources}
+        self._recorded = 0
+
+    @property
+    def pending_rows(self) -> int:
+        """Number of instances that the journal does not record yet."""
+        return len(self.stored) - self._recorded
+
+    def add(self, row: int, frames: Frames, sources: Sources) -> None:
+        """Write the frames of the record number `row`."""
+        for domain, frame in frames.items():
+            for image, pixels in (("rgb", frame.rgb), ("depth", frame.depth)):
+                if pixels is not None:
+                    array = self._arrays[domain][image]
+                    array.add(pixels, pixels.shape, str(pixels.dtype))
+        for domain, images in sources.items():
+            for name, each in images.items():
+                self._arrays[domain][name].add(each.content, each.shape, each.dtype)
+        self.stored.add(row, frames)
+        for domain, frame in frames.items():
+            if domain not in self.stored.image_sizes:
+                self.stored.image_sizes[domain] = _image_sizes(frame, sources[domain])
+
+    def take(self, row: int, block: Block) -> None:
+        """Count a record of a block as stored, and its files with its first record."""
+        position = len(self.stored) - self._recorded
+        self.stored.add_checksums(row, block.checksums(position))
+        if position == 0:
+            self.stored.image_sizes |= block.image_sizes
+            for domain, shards in block.shards.items():
+                for image, shard in shards.items():
+                    self._arrays[domain][image].take(shard, len(block.rows))
+        if position == len(block.rows) - 1:
+            self._recorded = len(self.stored)
+
+    def fill(self, block: Block, with_shards: bool) -> None:
+        """Put the instances that are in no block yet into one, with the shards that hold them."""
+        start, self._recorded = self._recorded, len(self.stored)
+        block.number, block.image_sizes = self.number, self.stored.image_sizes
+        block.add_rows(self.stored, start)
+        if not (with_shards and block.rows):
+            return
+        for domain, arrays in self._arrays.items():
+            block.shards[domain] = {}
+            for image, each in arrays.items():
+                if not each.is_empty:
+                    each.flush()
+                    block.shards[domain][image] = each.last_shard
+
+    def remove(self) -> None:
+        """Remove what was written."""
+        for folder in self._folders.values():
+            atomic_writes.remove(self._root, folder)
+
+    def finish(self) -> None:
+        """Complete the arrays, put them in their places and list their files in the ledger."""
+        entries: list[LedgerEntry] = []
+        for domain, arrays in self._arrays.items():
+            written = self._folders[domain]
+            place = f"{layout.FRAMES}/{domain}/{self._folder}"
+            key = f"frames:{domain}:{self._folder}"
+            files = [
+                (image, shard, entry)
+                for image, each in arrays.items()
+                for shard, entry in enumerate(each.finish())
+            ]
+            for image, shard, entry in sorted(files, key=lambda file: file[1]):
+                path = entry.path.replace(written, place, 1)
+                entries.append(replace(entry, key=f"{key}:{image}:{shard}", path=path))
+            if written != place:
+                atomic_writes.move(self._root, written, place)
+        Ledger(self._root).add_entries(entries)
+
+
+def _frame_array(root: Path, folder: str) -> GrowingArray[NDArray[Any]]:
+    def plan(count: int, item: tuple[int, ...], dtype: str) -> Layout:
+        return array_writer.plan_layout(count, item, dtype, SHARD_ROWS)
+
+    def encode(layout: Layout, rows: Sequence[NDArray[Any]]) -> list[bytes]:
+        return array_writer.encode_chunks(layout, np.stack(rows))
+
+    return GrowingArray(root, folder, plan, encode)
+
+
+def _image_sizes(frame: DecodedFrame, source: CompressedImages) -> dict[str, list[int]]:
+    """Rows and columns of the images that networks see, by image."""
+    if source:
+        return {
+            image: list(source[name].shape[:2])
+            for image, name in SOURCE_IMAGES.items()
+            if name in source
+        }
+    images = {"rgb": frame.rgb, "depth": frame.depth}
+    return {k: list(image.shape[:2]) for k, image in images.items() if image is not None}
