@@ -7,7 +7,7 @@ predictions. Whatever leaves trained instances out must be equal for both stores
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from s2rstore.metrics import run_metrics
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import DARK, LIGHT, RenderOptions
 from s2rtui.charts.registry import BY_NAME, VIEWS
+from s2rtui.charts.shared.base_map_model import map_input
 from s2rtui.charts.view import View
 from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
@@ -166,11 +167,13 @@ def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores:
 
 
 def test_the_stored_heat_of_a_run_names_its_trained_instances(stores: Stores) -> None:
-    view = BY_NAME["map"]
-    with open_scene(stores.absurd, options(heat="activation", overlay="run"), view) as scene:
-        label = view.input(scene).heat_label
-    assert label.endswith("all instances, 20 trained on")
-    assert view.input(scene).heat is not None
+    grid = np.ones((4, 4), dtype=np.float32)
+    with open_scene(stores.absurd, options(heat="activation:loss", overlay="instance")) as scene:
+        whole = replace(scene.state, overlay="run")
+        shown = map_input(scene.store, whole, heat=grid)
+        of_one = map_input(scene.store, scene.state, heat=grid)
+    assert shown.heat_label.endswith("all instances, 20 trained on")
+    assert "trained" not in of_one.heat_label
 
 
 def test_runs_and_the_headline_population_agree_with_the_screen(
