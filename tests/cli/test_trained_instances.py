@@ -6,6 +6,7 @@ predictions. Whatever leaves trained instances out must be equal for both stores
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -193,6 +194,18 @@ def test_runs_and_the_headline_population_agree_with_the_screen(
         np.testing.assert_array_equal(
             scene.state.base, run_metrics.held_out(scene.store, "vanilla")
         )
+
+
+def test_runs_say_where_the_training_set_is_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tiny.build(tmp_path / "s.s2r", N)
+    with edit(path) as draft:
+        draft._connection.execute("UPDATE prediction SET split = 'unseen'")
+        draft.set_provenance("model:dataaug", {"split:sim": "[[3, 40]]"})
+    assert main(["runs", str(path), "--json"]) == 0
+    notes = {row["run"]: row["note"] for row in json.loads(capsys.readouterr().out)}
+    assert notes == {"vanilla": "training set unknown", "dataaug": ""}
 
 
 def test_a_comparison_holds_the_instances_that_are_new_to_both_runs(stores: Stores) -> None:

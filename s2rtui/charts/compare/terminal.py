@@ -125,7 +125,8 @@ def _legend(
     counts = _counts(data, model, (first, second), options)
     if counts.width > width:
         counts = _counts(data, model, None, options)
-    trained = [] if data.trained is None else [trained_legend(options)]
+    outlined = "" if ramp_for_values(options) is not None else "△▽○"
+    trained = [] if data.trained is None else [trained_legend(options, outlined)]
     return [
         counts,
         *trained,
