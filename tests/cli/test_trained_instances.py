@@ -7,6 +7,7 @@ predictions. Whatever leaves trained instances out must be equal for both stores
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
 from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
 
 N = 40
@@ -151,6 +153,9 @@ def test_a_report_that_includes_trained_instances_says_so(stores: Stores) -> Non
     page = render_report(stores.absurd, request).decode()
     assert "40 of 40 (20 trained on, included) instances" in page
     assert "The model was trained on 20 of them" in page
+    sides = re.search(r"Run vanilla on the selection.*?</table>", page, re.DOTALL)
+    assert sides is not None
+    assert sides[0].count("<td>20</td>") == 2
 
 
 def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores: Stores) -> None:
@@ -286,3 +291,25 @@ def test_a_shared_expression_keeps_its_population(session: Session) -> None:
         session.select("all")
         state = session.dispatch(shared_selection.select_text, text)
         assert (state.with_trained, int(state.selected.sum())) == (with_trained, count)
+
+
+def test_a_saved_selection_says_where_its_population_differs(
+    stores: Stores, tmp_path: Path
+) -> None:
+    session = Session(stores.absurd, notebooks=lambda identity: Notebook(identity, tmp_path))
+    session.select("worst(20%, real.error)")
+    session.dispatch(navigation.toggle_trained)
+    saved = shared_selection.current_selection(session.state)
+    session.writable_notebook.save("mine", saved)
+    assert session.select("@mine").message == ""
+    session.dispatch(navigation.toggle_trained)
+    message = session.select("@mine").message
+    assert "evaluated again: 4 on vanilla, generation 3, new ones only" in message
+    assert "saved: 8 on vanilla, generation 3, trained ones included" in message
+    (path,) = tmp_path.glob("*.json")
+    content = json.loads(path.read_text())
+    del content["selections"]["mine"]["with_trained"]
+    path.write_text(json.dumps(content))
+    session.writable_notebook.refresh()
+    assert session.notes.selections["mine"] == saved  # earlier releases included trained instances
+    session.close()
