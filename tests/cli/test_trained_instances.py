@@ -164,6 +164,7 @@ def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores:
         for iid in (3, 6):
             with open_scene(path, options(iid=iid), view) as scene:
                 rows = view.numbers(scene)[1]
+                assert ("trained on it" in view.summary(scene)) == (iid == 6)
             notes[path, iid] = {row[0]: row[-1] for row in rows}
     assert notes[stores.ordinary, 3] == notes[stores.absurd, 3]
     assert notes[stores.absurd, 3]["ranks"].endswith("of 20 new instances by error")
