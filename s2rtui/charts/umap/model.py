@@ -202,7 +202,7 @@ def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInpu
 
 
 @cached_by_identity(4)
-def _new_points(points: Floats, trained: Bools) -> Floats:
+def _new_points(points: NDArray[np.float64], trained: Bools) -> NDArray[np.float64]:
     """The points (N, 2) with NaN for trained instances, which then count in no scale."""
     shown = np.array(points)
     shown[trained] = np.nan
