@@ -109,7 +109,7 @@ def match_rows(
     else:
         raise RequestError(
             f"{table.path}: which instances? add a column iid, image or timestamp, or the columns "
-            "trajectory and seq"
+            f"trajectory and seq (has: {table.found_text})"
         )
     if trajectory is not None and named in ("iid", "image"):
         raise RequestError(f"{table.path}: rows are matched by {named}; do not name a trajectory")
