@@ -70,7 +70,8 @@ def precompute(
     """Compute and publish the named runs (all by default); return those that were published.
 
     Arrays that are published or that the ledger records are not computed again. Raises
-    StoreBusyError if another process computes, RequestError for unknown runs or kinds.
+    StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
+    the other runs for those whose model needs `options.trust`.
     """
     options = options or PrecomputeOptions()
     for kind in options.kinds or ():
@@ -85,11 +86,24 @@ def precompute(
         store.require_poses("precompute")
         names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
-            raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
-        return [
+            raise RequestError(f"{root}: {store.no_run}")
+        untrusted = [name for name in names if not options.trust and _needs_trust(store, name)]
+        published = [
             name for name in names
-            if _compute_run(current, name, kinds, options, reporter, lease)
+            if name not in untrusted
+            and _compute_run(current, name, kinds, options, reporter, lease)
         ]  # fmt: skip
+        if untrusted:
+            raise RequestError(
+                f"{root}: not computed: {', '.join(untrusted)}; loading the model executes code: "
+                "add --trust if you trust it"
+            )
+        return published
+
+
+def _needs_trust(store: Store, name: str) -> bool:
+    model = store.models.get(store.run(name).model or "")
+    return model is not None and model.needs_trust
 
 
 def _compute_run(
