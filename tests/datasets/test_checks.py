@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets.dataset_config import (
+    BoundsTable,
+    DatasetConfig,
+    DatasetTable,
+    DomainTable,
+    FieldOfViewCamera,
+    IntrinsicsCamera,
+    RoomTable,
+)
+from s2rtools.datasets.files.path_containment import PathContainment
 from tests.datasets.helpers import ingest, kinds
 from tests.support import pairs
 
@@ -233,3 +245,29 @@ def test_a_depth_image_of_another_type_is_skipped(tmp_path: Path) -> None:
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == 11
         assert store.frame(0, "sim").depth.dtype == np.uint8
+
+
+def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/how-to/your-data.md").read_text()
+    (example,) = (
+        block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[domains.sim]" in block
+    )
+    (tmp_path / "lab.toml").write_text(example)
+    config = DatasetConfig(tmp_path / "lab.toml")
+    assert config.domain("sim", (256, 256)).kind == "sim"
+    assert config.domain("real", (256, 256)).depth_raw_max == 10_000
+    assert config.image_sizes("real") == ((480, 640), (240, 320))
+    scan = config.empty_scan(tmp_path, (256, 256), PathContainment(tmp_path, False))
+    assert [room.room for room in scan.rooms] == ["hall", "hall"]
+    used = set(re.findall(r"^\s*(\w+) =|[{,] (\w+) =", example, re.M))
+    named = {first or second for first, second in used}
+    tables = (
+        DatasetTable,
+        BoundsTable,
+        RoomTable,
+        DomainTable,
+        FieldOfViewCamera,
+        IntrinsicsCamera,
+    )
+    keys = {field.name for table in tables for field in msgspec.structs.fields(table)}
+    assert keys - {"bounds", "recorded_at", "rooms", "domains"} <= named

@@ -515,3 +515,20 @@ def test_sides_of_different_instances_are_told(store: Path, tmp_path: Path) -> N
     path = write_rows(tmp_path / "p.csv", names, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
     with pytest.raises(RequestError, match="the instances of both sides differ"):
         run_import(store, path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons; separate"),
+        ("id,a,b\n1,2,3\n", r"add a column side or domain.*\(has: id, a, b\)"),
+        ("side,x,y\nsim,1,1\n", r"add a column iid.*\(has: side, x, y\)"),
+        ("iid,side,a,b\n0,sim,1,1\n", "needs columns x, y and heading.*; has iid, side, a, b"),
+    ],
+)
+def test_other_columns_are_told_with_those_that_are_needed(
+    store: Path, tmp_path: Path, content: str, message: str
+) -> None:
+    (tmp_path / "p.csv").write_text(content)
+    with pytest.raises(RequestError, match=message):
+        run_import(store, tmp_path / "p.csv")

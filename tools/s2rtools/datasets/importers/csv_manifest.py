@@ -53,7 +53,10 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
     if header is None:
-        raise RequestError(f"{path.with_suffix('.toml')}: missing; name the file by --header FILE")
+        raise RequestError(
+            f"{path.with_suffix('.toml')}: missing; it states bounds, rooms and cameras; name "
+            "another file by --header FILE"
+        )
     config = DatasetConfig(header, name=path.stem, y_down=False)
     containment = PathContainment(path.parent, options.allow_outside)
     result = config.empty_scan(path.parent, options.frame, containment)
