@@ -21,7 +21,7 @@ from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
-from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.executors import largest_first, run_units, usual_workers
 from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
@@ -50,12 +50,13 @@ class ProgressReporter(Protocol):
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
 
-    `refit` fits projections on all instances again. `backend` names that of the
+    `workers` is the number of processes, by default as many as pay off. `refit` fits projections on
+    all instances again. `backend` names that of the
     predictions; `auto` keeps the recorded one of a run, else it measures which is the fastest.
     """
 
     kinds: tuple[str, ...] | None = None
-    workers: int = 1
+    workers: int | None = None
     backend: str = "auto"
     trust: bool = False
     refit: bool = False
@@ -131,8 +132,16 @@ def _compute_run(
         return _compute_imported(current, run, kinds, options, reporter, lease)
     model = model_outline(current.get(), run.model, options.trust)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+    workers = options.workers or usual_workers(len(current.get().instances))
     backends = run_backends(
-        current.get(), run, options.trust, allowed, options.backend, reporter.say, lease.check
+        current.get(),
+        run,
+        options.trust,
+        allowed,
+        options.backend,
+        reporter.say,
+        lease.check,
+        max(1, available_processors() // workers),
     )
     store = current.get()
     planned = store.parts
@@ -266,11 +275,11 @@ def _compute_stages(
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
         total = sum(len(unit.instances) for unit in units)
         reporter.begin(f"{units[0].stage.run}: {label}", total)
-        workers = min(options.workers, len(units), available_processors())
+        workers = min(options.workers or usual_workers(total), len(units), available_processors())
         if backends is not None and any(unit.stage.is_network for unit in units):
             workers = backends.limit_workers(workers)
         opener = partial(UnitComputer, backends, options.trust)
-        for unit in run_units(root, units, opener, workers):
+        for unit in run_units(root, largest_first(units), opener, workers):
             lease.raise_if_lost()
             plan.finish(unit)
             reporter.advance(len(unit.instances))
