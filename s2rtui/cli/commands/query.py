@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
+    from s2rtui.user_data.notebook import Notes
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
 
@@ -45,13 +50,31 @@ def execute(options: argparse.Namespace) -> int:
         query = options.expression, run, options.trajectory
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes)
-            print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
+            count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
+            print(count)
+            if not count:
+                _print_suggestions(store, *query, notes)
             return 0
         columns = options.columns.split(",") if options.columns else None
         selection = selected_rows(store, *query, notes, columns)
+        if not selection.facts.count:
+            _print_suggestions(store, *query, notes)
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
     if options.format == "table" and options.out is None:
         of_run = f" of run {run}" if run else ""
         print(f"{selection.facts.count} instances{of_run}", file=sys.stderr)
     return 0
+
+
+def _print_suggestions(
+    store: Store, expression: str, run: str | None, trajectories: list[str] | None, notes: Notes
+) -> None:
+    """Print on standard error which wider expressions would select something."""
+    from s2rstore.language import evaluation, parse, widening
+
+    if not store.has_poses:
+        return
+    context = evaluation.context(store, run, trajectories, notes.nodes)
+    for wider in widening.widenings(parse(expression), context):
+        print(f"nothing is selected; {wider.text} would give {wider.count}", file=sys.stderr)
