@@ -76,9 +76,10 @@ def _nothing_selected(store: Store, node: Node, masks: MaskContext) -> tuple[str
         wider = widening.widenings(node, masks)
         if not wider:
             return "nothing is selected", ""
-        suggestions = [f"{one.change} would give {one.count}" for one in wider]
-        suggestions[0] += " (key Y)"
-        return f"nothing is selected; {', '.join(suggestions)}", wider[0].text
+        first, *others = wider
+        suggestions = [f"{first.change} would give {first.count} (key Y)"]
+        suggestions += [f"{other.change} {other.count}" for other in others]
+        return f"nothing is selected; {', '.join(suggestions)}", first.text
     expanded = expand(node, masks.words)
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))

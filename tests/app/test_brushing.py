@@ -22,7 +22,17 @@ from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
 
-BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
+BRUSHABLE = (
+    "overview",
+    "map",
+    "umap",
+    "orientation",
+    "rooms",
+    "errors",
+    "scatter",
+    "list",
+    "compare",
+)
 KEYS = {view.name: view.key for view in VIEWS}
 
 
@@ -293,8 +303,9 @@ async def test_the_compare_view_counts_better_and_worse_instances(tiny_store: Pa
         columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
         better = int((columns[0] - columns[1] > 0.05).sum())
         worse = int((columns[0] - columns[1] < -0.05).sum())
-        assert f"▲ {better} " in text
-        assert f"▼ {worse} " in text
+        assert f"▼ {better} " in text
+        assert f"▲ {worse} " in text
+        assert f"dataaug is better on {better} of 40 instances" in " ".join(text.split())
 
 
 async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> None:

@@ -128,16 +128,16 @@ def words(
     head = f"{side.capitalize()} errors of {a} (A) and {b} (B)"
     if not whole.n:
         return f"{head}: no instance with both errors is selected."
-    changed = "" if math.isnan(whole.change.low) else f" (95 % interval {interval_text(whole)})"
+    interval = "" if math.isnan(whole.change.low) else f"95 % interval {interval_text(whole)}; "
     verdict = {
-        "A": f"{a} is evidently better",
-        "B": f"{b} is evidently better",
-        "": "no evident difference",
+        "A": f"so {a} is evidently better",
+        "B": f"so {b} is evidently better",
+        "": "which is no evident difference",
     }[whole.better_run]
     return (
         f"{head}: {b} is better on {whole.better} of {whole.n} instances, worse on {whole.worse}, "
-        f"within {equal:g} {unit} on {whole.equal}. Median change B - A "
-        f"{signed(whole.change.value)} {unit}{changed}; negative: {b} is better. {verdict}; "
+        f"within {equal:g} {unit} on {whole.equal}. Median change B - A: "
+        f"{signed(whole.change.value)} {unit} ({interval}negative: {b} is better), {verdict}. "
         f"{100 * whole.large:.0f} % of the instances change by more than {LARGE:g} {unit}."
     )
 

@@ -45,9 +45,9 @@ LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
 ROW = 0.19
 """Height of a row of the table, inches."""
-COLUMNS = (1.7, 0.6, 0.8, 0.8, 0.9, 1.5, 1.0)
+COLUMNS = (1.5, 0.5, 0.7, 0.7, 0.8, 1.4, 0.9)
 """Widths of the columns of the table, inches."""
-WIDEST = 26
+WIDEST = 22
 """Most letters of a room's name in the table."""
 KEYS = 1.3
 """Height of the legend below the scales, inches."""

@@ -20,8 +20,8 @@ from s2rtui.session import pending_target, run_comparison
 
 _WIDE, _TALL = 56, 40
 """Columns and rows from which the maps of both runs are drawn, too."""
-_MAP_ROWS = 8
-"""Rows that sentences and table leave to the map."""
+_MAP_SHARE = 0.6
+"""Share of the rows of a high view that sentences and table leave to the maps; 0.4 of a low one."""
 
 
 class CompareView(PointsView):
@@ -92,7 +92,8 @@ class CompareView(PointsView):
         notes = run_comparison.differences(scene.store, scene.state.run, other)
         height = max(1, size[1])
         notes = notes[: max(0, height - 3)]
-        room = max(1, height - len(notes) - min(_MAP_ROWS, height // 3))
+        share = _MAP_SHARE if self._both(size) else 1 - _MAP_SHARE
+        room = max(1, height - len(notes) - int(share * height))
         words = comparison_text(view, (max(1, size[0]), room), options)
         canvas = Canvas(words.width, len(notes) + words.height, options)
         for row, note in enumerate(notes):

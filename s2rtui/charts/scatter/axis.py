@@ -12,8 +12,8 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.shared.axis_scale import Floats, tick_values
 
 LOG_RATIO = 20.0
-"""Axes are logarithmic where the largest error is more than this many times the median."""
-LOG_RULE = f"the largest error is over {LOG_RATIO:g} times the median"
+"""Axes are logarithmic where the largest error is more than this many times a side's median."""
+LOG_RULE = f"the largest error is over {LOG_RATIO:g} times the median of a side"
 _MARGIN = 1.03
 """Upper end of the axes over the largest error."""
 _FACTORS = (1, 2, 5)
@@ -70,13 +70,12 @@ def error_axis(sim: Floats, real: Floats) -> ErrorAxis:
     Linear from 0, or logarithmic by `LOG_RATIO`; then its lower end is the 1st percentile of the
     errors above 0, rounded down to 1, 2 or 5 times 10^n.
     """
-    both = np.concatenate([sim, real])
-    both = both[np.isfinite(both)]
-    above = both[both > 0]
+    sides = [errors[np.isfinite(errors)] for errors in (sim, real)]
+    above = np.concatenate([errors[errors > 0] for errors in sides])
     if not above.size:
         return ErrorAxis(0.0, 1.0, log=False)
     high = float(above.max()) * _MARGIN
-    if above.max() <= LOG_RATIO * np.median(both):
+    if above.max() <= LOG_RATIO * min(np.median(errors) for errors in sides if errors.size):
         return ErrorAxis(0.0, high, log=False)
     return ErrorAxis(_rounded_down(float(np.percentile(above, 1))), high, log=True)
 

@@ -71,8 +71,7 @@ def scatter_layout(
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 36 and height >= 12
     left, below = (LEFT, 1) if axes else (0, 0)
-    most = 0 if height < 8 else 1 if height < 14 else 2 if height < 22 else 4
-    rows = fit_rows(_legend(data, options, width, peak), width)[:most]
+    rows = fit_rows(_legend(data, options, width, peak), width)[: height // 6]
     legend = tuple(tuple(row) for row in rows)
     return ScatterLayout(left, width - left, height - below - len(rows), axes, legend)
 
@@ -200,9 +199,9 @@ def density_shares(counts: np.ndarray, peak: int) -> np.ndarray:
 def _axes(canvas: Canvas, panel: Panel, data: ScatterInput) -> None:
     """Ticks along the left and the lower edge, with the names of both axes."""
     theme, axis, bottom = canvas.theme, data.axis, panel.height
-    name = f"sim error {data.unit}"
+    name = f"sim error {data.unit}{', log' if axis.log else ''}"
     free, stop = panel.x, canvas.width - len(name) - 1
-    for tick in axis.ticks(max(2, panel.width // 10)):
+    for tick in axis.ticks(max(2, panel.width // 8)):
         text = short_number(tick)
         start = max(panel.x, int(panel.to_cells(tick, axis.high)[0]) - len(text) // 2)
         if start >= free and start + len(text) <= stop:
@@ -221,12 +220,14 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
     """What colours, glyphs and lines mean, with the counts of the corners."""
     summary, theme = scatter_summary(data), options.theme
     parts = _point_legend(summary, options, width, peak)
+    lines = f"lines: best and worst {PERCENT} %"
+    limits = lines + _limits_text(summary.sim, summary.real)
+    lines = limits if len(limits) <= width else lines
+    parts.insert(2, text_part(((lines, theme.muted),)))
     parts += [
         text_part(((f"{quadrant.name}: ", theme.muted), (str(count), theme.text)))
         for quadrant, (count, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
     ]
-    lines = f"lines: best and worst {PERCENT} %{_limits_text(summary.sim, summary.real, width)}"
-    parts.append(text_part(((lines, theme.muted),)))
     if data.axis.log:
         below = f"; {summary.below} below {short_number(data.axis.low)} at the edge"
         text = f"log axes: {LOG_RULE}{below if summary.below else ''}"
@@ -256,19 +257,21 @@ def _point_legend(
         label = "instances per cell, log"
         parts.insert(0, colour_bar(label, "", scale, options, 12, ramp=ramp, room=width))
     elif summary.selected:
-        parts.append(text_part(((f"2-{MANY - 1}, +: that many, {MANY} or more", theme.muted),)))
+        parts.append(
+            text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
+        )
     if summary.selected < summary.total:
         grey = "⠿" if not options.ascii else options.glyphs.unselected
         parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
     return parts
 
 
-def _limits_text(sim: Limits, real: Limits, width: int) -> str:
-    """The limits of both sides in metres, where a wide legend has room for them."""
-    if width < 76 or not np.isfinite([sim.best, sim.worst, real.best, real.worst]).all():
+def _limits_text(sim: Limits, real: Limits) -> str:
+    """The limits of both sides in metres; empty where they are unknown."""
+    if not np.isfinite([sim.best, sim.worst, real.best, real.worst]).all():
         return ""
     sides = (("sim", sim), ("real", real))
     return "".join(
-        f", {name} up to {short_number(limits.best, 2)} and from {short_number(limits.worst, 2)} m"
+        f", {name} to {short_number(limits.best, 2)} and from {short_number(limits.worst, 2)} m"
         for name, limits in sides
     )
