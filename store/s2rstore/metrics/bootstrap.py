@@ -38,8 +38,10 @@ MAX_TRAJECTORY_SHARE = 1 / 3
 """A trajectory with more than this share of the rows leaves too few others to resample."""
 
 
-MEDIAN_STEPS = 512
-"""Values that replicates of a median can take: a resolution of 0.2 % in rank."""
+EXACT_MEDIANS = 512
+"""Up to this number of values, replicates of a median are exact."""
+_MEDIAN_STEPS = 128
+_MEDIAN_SAMPLE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,8 +290,8 @@ def median_interval(
 ) -> Interval:
     """Median of `values` (n,) in recording order, without NaN, with its block bootstrap interval.
 
-    `trajectories` as in `mean_interval`. Replicates of more than `MEDIAN_STEPS` values take one of
-    so many quantiles of `values` as their median. The bounds are NaN where there are fewer than two
+    `trajectories` as in `mean_interval`. Replicates of more than `EXACT_MEDIANS` values are rounded
+    up to steps of about a tenth of their spread. The bounds are NaN where there are fewer than two
     blocks.
     """
     if not values.size:
@@ -307,11 +309,7 @@ def median_interval(
 
 def _median_replicates(values: Floats, blocks: Blocks, settings: BootstrapSettings) -> Floats:
     """Medians (R,) of samples of blocks, from counts of values up to each step."""
-    if values.size <= MEDIAN_STEPS:
-        steps = np.unique(values)
-    else:
-        shares = np.linspace(0, 1, MEDIAN_STEPS)
-        steps = np.unique(np.quantile(values, shares, method="higher"))
+    steps = _median_steps(values, blocks.count)
     block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
     places = block * steps.size + np.searchsorted(steps, values)
     held = np.bincount(places, minlength=blocks.count * steps.size).reshape(blocks.count, -1)
@@ -319,6 +317,20 @@ def _median_replicates(values: Floats, blocks: Blocks, settings: BootstrapSettin
     half = total[:, -1:] / 2
     lower, upper = (total >= half).argmax(axis=1), (total > half).argmax(axis=1)
     return np.asarray((steps[lower] + steps[upper]) / 2)
+
+
+def _median_steps(values: Floats, blocks: int) -> Floats:
+    """Values, ascending up to the largest, that medians of replicates can take.
+
+    All values where there are few. Else quantiles within five standard deviations of the median's
+    rank if all values of a block were equal, 0.5 / sqrt(blocks).
+    """
+    if values.size <= EXACT_MEDIANS:
+        return np.unique(values)
+    reach = min(0.5, 2.5 / np.sqrt(blocks))
+    shares = np.linspace(0.5 - reach, 0.5 + reach, _MEDIAN_STEPS)
+    sample = values[:: -(-values.size // _MEDIAN_SAMPLE)]
+    return np.unique(np.append(np.quantile(sample, shares), values.max()))
 
 
 def circular_block_sums(values: Floats, length: int, starts: NDArray[np.int64]) -> Floats:
