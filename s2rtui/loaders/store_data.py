@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.gap_history import reader
+from s2rstore.index.population import Population
 from s2rstore.reader import Store
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
@@ -81,9 +82,24 @@ def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
     return {"rows": rows, "baseline": baseline, "translators": translator_rows(store)}
 
 
+def lines_key(store: Store, state: State) -> Key:
+    return (state.generation, state.runs, state.side, state.with_trained)
+
+
 def read_lines(store: Store, state: State, context: LoadContext) -> Fields:
-    values = {run: store.accuracies(run, state.side) for run in state.runs}
-    return {"lines": RunAccuracies(state.side, values)}
+    """The accuracies of every run, NaN where the run's model was trained on the instance.
+
+    Where trained instances are included, `trained` marks those of any run instead.
+    """
+    values, marked = {}, np.zeros(len(store.instances), dtype=np.bool_)
+    for run in state.runs:
+        accuracies, trained = store.accuracies(run, state.side), store.trained_instances(run)
+        if state.with_trained:
+            marked |= trained
+        elif trained.any():
+            accuracies[trained] = np.nan
+        values[run] = accuracies
+    return {"lines": RunAccuracies(state.side, values, marked if marked.any() else None)}
 
 
 def floor_plan_key(store: Store, state: State) -> Key | None:
@@ -97,12 +113,13 @@ def read_floor_plan(store: Store, state: State, context: LoadContext) -> Fields:
 def pictures_key(store: Store, state: State) -> Key | None:
     if state.cursor is None:
         return None
-    return (state.generation, state.run, state.cursor, state.heat)
+    return (state.generation, state.run, state.cursor, state.heat, state.with_trained)
 
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     assert state.cursor is not None
-    pictures = instance_input(store, state.run, state.cursor, state.heat)
+    population = Population(with_trained=state.with_trained)
+    pictures = instance_input(store, state.run, state.cursor, state.heat, population)
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
 
 

@@ -28,9 +28,8 @@ def mask_context(n: int, valid: np.ndarray | None = None, **columns: np.ndarray)
         side, _, field = name.partition("_")
         sides.get(side, truth)[field or name] = np.asarray(values)
     held = np.ones(n, dtype=np.bool_) if valid is None else valid
-    run = SimpleNamespace(
-        valid=held, sim=SimpleNamespace(**sides["sim"]), real=SimpleNamespace(**sides["real"]),
-    )  # fmt: skip
+    run = SimpleNamespace(valid=held, trained=np.zeros(n, dtype=np.bool_))
+    run.sim, run.real = (SimpleNamespace(**sides[side]) for side in ("sim", "real"))
     if "sim_error" in columns and "real_error" in columns:
         run.gap = np.asarray(columns["real_error"]) - np.asarray(columns["sim_error"])
     words = Vocabulary(("vanilla",), (), ())

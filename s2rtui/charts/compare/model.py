@@ -37,7 +37,8 @@ class CompareInput:
     for none. Differences are second - first: below 0 the second run is better, within `equal` both
     are equal. scale: the difference of full colour (default: the 99th percentile of the valid
     ones). trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`; None
-    without them, as in `room_changes`. Other fields as in `MapInput`.
+    without them, as in `room_changes`. trained: (N,) marks instances that the model of either run
+    was trained on, None where none is shown. Other fields as in `MapInput`.
     """
 
     truth: Floats
@@ -61,6 +62,7 @@ class CompareInput:
     trajectory: Codes | None = None
     room: Codes | None = None
     room_list: tuple[str, ...] = ()
+    trained: Bools | None = None
 
     @property
     def ground(self) -> MapBackground:

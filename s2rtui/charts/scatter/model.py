@@ -64,7 +64,10 @@ QUADRANTS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScatterInput:
-    """Errors (N,) of both sides in `unit`; selected, valid: (N,) bool; cursor: an iid."""
+    """Errors (N,) of both sides in `unit`; selected, valid: (N,) bool; cursor: an iid.
+
+    trained: (N,) marks instances that the model was trained on, None where none is shown.
+    """
 
     sim: Floats
     real: Floats
@@ -73,6 +76,7 @@ class ScatterInput:
     cursor: int | None = None
     mark: Mark | None = None
     unit: str = "m"
+    trained: Bools | None = None
 
     @property
     def axis(self) -> ErrorAxis:
@@ -116,13 +120,15 @@ class ScatterModel:
 
     count: (h, w) selected instances per cell. larger: (h, w) SIM_LARGER, REAL_LARGER, or EQUAL for
     cells with both. grey: (4h, 2w) braille dots of instances in view, where no selected one is.
-    peak: the largest count of all instances in view per cell. dense: whether cells are shaded.
+    trained: (h, w) cells with a selected trained instance, None where none is shown. peak: the
+    largest count of all instances in view per cell. dense: whether cells are shaded.
     """
 
     axis: ErrorAxis
     count: Counts
     larger: NDArray[np.int8]
     grey: Bools
+    trained: Bools | None
     peak: int
     dense: bool
     summary: ScatterSummary
@@ -146,6 +152,7 @@ def scatter_model(data: ScatterInput, columns: int, rows: int) -> ScatterModel:
         count=count,
         larger=_larger(selected),
         grey=grey,
+        trained=_trained_cells(data, selection.members, columns, rows),
         peak=int(total.sum(axis=2).max()),
         dense=summary.total > DENSITY_ABOVE,
         summary=summary,
@@ -213,6 +220,17 @@ def _diagonal_sides(sim: Floats, real: Floats) -> Bins:
 def _sided_cells(sim: Floats, real: Floats, axis: ErrorAxis, columns: int, rows: int) -> Bins:
     """Cell and side of the diagonal together."""
     return joint_bins(_places(sim, real, axis, columns, rows), _diagonal_sides(sim, real))
+
+
+def _trained_cells(
+    data: ScatterInput, selected: NDArray[np.intp], columns: int, rows: int
+) -> Bools | None:
+    if data.trained is None:
+        return None
+    held = np.zeros(rows * columns * 3 + 1, dtype=np.bool_)
+    codes = _sided_cells(data.sim, data.real, data.axis, columns, rows).codes
+    held[codes[selected[data.trained[selected]]]] = True
+    return held[:-1].reshape(rows, columns, 3).any(axis=2)
 
 
 @cached_by_identity(8)

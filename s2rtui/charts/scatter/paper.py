@@ -110,6 +110,10 @@ def _points(axes: Axes, page: Page, data: ScatterInput) -> None:
             alpha=0.85,
         )  # fmt: skip
 
+    if data.trained is not None:
+        hole = selected[data.trained[selected]]
+        axes.scatter(sim[hole], real[hole], s=6, color=[inks.background], linewidths=0, zorder=6)
+
 
 def _shown(errors: Floats, axis: ErrorAxis) -> Floats:
     """Errors as they are drawn: those below a logarithmic axis lie at its end."""
@@ -165,6 +169,8 @@ def _legend(
     ]
     if model.dense:
         marks = [(name, "", ink, filled) for name, _, ink, filled in marks]
+    if data.trained is not None and not model.dense:
+        marks.append(("hole: trained on", "o", inks.text, False))
     if summary.selected < summary.total:
         marks.append(("not selected", ".", inks.unselected, True))
     if model.cursor is not None:

@@ -35,6 +35,7 @@ from s2rtui.charts.scatter.model import (
     scatter_summary,
 )
 from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.base_map_terminal import trained_legend
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
@@ -166,6 +167,8 @@ def _dots(chart: Canvas, model: ScatterModel) -> None:
     chart.char[held] = names[several]
     chart.fg[held] = _side_inks(chart.options)[model.larger[held]]
     chart.bold[held] = True
+    if model.trained is not None:
+        chart.char[model.trained] = chart.glyphs.trained
 
 
 def _side_inks(options: RenderOptions) -> np.ndarray:
@@ -219,7 +222,7 @@ def _axes(canvas: Canvas, panel: Panel, data: ScatterInput) -> None:
 def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -> list[LegendPart]:
     """What colours, glyphs and lines mean, with the counts of the corners."""
     summary, theme = scatter_summary(data), options.theme
-    parts = _point_legend(summary, options, width, peak)
+    parts = _point_legend(data, summary, options, width, peak)
     lines = f"lines: best and worst {PERCENT} %"
     limits = lines + _limits_text(summary.sim, summary.real)
     lines = limits if len(limits) <= width else lines
@@ -239,7 +242,7 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
 
 
 def _point_legend(
-    summary: ScatterSummary, options: RenderOptions, width: int, peak: int
+    data: ScatterInput, summary: ScatterSummary, options: RenderOptions, width: int, peak: int
 ) -> list[LegendPart]:
     theme, glyph = options.theme, options.glyphs.selected
     parts: list[LegendPart] = []
@@ -260,6 +263,8 @@ def _point_legend(
         parts.append(
             text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
         )
+    if data.trained is not None and not dense:
+        parts.append(trained_legend(options))
     if summary.selected < summary.total:
         grey = "⠿" if not options.ascii else options.glyphs.unselected
         parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))

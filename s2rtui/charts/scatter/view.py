@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.scatter.axis import ErrorAxis
@@ -35,9 +36,12 @@ class ScatterView(PointsView):
     def input(self, scene: Scene) -> ScatterInput:
         state = scene.state
         columns = scene.store.run_columns(state.run)
+        sim, real = columns.sim.error, columns.real.error
+        if not state.with_trained and columns.trained.any():
+            sim, real = (_new_errors(errors, columns.trained) for errors in (sim, real))
         return ScatterInput(
-            columns.sim.error, columns.real.error, state.selected, state.base,
-            cursor=state.cursor, mark=scene.mark(self.name),
+            sim, real, state.selected, state.base, cursor=state.cursor,
+            mark=scene.mark(self.name), trained=state.marked,
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
@@ -100,6 +104,12 @@ class ScatterView(PointsView):
 
 
 VIEW = ScatterView()
+
+
+@cached_by_identity(8)
+def _new_errors(errors: Floats, trained: Bools) -> Floats:
+    """The errors (N,) with NaN for trained instances, which then count in no scale."""
+    return np.where(trained, np.nan, errors)
 
 
 @cached_by_identity(2)
