@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def execute(options: argparse.Namespace) -> int:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
+        print_left_out(store, *query, notes.nodes, options.with_trained)
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
             count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
