@@ -332,7 +332,7 @@ async def test_a_lasso_in_the_scatter_view_selects_by_both_errors(tiny_store: Pa
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c", "X", "L")
         panel = panels(app, "scatter")[0]
-        left, top = panel.x, panel.y
+        left, top = panel.x, panel.y + 1
         right, bottom = left + panel.width - 2, top + panel.height - 2
         await drag(app, pilot, "scatter", [(left, top), (right, top), (right, bottom),
                                            (left, bottom)])  # fmt: skip

@@ -217,7 +217,8 @@ def test_many_instances_are_drawn_as_a_density(mode: ColourMode) -> None:
     assert model.dense
     assert model.count.sum() == (sim > 1).sum()
     text = "\n".join(canvas.lines())
-    assert "instances per cell, log 1" in text
+    assert text.count("instances per cell, log: 1 ") == 1
+    assert f" {model.peak} " in text
     assert "●" not in text
     assert len(scatter_figure(data, (600, 480))) > 1000
 

@@ -29,9 +29,12 @@ from s2rtui.charts.shared.paper import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
 
 SIDE = 2.35
 """Inches at the right that the legend takes."""
+BAR = 1.5
+"""Height of the colour bar of a density with its title, inches."""
 PER_INCH = 24
 """Cells per inch of a density."""
 
@@ -49,15 +52,17 @@ def scatter_figure(
     model = scatter_model(data, cells, cells)
     _style(axes, page, data, model)
     _lines(axes, page, model)
+    corner = (left + edge + 0.3, page.top - 0.1)
     if model.dense:
-        _density(axes, page, model)
+        _density(axes, page, model, corner)
     else:
         _points(axes, page, data)
     if model.cursor is not None:
         at = [max(float(errors[model.cursor]), model.axis.low) for errors in (data.sim, data.real)]
         draw_ring(axes, at[0], at[1], page.inks.cursor, 80, 8)
     if side > 1:
-        _legend(page, data, model, (left + edge + 0.3, page.top - 0.1))
+        below = BAR + 0.2 if model.dense else 0.0
+        _legend(page, data, model, (corner[0], corner[1] - below))
     return page.encoded()
 
 
@@ -121,8 +126,8 @@ def _shown(errors: Floats, axis: ErrorAxis) -> Floats:
     return np.maximum(values, axis.low) if axis.log else values
 
 
-def _density(axes: Axes, page: Page, model: ScatterModel) -> None:
-    """Cells in the colour of the number of selected instances, and a colour bar."""
+def _density(axes: Axes, page: Page, model: ScatterModel, corner: tuple[float, float]) -> None:
+    """Cells in the colour of the number of selected instances, and a colour bar at `corner`."""
     from matplotlib.colors import ListedColormap, LogNorm
 
     rows, columns = model.count.shape
@@ -141,22 +146,25 @@ def _density(axes: Axes, page: Page, model: ScatterModel) -> None:
     mesh = axes.pcolormesh(
         across, up, counts, cmap=colours, norm=norm, zorder=1.5, linewidth=0, rasterized=True
     )
-    wide, high = page.inches
-    if wide <= 4.5:
-        return
-    box = axes.get_position()
-    place = [
-        box.x1 + 0.35 / wide,
-        box.y0 + 0.1 / high,
-        0.16 / wide,
-        min(1.4 / high, box.height / 3),
-    ]
-    bar_axes = page.figure.add_axes(place)
-    bar = page.figure.colorbar(mesh, cax=bar_axes)
+    if page.inches[0] > 4.5:
+        _count_bar(page, mesh, model.peak, corner)
+
+
+def _count_bar(page: Page, mesh: QuadMesh, peak: int, corner: tuple[float, float]) -> None:
+    """The colour bar of a density, with its upper left end `corner` (inches)."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter
+
+    left, top = corner
+    axes = page.axes(left, top - BAR, 0.16, BAR - 0.2)
+    bar = page.figure.colorbar(mesh, cax=axes)
     bar.outline.set_visible(False)
-    bar_axes.tick_params(colors=page.inks.muted, labelsize=8)
-    bar_axes.minorticks_off()
-    bar_axes.set_title("instances per cell", loc="left", fontsize=9, pad=6, color=page.inks.text)
+    powers = [10**power for power in range(len(str(peak))) if 10**power <= 0.6 * peak]
+    bar.locator = FixedLocator([*powers, peak])
+    bar.formatter = FuncFormatter(lambda count, _: f"{count:.0f}")
+    bar.update_ticks()
+    axes.minorticks_off()
+    axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
+    axes.set_title("instances per cell", loc="left", fontsize=9, pad=6, color=page.inks.text)
 
 
 def _legend(

@@ -38,7 +38,6 @@ from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_terminal import trained_legend
 from s2rtui.charts.shared.legend import (
     LegendPart,
-    colour_bar,
     draw_rows,
     fit_rows,
     ramp_for_values,
@@ -186,7 +185,7 @@ def _shades(chart: Canvas, model: ScatterModel) -> None:
     ramp = ramp_for_values(chart.options)
     if ramp is None:
         chart.char[held] = " "
-        chart.bg[held] = turbo(shares)
+        chart.bg[held] = legible(turbo(shares), chart.theme)
         return
     places = np.minimum((shares * len(ramp)).astype(np.intp), len(ramp) - 1)
     chart.char[held] = np.array(list(ramp))[places]
@@ -256,9 +255,7 @@ def _point_legend(
             text = f"{side} error larger: "
         parts.append(text_part((*marked, (text, theme.muted), (str(count), theme.text))))
     if dense:
-        scale, ramp = (1.0, float(max(peak, 2))), ramp_for_values(options)
-        label = "instances per cell, log"
-        parts.insert(0, colour_bar(label, "", scale, options, 12, ramp=ramp, room=width))
+        parts.insert(0, _count_bar(peak, options))
     elif summary.selected:
         parts.append(
             text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
@@ -269,6 +266,15 @@ def _point_legend(
         grey = "⠿" if not options.ascii else options.glyphs.unselected
         parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
     return parts
+
+
+def _count_bar(peak: int, options: RenderOptions) -> LegendPart:
+    """The logarithmic scale of densities from 1 to `peak`."""
+    length, muted = 10, options.theme.muted
+    glyphs = ramp_for_values(options) or "█" * length
+    inks = legible(turbo(np.linspace(0, 1, length)), options.theme).tolist()
+    shades = [(glyph, (r, g, b)) for glyph, (r, g, b) in zip(glyphs, inks, strict=True)]
+    return text_part((("instances per cell, log: 1 ", muted), *shades, (f" {peak}", muted)))
 
 
 def _limits_text(sim: Limits, real: Limits) -> str:
