@@ -132,7 +132,7 @@ def _naive_median_interval(values: np.ndarray, trajectory: np.ndarray) -> tuple[
     return middle + (low - middle) * factor, middle + (high - middle) * factor
 
 
-@pytest.mark.parametrize(("n", "trajectories"), [(7, 1), (60, 2), (200, 8), (512, 3)])
+@pytest.mark.parametrize(("n", "trajectories"), [(16, 1), (60, 2), (200, 8), (512, 3)])
 def test_the_interval_of_a_median_is_that_of_resampled_blocks(n: int, trajectories: int) -> None:
     values = np.random.default_rng(n).gamma(2, 1, n).round(2)
     trajectory = np.arange(n) * trajectories // n
@@ -152,7 +152,9 @@ def test_the_interval_of_the_median_of_many_values_is_close_to_the_exact_one() -
     assert abs(ranks[2] - ranks[3]) < 0.008
 
 
-def test_a_median_of_one_block_has_no_interval() -> None:
+def test_a_median_of_few_blocks_has_no_interval() -> None:
+    few = bootstrap.median_interval(np.arange(12.0))
+    assert (few.value, np.isnan(few.low), np.isnan(few.high)) == (5.5, True, True)
     one = bootstrap.median_interval(np.array([3.0]))
     assert (one.value, np.isnan(one.low), np.isnan(one.high)) == (3.0, True, True)
     assert np.isnan(bootstrap.median_interval(np.array([])).value)

@@ -230,7 +230,7 @@ def _trained_cells(
     held = np.zeros(rows * columns * 3 + 1, dtype=np.bool_)
     codes = _sided_cells(data.sim, data.real, data.axis, columns, rows).codes
     held[codes[selected[data.trained[selected]]]] = True
-    return held[:-1].reshape(rows, columns, 3).any(axis=2)
+    return np.asarray(held[:-1].reshape(rows, columns, 3).any(axis=2))
 
 
 @cached_by_identity(8)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from s2rstore.index.columns import FloatColumn
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
@@ -38,7 +39,7 @@ class ScatterView(PointsView):
         columns = scene.store.run_columns(state.run)
         sim, real = columns.sim.error, columns.real.error
         if not state.with_trained and columns.trained.any():
-            sim, real = (_new_errors(errors, columns.trained) for errors in (sim, real))
+            sim, real = _new_errors(sim, columns.trained), _new_errors(real, columns.trained)
         return ScatterInput(
             sim, real, state.selected, state.base, cursor=state.cursor,
             mark=scene.mark(self.name), trained=state.marked,
@@ -85,7 +86,8 @@ class ScatterView(PointsView):
 
     def points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)
-        return stacked_points(view.sim, view.real)
+        sim, real = (np.asarray(errors, dtype=np.float64) for errors in (view.sim, view.real))
+        return stacked_points(sim, real)
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         view = self.input(scene)
@@ -107,7 +109,7 @@ VIEW = ScatterView()
 
 
 @cached_by_identity(8)
-def _new_errors(errors: Floats, trained: Bools) -> Floats:
+def _new_errors(errors: FloatColumn, trained: Bools) -> FloatColumn:
     """The errors (N,) with NaN for trained instances, which then count in no scale."""
     return np.where(trained, np.nan, errors)
 

@@ -40,6 +40,10 @@ MAX_TRAJECTORY_SHARE = 1 / 3
 
 EXACT_MEDIANS = 512
 """Up to this number of values, replicates of a median are exact."""
+MIN_MEDIAN_UNITS = 4
+"""Fewest units that give an interval of a median. In simulations of independent values, 95 %
+intervals over 4 to 10 blocks missed the true median in 6 to 9 % of the cases, over 2 or 3 in up to
+19 %."""
 _MEDIAN_STEPS = 128
 _MEDIAN_SAMPLE = 1 << 16
 
@@ -291,15 +295,15 @@ def median_interval(
     """Median of `values` (n,) in recording order, without NaN, with its block bootstrap interval.
 
     `trajectories` as in `mean_interval`. Replicates of more than `EXACT_MEDIANS` values are rounded
-    up to steps of about a tenth of their spread. The bounds are NaN where there are fewer than two
-    blocks.
+    up to steps of about a tenth of their spread. The bounds are NaN where there are fewer than
+    `MIN_MEDIAN_UNITS` blocks or trajectories to resample.
     """
     if not values.size:
         return Interval.unknown()
     value = float(np.median(values))
     codes = np.zeros(values.size, dtype=np.int64) if trajectories is None else trajectories
     blocks = split_into_blocks(codes, settings.block_length)
-    if blocks.unit_count < 2:
+    if blocks.unit_count < MIN_MEDIAN_UNITS:
         return Interval.unknown(value)
     replicates = corrected(
         _median_replicates(values, blocks, settings), value, blocks.unit_count, settings.level
