@@ -6,6 +6,8 @@ predictions. Whatever leaves trained instances out must be equal for both stores
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +30,7 @@ from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.export.report.build_report import render_report
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection
 from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.user_data.notebook import Notebook
 from tests.support import tiny
 
 N = 40
@@ -98,7 +101,7 @@ def test_views_mark_trained_instances_where_they_are_included(stores: Stores, vi
         assert scene.state.count == "40 of 40 (20 trained on, included)"
         title = TitledView(view, scene).draw((110, 40), RenderOptions(DARK)).lines()
         names, rows = view.numbers(scene)
-    assert "20 trained on included" in title[0]
+    assert "20 trained on included" in title[0].replace("on, included", "on included")
     if view.name in ("map", "umap", "list"):
         splits = [row[list(names).index("split")] for row in rows]
         assert sum(split in ("train", "validation") for split in splits) == N // 2
@@ -150,6 +153,9 @@ def test_a_report_that_includes_trained_instances_says_so(stores: Stores) -> Non
     page = render_report(stores.absurd, request).decode()
     assert "40 of 40 (20 trained on, included) instances" in page
     assert "The model was trained on 20 of them" in page
+    sides = re.search(r"Run vanilla on the selection.*?</table>", page, re.DOTALL)
+    assert sides is not None
+    assert sides[0].count("<td>20</td>") == 2
 
 
 def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores: Stores) -> None:
@@ -158,6 +164,7 @@ def test_the_instance_view_ranks_among_new_instances_and_names_the_split(stores:
         for iid in (3, 6):
             with open_scene(path, options(iid=iid), view) as scene:
                 rows = view.numbers(scene)[1]
+                assert ("trained on it" in view.summary(scene)) == (iid == 6)
             notes[path, iid] = {row[0]: row[-1] for row in rows}
     assert notes[stores.ordinary, 3] == notes[stores.absurd, 3]
     assert notes[stores.absurd, 3]["ranks"].endswith("of 20 new instances by error")
@@ -193,6 +200,18 @@ def test_runs_and_the_headline_population_agree_with_the_screen(
         np.testing.assert_array_equal(
             scene.state.base, run_metrics.held_out(scene.store, "vanilla")
         )
+
+
+def test_runs_say_where_the_training_set_is_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tiny.build(tmp_path / "s.s2r", N)
+    with edit(path) as draft:
+        draft._connection.execute("UPDATE prediction SET split = 'unseen'")
+        draft.set_provenance("model:dataaug", {"split:sim": "[[3, 40]]"})
+    assert main(["runs", str(path), "--json"]) == 0
+    notes = {row["run"]: row["note"] for row in json.loads(capsys.readouterr().out)}
+    assert notes == {"vanilla": "training set unknown", "dataaug": ""}
 
 
 def test_a_comparison_holds_the_instances_that_are_new_to_both_runs(stores: Stores) -> None:
@@ -273,3 +292,25 @@ def test_a_shared_expression_keeps_its_population(session: Session) -> None:
         session.select("all")
         state = session.dispatch(shared_selection.select_text, text)
         assert (state.with_trained, int(state.selected.sum())) == (with_trained, count)
+
+
+def test_a_saved_selection_says_where_its_population_differs(
+    stores: Stores, tmp_path: Path
+) -> None:
+    session = Session(stores.absurd, notebooks=lambda identity: Notebook(identity, tmp_path))
+    session.select("worst(20%, real.error)")
+    session.dispatch(navigation.toggle_trained)
+    saved = shared_selection.current_selection(session.state)
+    session.writable_notebook.save("mine", saved)
+    assert session.select("@mine").message == ""
+    session.dispatch(navigation.toggle_trained)
+    message = session.select("@mine").message
+    assert "evaluated again: 4 on vanilla, generation 3, new ones only" in message
+    assert "saved: 8 on vanilla, generation 3, trained ones included" in message
+    (path,) = tmp_path.glob("*.json")
+    content = json.loads(path.read_text())
+    del content["selections"]["mine"]["with_trained"]
+    path.write_text(json.dumps(content))
+    session.writable_notebook.refresh()
+    assert session.notes.selections["mine"] == saved  # earlier releases included trained instances
+    session.close()

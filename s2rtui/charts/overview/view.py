@@ -33,7 +33,7 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         pale = ", pale where a model was trained on it" if lines.trained is not None else ""
-        return f"accuracy over new instances; one line per instance, {lines.side}{pale}"
+        return f"accuracy; one line per instance, {lines.side}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
@@ -151,7 +151,7 @@ VIEW = OverviewView()
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
-    parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
+    parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
     if lines is not None:
         parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
     return "  ·  ".join(parts)
