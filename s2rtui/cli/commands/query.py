@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.index.population import count_text
+from s2rstore.records import NO_RUN
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
@@ -23,7 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", help="store folder")
     parser.add_argument("expression", help="selection, for example 'worst15 & room:right - @done'")
     add = parser.add_argument_group("selection").add_argument
-    add("--run", help="run whose errors the expression refers to (default: the first)")
+    add(
+        "--run",
+        help="run whose errors the expression refers to (default: the first that is computed; "
+        "without one, expressions of the ground truth work)",
+    )
     add("--trajectory", action="append", help="select from this trajectory only (repeatable)")
     scene_arguments.add_with_trained(add)
     add("--count", action="store_true", help="print only the number of instances")
@@ -37,11 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import selected_rows
+    from s2rtui.export.rows.selected_instances import count_in_view, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
-        run = store.run_name(options.run)
+        is_without_run = options.run is None and not store.has_computed_run
+        run = NO_RUN if is_without_run else store.run_name(options.run)
         known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:
@@ -55,6 +62,9 @@ def execute(options: argparse.Namespace) -> int:
             text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
             count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
             print(count)
+            in_view, trained = count_in_view(store, run, options.trajectory)
+            if trained:
+                _print_count(count_text(count, in_view, trained, options.with_trained), run)
             if not count:
                 _print_suggestions(store, *query, notes, options.with_trained)
             return 0
@@ -64,10 +74,13 @@ def execute(options: argparse.Namespace) -> int:
             _print_suggestions(store, *query, notes, options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
-    if options.format == "table" and options.out is None:
-        of_run = f" of run {run}" if run else ""
-        print(f"{selection.facts.count_text} instances{of_run}", file=sys.stderr)
+    if selection.facts.trained_on or (options.format == "table" and options.out is None):
+        _print_count(selection.facts.count_text, run)
     return 0
+
+
+def _print_count(text: str, run: str) -> None:
+    print(f"{text} instances{f' of run {run}' if run else ''}", file=sys.stderr)
 
 
 def _print_suggestions(
@@ -81,7 +94,7 @@ def _print_suggestions(
     """Print on standard error which wider expressions would select something."""
     from s2rstore.language import evaluation, parse, widening
 
-    if not store.has_poses:
+    if not store.has_poses or run == NO_RUN:
         return
     context = evaluation.context(store, run, trajectories, notes.nodes, with_trained)
     for wider in widening.widenings(parse(expression), context):
