@@ -118,7 +118,7 @@ def test_errors_below_a_log_axis_are_drawn_at_its_edge_and_counted() -> None:
     assert scatter_summary(data).below == int((sim < data.axis.low).sum()) > 0
     assert data.axis.drawn(0.0) == 0
     text = "\n".join(draw_scatter(data, (120, 40)).lines())
-    assert f"{scatter_summary(data).below} below {data.axis.low:g} at the edge" in text
+    assert f"{scatter_summary(data).below} below {data.axis.low:g} m at the edge" in text
 
 
 @st.composite

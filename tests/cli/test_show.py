@@ -136,6 +136,7 @@ def test_compare_counts_improved_instances(query) -> None:
             "WHERE a.run = 'vanilla' AND b.run = 'dataaug')")  # fmt: skip
     for where, name in (("true", "all"), ("room = 'right'", "right")):
         computed = query("sql", "SELECT count(*) n, median(f) f, median(s) s, median(s - f) d, "
+                             "avg(f) fm, avg(s) sm, "
                              "count(*) FILTER (f - s > 0.05) better, "
                              f"count(*) FILTER (s - f > 0.05) worse FROM {both} WHERE {where}"
                              )[0]  # fmt: skip

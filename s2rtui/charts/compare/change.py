@@ -32,7 +32,7 @@ Codes = NDArray[np.integer]
 class Change:
     """The change of errors over `n` instances, metres; numbers are NaN where n is 0.
 
-    first, second: median error of each run. change: median of the changes B - A with its 95 %
+    first, second: median error of each run; first_mean, second_mean: its mean. change: median of the changes B - A with its 95 %
     interval, NaN bounds where there are too few instances. better, worse: instances on which the
     error of B is smaller, or larger, by more than the margin of equality. large: the share of
     instances, 0 .. 1, whose error changes by more than `LARGE`.
@@ -45,6 +45,8 @@ class Change:
     better: int
     worse: int
     large: float
+    first_mean: float
+    second_mean: float
 
     @property
     def equal(self) -> int:
@@ -117,6 +119,8 @@ def change(first: Floats, second: Floats, trajectory: Codes, equal: float = EQUA
         better=int(np.count_nonzero(apart < -equal)),
         worse=int(np.count_nonzero(apart > equal)),
         large=float(np.mean(np.abs(apart) > LARGE)) if n else math.nan,
+        first_mean=float(first.mean()) if n else math.nan,
+        second_mean=float(second.mean()) if n else math.nan,
     )
 
 

@@ -181,8 +181,9 @@ class CompareView(PointsView):
         return [panel.moved_down(top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("room", "n", "first median", "second median", "median change", "low", "high",
-                 "evident", "improved", "worse", "equal", "large")  # fmt: skip
+        names = ("room", "n", "first_median_m", "second_median_m", "median_change_m", "low_m",
+                 "high_m", "evident", "improved", "worse", "equal", "large_share", "first mean",
+                 "second mean")  # fmt: skip
         other = run_comparison.other_run(scene.state)
         if other is None:
             return names, []
@@ -200,6 +201,7 @@ def _numbers(part: Change) -> tuple[object, ...]:
     return (
         part.n, part.first, part.second, interval.value, interval.low, interval.high,
         part.better_run or evidence(part), part.better, part.worse, part.equal, part.large,
+        part.first_mean, part.second_mean,
     )  # fmt: skip
 
 

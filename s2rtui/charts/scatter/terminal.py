@@ -231,7 +231,7 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
         for quadrant, (count, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
     ]
     if data.axis.log:
-        below = f"; {summary.below} below {short_number(data.axis.low)} at the edge"
+        below = f"; {summary.below} below {short_number(data.axis.low)} {data.unit} at the edge"
         text = f"log axes: {LOG_RULE}{below if summary.below else ''}"
         short = f"log axes{below if summary.below else ''}"
         parts.append(text_part(((text if len(text) <= width else short, theme.muted),)))
