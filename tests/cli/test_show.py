@@ -146,9 +146,11 @@ def test_compare_counts_improved_instances(query) -> None:
         )  # fmt: skip
         assert row["equal"] == computed["n"] - computed["better"] - computed["worse"]
         for shown_name, column in (
-            ("first median", "f"),
-            ("second median", "s"),
-            ("median change", "d"),
+            ("first_median_m", "f"),
+            ("second_median_m", "s"),
+            ("median_change_m", "d"),
+            ("first mean", "fm"),
+            ("second mean", "sm"),
         ):
             assert row[shown_name] == pytest.approx(computed[column], rel=1e-9)
 

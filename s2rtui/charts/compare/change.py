@@ -32,10 +32,10 @@ Codes = NDArray[np.integer]
 class Change:
     """The change of errors over `n` instances, metres; numbers are NaN where n is 0.
 
-    first, second: median error of each run; first_mean, second_mean: its mean. change: median of the changes B - A with its 95 %
-    interval, NaN bounds where there are too few instances. better, worse: instances on which the
-    error of B is smaller, or larger, by more than the margin of equality. large: the share of
-    instances, 0 .. 1, whose error changes by more than `LARGE`.
+    first, second: median error of each run; first_mean, second_mean: its mean. change: median of
+    the changes B - A with its 95 % interval, NaN bounds where there are too few instances. better,
+    worse: instances on which the error of B is smaller, or larger, by more than the margin of
+    equality. large: the share of instances, 0 .. 1, whose error changes by more than `LARGE`.
     """
 
     n: int
