@@ -13,6 +13,7 @@ NAMES = (
     "orientation",
     "rooms",
     "errors",
+    "scatter",
     "list",
     "compare",
     "history",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.index.population import left_out_text
-from s2rstore.language import Node, evaluation, expand, mask, to_text
+from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text, widening
 from s2rstore.language.name_resolution import used_fields
 from s2rstore.language.syntax_tree import Bend, leaves
 from s2rstore.metrics.top_k import first_largest, top_k
@@ -44,9 +43,13 @@ def evaluate(
         store, state.run, state.trajectories, notes.nodes, state.with_trained
     )
     selected = mask(node, masks)
-    messages = ["" if selected.any() else _nothing_selected(store, node, notes.nodes)]
-    if count := evaluation.trained_left_out(node, masks, selected):
-        messages.append(left_out_text(count))
+    left_out = evaluation.trained_left_out(node, masks, selected)
+    suggested, messages = "", []
+    if not selected.any():
+        empty, suggested = _nothing_selected(store, node, masks, suggests=not left_out)
+        messages.append(empty)
+    if left_out:
+        messages.append(left_out_text(left_out))
     if notes.selections:
         messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
     base = context.base_populations.mask(store, state, masks)
@@ -63,20 +66,33 @@ def evaluate(
         pending=pending,
         operator="replace",
         brush=None,
+        suggested=suggested,
         message="; ".join(part for part in messages if part),
         is_error=False,
         keeps_message=False,
     )
 
 
-def _nothing_selected(store: Store, node: Node, saved: Mapping[str, Node]) -> str:
-    """The message for an empty selection, with the reason where the expression needs poses."""
-    expanded = expand(node, evaluation.vocabulary(store, saved))
+def _nothing_selected(
+    store: Store, node: Node, masks: MaskContext, suggests: bool
+) -> tuple[str, str]:
+    """The message for an empty selection, and the expression that it suggests or an empty text.
+
+    The message says which wider expressions would select something (if it `suggests` any), or that
+    the expression needs poses that the data set does not have.
+    """
+    if store.has_poses:
+        wider = widening.widenings(node, masks) if suggests else []
+        if not wider:
+            return "nothing is selected", ""
+        first, *others = wider
+        suggestions = [f"{first.change} would give {first.count} (key Y)"]
+        suggestions += [f"{other.change} {other.count}" for other in others]
+        return f"nothing is selected; {', '.join(suggestions)}", first.text
+    expanded = expand(node, masks.words)
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
-    if store.has_poses or not needs_poses:
-        return "nothing is selected"
-    return f"nothing is selected: {NO_POSES}"
+    return f"nothing is selected: {NO_POSES}" if needs_poses else "nothing is selected", ""
 
 
 def _cursor(

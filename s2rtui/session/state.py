@@ -141,7 +141,8 @@ class State:
     nearest last. `operator` combines the next selection with this one. `other` is the run to
     compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
-    outlives that. `history` is None if the store has no gap history.
+    outlives that. `suggested` is the expression that the message of an empty selection suggests.
+    `history` is None if the store has no gap history.
     """
 
     generation: int
@@ -177,6 +178,7 @@ class State:
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False
+    suggested: str = ""
     past: tuple[Step, ...] = ()
     future: tuple[Step, ...] = ()
 

@@ -73,6 +73,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,
+    "suggested": lambda _, state: "all",
     "past": lambda _, state: (Step("all"),),
     "future": lambda _, state: (Step("all"),),
 }
@@ -103,7 +104,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "pending", "keeps_message",
+    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
 }  # fmt: skip
 
 

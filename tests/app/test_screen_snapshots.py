@@ -35,6 +35,7 @@ KEYS |= {
     "orientation-brush": ("5", "x"),
     "rooms-brush": ("6", "x", "shift+down"),
     "errors-brush": ("7", "x"),
+    "scatter-brush": ("X", "x"),
     "help": ("question_mark",),
     "tour": ("T",),
     "jump": ("space",),

@@ -12,6 +12,7 @@ from s2rtui.charts.errors.model import ErrorsInput
 from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.rooms.model import RoomsInput
+from s2rtui.charts.scatter.model import ScatterInput
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
@@ -123,6 +124,17 @@ def errors_input(**changes: Any) -> ErrorsInput:
         "valid": np.ones(N, dtype=np.bool_),
     }
     return ErrorsInput(**(view | changes))
+
+
+def scatter_input(**changes: Any) -> ScatterInput:
+    random = np.random.default_rng(6)
+    view: dict[str, Any] = {
+        "sim": random.gamma(2, 0.6, N),
+        "real": random.gamma(2, 0.8, N),
+        "selected": np.arange(N) < 30,
+        "valid": np.arange(N) != 3,
+    }
+    return ScatterInput(**(view | changes))
 
 
 def umap_input(**changes: Any) -> UmapInput:

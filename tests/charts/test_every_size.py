@@ -18,6 +18,7 @@ from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
 from s2rtui.charts.rooms.terminal import draw_rooms
+from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
@@ -30,6 +31,7 @@ from tests.charts.examples import (
     orientation_input,
     overview_lines,
     rooms_input,
+    scatter_input,
     side,
     umap_input,
 )
@@ -73,6 +75,12 @@ VIEWS: dict[str, Draw] = {
     "orientation": lambda size, options: draw_orientation(orientation_input(), size, options),
     "marked orientation": lambda size, options: draw_orientation(
         orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, options
+    ),
+    "scatter": lambda size, options: draw_scatter(scatter_input(cursor=5), size, options),
+    "marked scatter": lambda size, options: draw_scatter(
+        scatter_input(mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)),
+        size,
+        options,
     ),
     "rooms": lambda size, options: draw_rooms(rooms_input(), size, options),
     "marked rooms": lambda size, options: draw_rooms(

@@ -18,6 +18,7 @@ from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.rooms.paper import rooms_figure
+from s2rtui.charts.scatter.paper import scatter_figure
 from s2rtui.charts.umap.paper import umap_figure
 from tests.charts.examples import (
     ROWS,
@@ -28,6 +29,7 @@ from tests.charts.examples import (
     orientation_input,
     overview_lines,
     rooms_input,
+    scatter_input,
     side,
     umap_input,
 )
@@ -50,6 +52,7 @@ FIGURES: dict[str, Draw] = {
     "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
     "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
     "rooms": lambda size, theme: rooms_figure(rooms_input(), size, theme),
+    "scatter": lambda size, theme: scatter_figure(scatter_input(cursor=5), size, theme),
     "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
 }
 

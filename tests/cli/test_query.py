@@ -160,3 +160,19 @@ def test_an_empty_result_is_a_valid_parquet_file(tmp_path: Path) -> None:
     write_rows(tmp_path / "a.parquet", ["n"], [])
     with duckdb.connect() as connection:
         assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []
+
+
+def test_an_empty_result_suggests_expressions_that_select_something(
+    tiny_store: Path, capsys
+) -> None:
+    empty = "worst(1, sim.error) & best(1, sim.error)"
+    for options in (["--count"], ["--format", "csv"]):
+        assert main(["query", str(tiny_store), empty, *options]) == 0
+        lines = capsys.readouterr().err.splitlines()
+        suggestions = [line for line in lines if line.startswith("nothing is selected; ")]
+        assert 1 <= len(suggestions) <= 2
+        for line in suggestions:
+            expression, count = line.removeprefix("nothing is selected; ").split(" would give ")
+            assert query(tiny_store, capsys, expression, "--count").strip() == count != "0"
+    assert main(["query", str(tiny_store), "ids(3)"]) == 0
+    assert "nothing is selected" not in capsys.readouterr().err

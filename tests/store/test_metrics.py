@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -114,3 +115,46 @@ def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_pat
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla"), expected)
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla", side="real"), before)
         assert expected > before
+
+
+def _naive_median_interval(values: np.ndarray, trajectory: np.ndarray) -> tuple[float, float]:
+    """Percentiles of medians of resampled blocks, block by block."""
+    blocks = bootstrap.split_into_blocks(trajectory)
+    counts = bootstrap.block_counts(blocks)
+    pieces = np.split(values, blocks.start[1:-1])
+    medians = []
+    for row in counts:
+        drawn = [np.tile(piece, int(k)) for piece, k in zip(pieces, row, strict=True)]
+        medians.append(np.median(np.concatenate(drawn)))
+    factor = float(bootstrap.correction_factor(blocks.unit_count))
+    middle = float(np.median(values))
+    low, high = np.percentile(medians, [2.5, 97.5])
+    return middle + (low - middle) * factor, middle + (high - middle) * factor
+
+
+@pytest.mark.parametrize(("n", "trajectories"), [(16, 1), (60, 2), (200, 8), (512, 3)])
+def test_the_interval_of_a_median_is_that_of_resampled_blocks(n: int, trajectories: int) -> None:
+    values = np.random.default_rng(n).gamma(2, 1, n).round(2)
+    trajectory = np.arange(n) * trajectories // n
+    interval = bootstrap.median_interval(values, trajectory)
+    low, high = _naive_median_interval(values, trajectory)
+    assert interval.value == np.median(values)
+    assert (interval.low, interval.high) == (pytest.approx(low), pytest.approx(high))
+
+
+def test_the_interval_of_the_median_of_many_values_is_close_to_the_exact_one() -> None:
+    values = np.random.default_rng(2).gamma(2, 1, 3000)
+    trajectory = np.zeros(3000, dtype=np.int64)
+    interval = bootstrap.median_interval(values, trajectory)
+    low, high = _naive_median_interval(values, trajectory)
+    ranks = np.searchsorted(np.sort(values), [interval.low, low, interval.high, high]) / 3000
+    assert abs(ranks[0] - ranks[1]) < 0.008
+    assert abs(ranks[2] - ranks[3]) < 0.008
+
+
+def test_a_median_of_few_blocks_has_no_interval() -> None:
+    few = bootstrap.median_interval(np.arange(12.0))
+    assert (few.value, np.isnan(few.low), np.isnan(few.high)) == (5.5, True, True)
+    one = bootstrap.median_interval(np.array([3.0]))
+    assert (one.value, np.isnan(one.low), np.isnan(one.high)) == (3.0, True, True)
+    assert np.isnan(bootstrap.median_interval(np.array([])).value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -12,6 +13,10 @@ from s2rstore.records import NO_RUN
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
+    from s2rtui.user_data.notebook import Notes
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
 
@@ -60,9 +65,13 @@ def execute(options: argparse.Namespace) -> int:
             in_view, trained = count_in_view(store, run, options.trajectory)
             if trained:
                 _print_count(count_text(count, in_view, trained, options.with_trained), run)
+            if not count:
+                _print_suggestions(store, *query, notes, options.with_trained)
             return 0
         columns = options.columns.split(",") if options.columns else None
         selection = selected_rows(store, *query, notes, columns, with_trained=options.with_trained)
+        if not selection.facts.count:
+            _print_suggestions(store, *query, notes, options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
     if selection.facts.trained_on or (options.format == "table" and options.out is None):
@@ -72,3 +81,21 @@ def execute(options: argparse.Namespace) -> int:
 
 def _print_count(text: str, run: str) -> None:
     print(f"{text} instances{f' of run {run}' if run else ''}", file=sys.stderr)
+
+
+def _print_suggestions(
+    store: Store,
+    expression: str,
+    run: str | None,
+    trajectories: list[str] | None,
+    notes: Notes,
+    with_trained: bool,
+) -> None:
+    """Print on standard error which wider expressions would select something."""
+    from s2rstore.language import evaluation, parse, widening
+
+    if not store.has_poses or run == NO_RUN:
+        return
+    context = evaluation.context(store, run, trajectories, notes.nodes, with_trained)
+    for wider in widening.widenings(parse(expression), context):
+        print(f"nothing is selected; {wider.text} would give {wider.count}", file=sys.stderr)

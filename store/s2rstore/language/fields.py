@@ -109,6 +109,7 @@ PLANES: dict[str, tuple[str, str]] = {
     "real.": ("real.x", "real.y"),
     "umap.sim.": ("sim.u", "sim.v"),
     "umap.real.": ("real.u", "real.v"),
+    "error.": ("sim.error", "real.error"),
 }
 
 _SHAPES = (
@@ -122,6 +123,7 @@ _PLANE_TEXTS = {
     "real.": ("x", "y", "real predictions", ", m"),
     "umap.sim.": ("u", "v", "sim side of the UMAP", ""),
     "umap.real.": ("u", "v", "real side of the UMAP", ""),
+    "error.": ("s", "r", "sim error s and real error r", ", m"),
 }
 
 FUNCTIONS: dict[str, str] = {

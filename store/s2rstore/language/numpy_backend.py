@@ -207,7 +207,7 @@ def _bands(x: tree.Field, y: tree.Field, context: MaskContext) -> lasso.Bands:
     run = None if fields.is_truth(x.name) else x.run or context.run
     return context.evaluated.get(
         ("bands", x.name, y.name, run),
-        lambda: lasso.bands(_values(x, context), _values(y, context)),
+        lambda: lasso.bands(field_values(x, context), field_values(y, context)),
     )
 
 
@@ -224,10 +224,11 @@ def _extreme(node: tree.Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
     total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
-    return top_k(_values(node.field, context), base, count, node.which == "worst")
+    return top_k(field_values(node.field, context), base, count, node.which == "worst")
 
 
-def _values(field: tree.Field, context: MaskContext) -> Values:
+def field_values(field: tree.Field, context: MaskContext) -> Values:
+    """A field of every instance in the unit of the index, shape (N,), NaN for NULL."""
     return _nan_for_null(field, _column(fields.NUMERIC[field.name].path, field.run, context))
 
 

@@ -38,6 +38,16 @@ MAX_TRAJECTORY_SHARE = 1 / 3
 """A trajectory with more than this share of the rows leaves too few others to resample."""
 
 
+EXACT_MEDIANS = 512
+"""Up to this number of values, replicates of a median are exact."""
+MIN_MEDIAN_UNITS = 4
+"""Fewest units that give an interval of a median. In simulations of independent values, 95 %
+intervals over 4 to 10 blocks missed the true median in 6 to 9 % of the cases, over 2 or 3 in up to
+19 %."""
+_MEDIAN_STEPS = 128
+_MEDIAN_SAMPLE = 1 << 16
+
+
 @dataclass(frozen=True, slots=True)
 class Interval:
     """Confidence interval around an estimate; NaN bounds where the interval is unknown."""
@@ -275,6 +285,56 @@ def mean_interval(
     if blocks.unit_count < 2:
         return Interval.unknown(value)
     return percentile_interval(value, mean_replicates(values, blocks, settings), settings.level)
+
+
+def median_interval(
+    values: Floats,
+    trajectories: NDArray[np.integer] | None = None,
+    settings: BootstrapSettings = DEFAULT_SETTINGS,
+) -> Interval:
+    """Median of `values` (n,) in recording order, without NaN, with its block bootstrap interval.
+
+    `trajectories` as in `mean_interval`. Replicates of more than `EXACT_MEDIANS` values are rounded
+    up to steps of about a tenth of their spread. The bounds are NaN where there are fewer than
+    `MIN_MEDIAN_UNITS` blocks or trajectories to resample.
+    """
+    if not values.size:
+        return Interval.unknown()
+    value = float(np.median(values))
+    codes = np.zeros(values.size, dtype=np.int64) if trajectories is None else trajectories
+    blocks = split_into_blocks(codes, settings.block_length)
+    if blocks.unit_count < MIN_MEDIAN_UNITS:
+        return Interval.unknown(value)
+    replicates = corrected(
+        _median_replicates(values, blocks, settings), value, blocks.unit_count, settings.level
+    )
+    return percentile_interval(value, replicates, settings.level)
+
+
+def _median_replicates(values: Floats, blocks: Blocks, settings: BootstrapSettings) -> Floats:
+    """Medians (R,) of samples of blocks, from counts of values up to each step."""
+    steps = _median_steps(values, blocks.count)
+    block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    places = block * steps.size + np.searchsorted(steps, values)
+    held = np.bincount(places, minlength=blocks.count * steps.size).reshape(blocks.count, -1)
+    total = np.cumsum(block_counts(blocks, settings) @ held.astype(np.float64), axis=1)
+    half = total[:, -1:] / 2
+    lower, upper = (total >= half).argmax(axis=1), (total > half).argmax(axis=1)
+    return np.asarray((steps[lower] + steps[upper]) / 2)
+
+
+def _median_steps(values: Floats, blocks: int) -> Floats:
+    """Values, ascending up to the largest, that medians of replicates can take.
+
+    All values where there are few. Else quantiles within five standard deviations of the median's
+    rank if all values of a block were equal, 0.5 / sqrt(blocks).
+    """
+    if values.size <= EXACT_MEDIANS:
+        return np.unique(values)
+    reach = min(0.5, 2.5 / np.sqrt(blocks))
+    shares = np.linspace(0.5 - reach, 0.5 + reach, _MEDIAN_STEPS)
+    sample = values[:: -(-values.size // _MEDIAN_SAMPLE)]
+    return np.unique(np.append(np.quantile(sample, shares), values.max()))
 
 
 def circular_block_sums(values: Floats, length: int, starts: NDArray[np.int64]) -> Floats:
