@@ -32,6 +32,11 @@ LEVEL_TEXT = f"{100 * LEVEL:g} %"
 REPLICATES = 1000
 SEED = 1
 
+RANKS = 1024
+"""Ranks that medians are resampled with: exact up to this number of values."""
+_REPLICATES_AT_ONCE = 500
+_MOST_REPLICATES = 4000
+
 MIN_TRAJECTORIES = 6
 """Fewest trajectories that are resampled as a whole."""
 MAX_TRAJECTORY_SHARE = 1 / 3
@@ -51,6 +56,11 @@ class Interval:
     def unknown(cls, value: float = np.nan) -> Interval:
         """An estimate without bounds."""
         return cls(np.nan, value, np.nan)
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the bounds are known and lie on one side of zero."""
+        return self.low > 0 or self.high < 0
 
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
@@ -275,6 +285,85 @@ def mean_interval(
     if blocks.unit_count < 2:
         return Interval.unknown(value)
     return percentile_interval(value, mean_replicates(values, blocks, settings), settings.level)
+
+
+def median_replicates(
+    values: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> Floats:
+    """Corrected replicates (R,) of the median of `values` (n,) over their rows.
+
+    More than `RANKS` values are rounded up to that many quantiles, so that a replicate errs by at
+    most 1 / `RANKS` of the ranks.
+    """
+    ordered = np.sort(values)
+    edges = ordered[np.unique(np.linspace(0, values.size - 1, min(values.size, RANKS)).round())
+                    .astype(np.intp)]  # fmt: skip
+    ranks = np.searchsorted(edges, values)
+    row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
+    table = cells.reshape(blocks.count, edges.size).astype(np.float64)
+    counts = block_counts(blocks, settings)
+    parts = []
+    for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
+        below = np.cumsum(counts[start : start + _REPLICATES_AT_ONCE] @ table, axis=1)
+        half = below[:, -1:] / 2
+        lower, upper = (below >= half).argmax(axis=1), (below > half).argmax(axis=1)
+        parts.append((edges[lower] + edges[upper]) / 2)
+    medians = np.concatenate(parts)
+    return corrected(medians, float(np.median(values)), blocks.unit_count, settings.level)
+
+
+def median_interval(
+    values: Floats,
+    trajectories: NDArray[np.integer],
+    settings: BootstrapSettings = DEFAULT_SETTINGS,
+) -> Interval:
+    """Median of `values` (n,) in recording order, without NaN, with its block bootstrap interval.
+
+    `trajectories` (n,) as in `mean_interval`, bounds NaN where there are fewer than two blocks.
+    """
+    if not values.size:
+        return Interval.unknown()
+    value = float(np.median(values))
+    blocks = split_into_blocks(trajectories, settings.block_length)
+    if blocks.unit_count < 2:
+        return Interval.unknown(value)
+    return percentile_interval(value, median_replicates(values, blocks, settings), settings.level)
+
+
+def median_difference_interval(
+    first: tuple[Floats, NDArray[np.integer]],
+    second: tuple[Floats, NDArray[np.integer]],
+    settings: BootstrapSettings = DEFAULT_SETTINGS,
+) -> Interval:
+    """Median of the first values minus that of the second, which are resampled independently.
+
+    Each is (values, trajectories) as in `median_interval`.
+    """
+    parts = []
+    for number, (values, trajectories) in enumerate((first, second)):
+        if not values.size:
+            return Interval.unknown()
+        blocks = split_into_blocks(trajectories, settings.block_length)
+        own = replace(settings, seed=settings.seed + number)
+        is_known = blocks.unit_count >= 2
+        replicates = median_replicates(values, blocks, own) if is_known else np.full(1, np.nan)
+        parts.append((float(np.median(values)), replicates))
+    (one, one_replicates), (other, other_replicates) = parts
+    return percentile_interval(one - other, one_replicates - other_replicates, settings.level)
+
+
+def simultaneous(
+    comparisons: int, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> BootstrapSettings:
+    """Settings whose intervals hold in all of several comparisons at once with the level.
+
+    Bonferroni's correction: each has the level 1 - (1 - level) / comparisons. The number of
+    replicates grows with it, because fewer of them lie beyond each bound.
+    """
+    level = 1 - (1 - settings.level) / max(1, comparisons)
+    needed = min(settings.replicates * max(1, comparisons), _MOST_REPLICATES)
+    return replace(settings, level=level, replicates=max(settings.replicates, needed))
 
 
 def circular_block_sums(values: Floats, length: int, starts: NDArray[np.int64]) -> Floats:

@@ -1,0 +1,74 @@
+"""How the gap of a run changed between its first and its last measured night."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from s2rstore.findings.finding import Finding, bounds_text
+from s2rstore.gap_history import reader
+from s2rstore.gap_history.reader import Night
+from s2rstore.metrics.bootstrap import Interval
+from s2rstore.reader import Store
+
+
+def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | None:
+    """The change of G from the first to the last night that was measured and judged.
+
+    `history` is a gap history, by default that of the store. The two nights count as independent,
+    so that the half widths of their intervals add in squares. None where fewer than two nights
+    were measured. Raises RequestError for a file that is no history.
+    """
+    path = history or reader.history_path(store.path)
+    if reader.file_stamp(path) is None:
+        return None
+    nights = reader.read(path).of_run(run, store.dataset.name)
+    judged = [night for night in nights if math.isfinite(night.gap.value)]
+    measured = list({night.measured: night for night in judged}.values())
+    if len(measured) < 2:
+        return None
+    first, last = measured[0], measured[-1]
+    change = _change(first.gap, last.gap)
+    evident = change.excludes_zero
+    direction = "rose" if change.value > 0 else "fell"
+    figures = f"by {abs(change.value):.1f} of G ({bounds_text(change, signed=True)})"
+    span = f"from {first.night} to {last.night}, n {len(measured)} nights"
+    text = f"the gap {direction} {figures}, {span}"
+    if not evident:
+        text = f"no drift is evident {span}; change {change.value:+.1f} of G ({_bounds(change)})"
+    return Finding(
+        kind="drift over nights",
+        text=text,
+        run=run,
+        n=len(measured),
+        evidence=_worst_axis(last),
+        evident=evident,
+        values={
+            "first_night": str(first.night),
+            "last_night": str(last.night),
+            "first_gap_percent": first.gap.value,
+            "last_gap_percent": last.gap.value,
+            "change_percent": change.value,
+        },
+        interval=change,
+        interval_of="change_percent",
+        n_of="nights",
+        view="history",
+    )
+
+
+def _change(first: Interval, last: Interval) -> Interval:
+    value = last.value - first.value
+    below = math.hypot(last.value - last.low, first.high - first.value)
+    above = math.hypot(last.high - last.value, first.value - first.low)
+    return Interval(value - below, value, value + above)
+
+
+def _worst_axis(night: Night) -> str:
+    if night.worst is None:
+        return ""
+    return f"worst axis of the last night: {night.worst}, G {night.gap.value:.1f}"
+
+
+def _bounds(interval: Interval) -> str:
+    return bounds_text(interval, signed=True)
