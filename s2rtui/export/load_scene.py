@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
@@ -88,7 +89,9 @@ def apply_options(session: Session, options: SceneOptions) -> State:
             raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
     session.set_state(replace(session.state, trajectories=options.trajectories))
     state = session.select(options.select)
-    overlay = options.overlay or ("run" if options.heat else "off")
+    overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
+    if options.heat == NO_HEAT and overlay != "off":
+        raise RequestError(f"--on {overlay}: --heat none leaves no heat for the map")
     iid, other, sort = options.iid, options.other, options.sort or state.sort
     if iid is not None and not 0 <= iid < state.base.size:
         raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
@@ -124,12 +127,14 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
     known = heatmap_choices(session.store, state.run)
     if not known and options.heat is None and options.side in (None, state.side):
         return None
+    if options.heat == NO_HEAT:
+        return HeatChoice(NO_HEAT, None, options.side or state.side)
     kind, _, mode = (options.heat or "").partition(":")
     matches = [pair for pair in known if kind in ("", pair[0]) and mode in ("", pair[1])]
     if not matches:
         if kind in NETWORK_KINDS and session.store.run(state.run).is_imported:
             raise RequestError(needs_network(state.run, f"--heat {kind}"))
-        available = ", ".join(f"{k}:{m}" if m else k for k, m in known) or "none"
+        available = ", ".join(f"{k}:{m}" if m else k for k, m in [*known, (NO_HEAT, None)])
         option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
         raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")
     return HeatChoice(*matches[0], options.side or state.side)

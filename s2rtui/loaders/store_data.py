@@ -102,12 +102,12 @@ def pictures_key(store: Store, state: State) -> Key | None:
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     assert state.cursor is not None
-    pictures = instance_input(store, state.run, state.cursor, state.heat)
+    pictures = instance_input(store, state.run, state.cursor, state.shown_heat)
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
 
 
 def grid_key(store: Store, state: State) -> Key | None:
-    if state.heat is None or state.overlay == "off":
+    if state.shown_heat is None or state.overlay == "off":
         return None
     return (heat_provenance(state),)
 

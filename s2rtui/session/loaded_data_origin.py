@@ -32,7 +32,7 @@ class InstanceProvenance:
 
 def instance_provenance(state: State) -> InstanceProvenance:
     """The provenance of images loaded for a state."""
-    return InstanceProvenance(state.generation, state.run, state.cursor, state.heat)
+    return InstanceProvenance(state.generation, state.run, state.cursor, state.shown_heat)
 
 
 @dataclass(frozen=True, slots=True)

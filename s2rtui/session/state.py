@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.gap_history.reader import Stamp
+from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
 from s2rstore.security.printable_text import printable
@@ -29,7 +30,10 @@ SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "su
 
 @dataclass(frozen=True, slots=True)
 class HeatChoice:
-    """A heatmap kind and mode of the current run, and the side that the map shows."""
+    """A heatmap kind and mode of the current run, and the side that the map shows.
+
+    The kind `NO_HEAT` stands for plain images.
+    """
 
     kind: str
     mode: str | None
@@ -37,6 +41,8 @@ class HeatChoice:
 
     @property
     def label(self) -> str:
+        if self.kind == NO_HEAT:
+            return "no heatmap"
         name = self.kind.replace("_", " ")
         return f"{name} ({self.mode})" if self.mode else name
 
@@ -184,6 +190,11 @@ class State:
     def adjusting(self) -> bool:
         """Whether the panel for live adjustments is on the screen."""
         return self.tab == "adjust" and self.adjust is not None
+
+    @property
+    def shown_heat(self) -> HeatChoice | None:
+        """The heatmap that is drawn; None without heatmaps, and where plain images are shown."""
+        return None if self.heat is None or self.heat.kind == NO_HEAT else self.heat
 
     @property
     def side(self) -> Side:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from s2rstore.heatmap_kinds import NO_HEAT
+from s2rstore.metrics import heatmap_scores
 from s2rstore.records import Side
 from s2rtui.analysis.map_frame import centred_within, panned, zoomed
 from s2rtui.session.context import SessionContext
@@ -37,13 +39,16 @@ def _change_heat(context: SessionContext, state: State, steps: int, same_kind: b
     options = heatmap_choices(context.store, state.run)
     if heat is None or not options:
         return state.with_message(f"run {state.run} has no heatmaps; `s2r precompute` makes them")
+    options.append((NO_HEAT, None))
     if same_kind:
         modes = [mode for kind, mode in options if kind == heat.kind]
         choice = replace(heat, mode=_next(modes, heat.mode))
     else:
         kind = _next(list(dict.fromkeys(kind for kind, _ in options)), heat.kind, steps)
         choice = replace(heat, kind=kind, mode=next(m for k, m in options if k == kind))
-    return state.updated(heat=choice, message=choice.label)
+    trust = heatmap_scores.trust_line(context.store, state.run, choice.kind, choice.mode)
+    message = choice.label if choice.kind == NO_HEAT else f"{choice.label}: {trust}".rstrip(": ")
+    return state.updated(heat=choice, message=message)
 
 
 def change_side(context: SessionContext, state: State) -> State:
@@ -57,8 +62,8 @@ def change_side(context: SessionContext, state: State) -> State:
 
 def change_overlay(context: SessionContext, state: State) -> State:
     """Cycle the heat on the map: none, of the instance, of the selection, of the run."""
-    if state.heat is None:
-        return state.with_message("no heatmaps")
+    if state.shown_heat is None:
+        return state.with_message("no heatmap is chosen" if state.heat else "no heatmaps")
     overlay = _next(OVERLAYS, state.overlay)
     messages = {
         "off": "heat off",

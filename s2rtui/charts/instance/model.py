@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import NotComputedError
 from s2rstore.index.columns import RunColumns
 from s2rstore.metrics import nearest_neighbours
+from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rstore.security.printable_text import printable
@@ -52,6 +53,7 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
+            *_heat_note(store, run, None if missing else heat),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
             ("gap", _gap(columns, iid)),
@@ -61,6 +63,12 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *real.notes,
         ),
     )
+
+
+def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:
+    """What the shown heatmap means and how far it can be trusted; nothing without one."""
+    text = trust_line(store, run, heat.kind, heat.mode) if heat is not None else ""
+    return [("heat", text)] if text else []
 
 
 def _pair_note(store: Store, iid: int) -> list[tuple[str, str]]:

@@ -17,7 +17,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
-from s2rtui.session.heatmaps import sample_note
+from s2rtui.session.heatmaps import sample_note, trust_text
 
 _TITLES = {
     "colour": "distance between the sim and the real prediction",
@@ -133,7 +133,10 @@ class MapView(PointsView):
         view, state = self.input(scene), scene.state
         title = f"{state.run}: {_TITLES[state.map_mode]}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.map_figure(view, size, theme, title, scene.caption, state.viewport)
+        caption = scene.caption
+        if view.heat is not None and (trust := trust_text(scene.store, state)):
+            caption += f"  ·  heat: {trust}"
+        return paper.map_figure(view, size, theme, title, caption, state.viewport)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)

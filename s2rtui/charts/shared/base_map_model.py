@@ -171,7 +171,7 @@ def map_input(
 ) -> MapInput:
     """The map of the state's run; `heat_note` names the source of outdated heat."""
     truth, columns, run = store.instances, store.run_columns(state.run), store.run(state.run)
-    choice = state.heat
+    choice = state.shown_heat
     has_heat = heat is not None and choice is not None
     return MapInput(
         truth=true_positions(store),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -59,12 +60,13 @@ def instance_layout(
     model = instance_model(data)
     kinds = _kinds(data, model, options)
     bars = [tuple(row) for row in fit_rows(_bars(data, model, options, width), width)]
-    table = 1 + len(model.poses) + len(data.notes)
+    notes = len(note_lines(data, width, options))
+    table = 1 + len(model.poses) + notes
     title = 1 if height >= 4 else 0
     plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
         (kinds, bars, table),
-        (kinds, bars[:1], table - len(data.notes)),
-        (kinds[:1], bars[:1], table - len(data.notes)),
+        (kinds, bars[:1], table - notes),
+        (kinds[:1], bars[:1], table - notes),
         (kinds[:1], [], 0),
     )
     for what, rows, lines in plans:
@@ -251,5 +253,17 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
             ink = colour if strong else theme.text
             at = label + (index + 1) * column
             canvas.text(at, row, text, ink, bold=strong, align="right")
-    for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
-        canvas.text(0, row, canvas.options.printable(f"{name} {value}"), theme.muted)
+    notes = note_lines(data, canvas.width, canvas.options)
+    for row, text in enumerate(notes, start=y + 1 + len(model.poses)):
+        canvas.text(0, row, text, theme.muted)
+
+
+def note_lines(data: InstanceInput, width: int, options: RenderOptions) -> list[str]:
+    """The notes, wrapped at `width` columns; lines that continue a note are indented."""
+    return [
+        line
+        for name, value in data.notes
+        for line in textwrap.wrap(
+            options.printable(f"{name} {value}"), max(12, width), subsequent_indent="  "
+        )
+    ]

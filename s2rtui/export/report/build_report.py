@@ -203,7 +203,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
             f" The model was trained on {trained} of them: they appear in the figures "
             "and are left out of the table."
         )
-    examples = worst_instances(scene, state.heat if request.heat else None)
+    examples = worst_instances(scene, state.shown_heat if request.heat else None)
     return RunPart(run, summary, metric_tables.sides(store, run, members), images, examples)
 
 

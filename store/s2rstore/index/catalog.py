@@ -341,6 +341,11 @@ class IndexCatalog:
         text = self.provenance(what).get(key, "{}")
         return parse_object(text, f"{self.path}: provenance of {what}: {key}")
 
+    @cached_property
+    def score_report(self) -> dict[str, Any]:
+        """The report of `s2r score`; empty where none was stored. Raises RequestError."""
+        return self.provenance_object("score", "report")
+
     def rig_offset(self, sim: str, real: str) -> RigOffset | None:
         """Offset of the declared real rig, as calibrated; None where it was not calibrated."""
         noted = self.provenance(f"alignment:{sim}|{real}")

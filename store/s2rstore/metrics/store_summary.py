@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rstore.metrics import run_metrics
+from s2rstore.metrics import heatmap_scores, run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
@@ -64,7 +64,7 @@ def summary_lines(store: Store) -> list[str]:
         )
     if "report" in store.provenance("score"):
         try:
-            summary += _score_lines(store, store.provenance_object("score", "report"))
+            summary += _score_lines(store, store.score_report)
         except (RequestError, ValueError, TypeError, KeyError, AttributeError):
             summary.append("the stored score is invalid; run `s2r score` again")
     return [printable(line) for line in summary]
@@ -76,10 +76,8 @@ def _score_lines(store: Store, report: dict[str, Any]) -> list[str]:
     runs = [name for name, run in store.runs.items() if run.key and run.key == keys.get(name)]
     if not runs:
         return []
-    factors, heatmaps = (
-        [row for row in report[part] if row["run"] == runs[0]] for part in ("factors", "heatmaps")
-    )
-    return [*_cause_lines(runs[0], factors), *_heatmap_lines(runs[0], heatmaps)]
+    factors = [row for row in report["factors"] if row["run"] == runs[0]]
+    return [*_cause_lines(runs[0], factors), *_heatmap_lines(store, runs[0])]
 
 
 def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
@@ -94,22 +92,20 @@ def _cause_lines(run: str, causes: list[dict[str, Any]]) -> list[str]:
     ]
 
 
-def _heatmap_lines(run: str, heatmaps: list[dict[str, Any]]) -> list[str]:
-    """By the scores on the floor map of both sides, where all kinds cover the same cells."""
-    floors = [row for row in heatmaps if (row["place"], row["side"]) == ("floor", "both")]
-    known = sorted((row for row in floors if row["auroc"] is not None), key=lambda r: -r["auroc"])
-    if not known:
+def _heatmap_lines(store: Store, run: str) -> list[str]:
+    scores = heatmap_scores.own_scores(store, run)
+    if not scores:
         return []
-    best = known[0]
+    best = scores[0]
     others: dict[str, float] = {}
-    for row in known[1:]:
-        if row["kind"] != best["kind"]:
-            others.setdefault(row["kind"], row["auroc"])
+    for score in scores[1:]:
+        if score.kind != best.kind:
+            others.setdefault(score.kind, score.auroc.value)
     summary = [
-        f"best heatmap of {run}: {best['kind']} finds the changed objects on the floor at AUROC "
-        f"{best['auroc']:.2f} ({best['auroc_low']:.2f} .. {best['auroc_high']:.2f}); "
-        f"{100 * best['precision']:.0f} % of its top cells are right (chance "
-        f"{100 * best['base_rate']:.0f} %)"
+        f"best heatmap of {run}: {best.kind} finds the changed objects on the floor at AUROC "
+        f"{best.auroc.value:.2f} ({best.auroc.low:.2f} .. {best.auroc.high:.2f}); "
+        f"{100 * best.precision:.0f} % of its top cells are right "
+        f"(chance {100 * best.chance:.0f} %)"
     ]
     if others:
         summary.append("  beside it: " + ", ".join(f"{k} {v:.2f}" for k, v in others.items()))
