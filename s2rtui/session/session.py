@@ -12,10 +12,10 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.findings import worst_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
-from s2rstore.language.syntax_tree import Extreme, Field, Named
-from s2rstore.metrics import store_summary
+from s2rstore.language.syntax_tree import Extreme, Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.session import navigation, pending_target, selection
@@ -40,7 +40,7 @@ class Session:
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
     ) -> None:
-        """Open a store on a run (default: the first computed one) and select its worst region.
+        """Open a store on a run (default: the first computed one) and select its worst room.
 
         A data set without poses has no runs: all its images are selected.
 
@@ -220,7 +220,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
 
 
 def _select_finding(context: SessionContext, state: State, error: str) -> State:
-    """Select the first screen's finding, the region with the worst errors in reality.
+    """Select the first screen's finding, the room with the worst errors in reality.
 
     `error` is shown in place of the finding's description if it is not empty.
     """
@@ -228,15 +228,10 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
         state = replace(selection.select(context, state, "all", "replace"), past=())
         message = "images without poses: `3` shows an image, `8` the list, `/` selects"
         return replace(state, message=error or message, is_error=bool(error))
-    regions = store_summary.worst_rooms(context.store, state.run)
+    finding = worst_room(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
     message = "the worst 15 % in reality"
-    if regions:
-        worst = regions[0]
-        node = Named(Field("room"), worst.room)
-        message = (
-            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim ({worst.n} instances the model was not trained on)"
-        )
+    if finding is not None and finding.node is not None:
+        node, message = finding.node, f"{finding.kind}: {finding.text}"
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
     return replace(state, past=(), message=error or message, is_error=bool(error))

@@ -78,7 +78,7 @@ def test_a_damaged_recipe_is_reported(tiny_store: Path, tmp_path: Path, recipe: 
 def test_a_damaged_score_does_not_prevent_the_summary(
     tiny_store: Path, tmp_path: Path, report: str
 ) -> None:
-    from s2rstore.metrics import store_summary
+    from s2rstore.findings import store_summary
     from tests.support.copies import copy_store
 
     path = copy_store(tiny_store, tmp_path / "x.s2r")

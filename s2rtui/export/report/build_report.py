@@ -8,7 +8,8 @@ from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
-from s2rstore.metrics import run_metrics, store_summary
+from s2rstore.findings import store_summary
+from s2rstore.metrics import run_metrics
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
 from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene

@@ -12,6 +12,7 @@ import numpy as np
 from s2rstore.findings.expressions import exact
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.run_differences import RunErrors
+from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.reader import Store
 from s2rstore.run_inputs import chain_text
@@ -122,7 +123,7 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     members[rows] = True
     return Finding(
         kind=KIND,
-        text=f"{text}, n {rows.size}",
+        text=f"{text}, n {rows.size} new to both",
         run=present.run,
         n=int(rows.size),
         evidence="decrease of the mean real error by adjusting real images "
@@ -132,7 +133,7 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=gain_interval,
         interval_of="gain_m",
         comparisons=len(found),
-        expression=exact(store, present.run, "all", members, [other.run]),
+        node=exact(store, present.run, Everything(), members, [other.run]),
         view="compare",
         other=other.run,
     )

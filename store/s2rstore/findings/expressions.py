@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.language import evaluation
-from s2rstore.language.canonical_text import string
+from s2rstore.language import Node, evaluation, mask
+from s2rstore.language.syntax_tree import And, Compare, Field, Minus, Named, Not, Or
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, SPLITS
 
 
+def any_of(nodes: Iterable[Node]) -> Node:
+    """The union of one or more expressions."""
+    return reduce(Or, nodes)
+
+
 def exact(
-    store: Store, run: str, expression: str, members: NDArray[np.bool_], runs: Sequence[str] = ()
-) -> str | None:
+    store: Store, run: str, node: Node, members: NDArray[np.bool_], runs: Sequence[str] = ()
+) -> Node | None:
     """An expression that selects `members` (N,) in `run`; None where none is known.
 
-    That is `expression` where it selects them, else `expression` without the instances that `run`
-    or one of the other `runs` was trained on or has not predicted.
+    That is `node` where it selects them, else `node` without the instances that `run` or one of
+    the other `runs` was trained on or has not predicted.
     """
-    if _selects(store, run, expression, members):
-        return expression
-    excluded = []
+    if _selects(store, run, node, members):
+        return node
+    excluded: list[Node] = []
     for name in dict.fromkeys((run, *runs)):
-        prefix = "" if name == run else f"run({string(name)})."
+        of = None if name == run else name
         columns = store.run_columns(name)
         for side in SIDES:
             codes = columns.side(side).split
             excluded += [
-                f"{prefix}{side}.split:{split}"
+                Named(Field(f"{side}.split", of), split)
                 for split in ("train", "validation")
                 if (codes == SPLITS.index(split)).any()
             ]
-        if prefix and not columns.valid.all():
-            excluded.append(f"!({prefix}sim.error >= 0 & {prefix}real.error >= 0)")
-    narrower = f"({expression}) - ({' | '.join(excluded)})"
-    return narrower if excluded and _selects(store, run, narrower, members) else None
+        if of is not None and not columns.valid.all():
+            errors = (Compare(Field(f"{side}.error", of), ">=", 0.0) for side in SIDES)
+            excluded.append(Not(And(*errors)))
+    if not excluded:
+        return None
+    narrower = Minus(node, any_of(excluded))
+    return narrower if _selects(store, run, narrower, members) else None
 
 
-def _selects(store: Store, run: str, expression: str, members: NDArray[np.bool_]) -> bool:
-    return np.array_equal(evaluation.select(store, expression, run), members)
+def _selects(store: Store, run: str, node: Node, members: NDArray[np.bool_]) -> bool:
+    return np.array_equal(mask(node, evaluation.context(store, run)), members)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from s2rstore.language import Node, to_text
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable
 
@@ -22,7 +23,7 @@ class Finding:
     interval. evidence: why it is evident or not, in one line; may be empty. evident: whether the
     evidence suffices. values: figures by names that end in their units. interval: of the value
     `interval_of`, at a level of its own where `comparisons` > 1 were made. n: number of
-    `n_of`; where `expression` is not None, it selects these n instances of `run`. view: the view
+    `n_of`; where `node` is not None, it selects these n instances of `run`. view: the view
     that shows it. other: the run that `run` is compared with. heat: (kind, mode) of a heatmap.
     """
 
@@ -37,10 +38,20 @@ class Finding:
     interval_of: str = ""
     comparisons: int = 1
     n_of: str = "instances"
-    expression: str | None = None
+    node: Node | None = None
     view: str = "map"
     other: str | None = None
     heat: tuple[str, str | None] | None = None
+
+    @property
+    def expression(self) -> str | None:
+        """The text of the expression that selects its instances; None where it concerns none."""
+        return None if self.node is None else to_text(self.node)
+
+    @property
+    def line(self) -> str:
+        """The statement and its evidence in one line."""
+        return "; ".join(part for part in (self.text, self.evidence) if part)
 
     def as_json(self) -> dict[str, Any]:
         """The finding as JSON data; unknown numbers are null."""

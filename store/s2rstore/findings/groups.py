@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.findings.expressions import any_of
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.language import quoted
+from s2rstore.language import Node, to_text
+from s2rstore.language.syntax_tree import And, Bend, Compare, Everything, Field, Minus, Named, Or
 from s2rstore.metrics.bootstrap import Interval, median_interval
 from s2rstore.reader import Store
 
@@ -24,10 +27,15 @@ Codes = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A group of instances by their true pose; `expression` selects those of the population."""
+    """A group of instances by their true pose; `node` selects those of the population."""
 
     name: str
-    expression: str
+    node: Node
+
+    @property
+    def expression(self) -> str:
+        """The text of the expression."""
+        return to_text(self.node)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,9 +66,10 @@ def groups_of(store: Store, grouping: Grouping) -> Groups:
     """All groups of a grouping, with the group of each instance."""
     truth = store.instances
     if grouping == "room":
-        rooms = [Group(name, f"room:{quoted(name)}") for name in truth.room_names]
-        inside = " | ".join(group.expression for group in rooms)
-        nowhere = Group(NO_ROOM, f"all - ({inside})" if rooms else "all")
+        rooms = [Group(name, Named(Field("room"), name)) for name in truth.room_names]
+        everywhere = Everything()
+        outside = Minus(everywhere, any_of(room.node for room in rooms)) if rooms else everywhere
+        nowhere = Group(NO_ROOM, outside)
         codes = np.where(truth.room >= 0, truth.room, len(rooms))
         return Groups(grouping, (*rooms, nowhere), codes)
     if grouping == "heading":
@@ -68,11 +77,12 @@ def groups_of(store: Store, grouping: Grouping) -> Groups:
     if grouping == "curvature":
         bend = np.abs(truth.curvature)
         codes = np.where(np.isnan(bend), -1, bend >= STRAIGHT_BELOW)
-        return Groups(grouping, (Group("straight", "straight"), Group("curved", "curved")), codes)
+        return Groups(
+            grouping, (Group("straight", Bend(True)), Group("curved", Bend(False))), codes
+        )
     names = truth.trajectory_names
-    return Groups(
-        grouping, tuple(Group(name, f"traj:{quoted(name)}") for name in names), truth.trajectory
-    )
+    trajectories = tuple(Group(name, Named(Field("traj"), name)) for name in names)
+    return Groups(grouping, trajectories, truth.trajectory)
 
 
 def group_errors(
@@ -106,7 +116,7 @@ def members_of(
     starts = np.searchsorted(codes[by_code], np.arange(len(grouped.groups) + 1))
     return {
         code: ordered[by_code[start:stop]]
-        for code, (start, stop) in enumerate(zip(starts[:-1], starts[1:], strict=True))
+        for code, (start, stop) in enumerate(pairwise(starts))
         if stop > start
     }
 
@@ -116,8 +126,8 @@ def _sector(number: int) -> Group:
     width = 360 / SECTORS
     low, high = (_wrapped((number + side) * width) for side in (-0.5, 0.5))
     centre = round(180 - (180 - number * width) % 360)
-    joined = "&" if low < high else "|"
-    return Group(f"{centre} deg", f"heading >= {low:g} {joined} heading < {high:g}")
+    ends = (Compare(Field("heading"), ">=", low), Compare(Field("heading"), "<", high))
+    return Group(f"{centre} deg", And(*ends) if low < high else Or(*ends))
 
 
 def _sector_codes(heading: NDArray[np.float64]) -> Codes:

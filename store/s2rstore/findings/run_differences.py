@@ -11,6 +11,8 @@ from s2rstore.findings.expressions import exact
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, groups_of, members_of
 from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.language import Node
+from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import mean_interval, simultaneous
 from s2rstore.reader import Store
@@ -66,7 +68,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
         next_run.real[rows] - best.real[rows], trajectory, simultaneous(comparisons)
     )
     evident = difference.low > 0
-    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size}"
+    figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
     text = f"{best.run}: {figures}"
     if not evident:
         text = f"no run is evidently best; smallest: {text}"
@@ -95,7 +97,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=difference,
         interval_of="difference_to_next_m",
         comparisons=comparisons,
-        expression=exact(store, best.run, "all", common, others),
+        node=exact(store, best.run, Everything(), common, others),
         view="compare" if best.run == present else "overview",
         other=next_run.run,
     )
@@ -127,7 +129,7 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
         store.instances.trajectory[rows],
         simultaneous(len(candidates)),
     )
-    room, where = ("all rooms", "all") if code is None else _room(grouped.groups[code])
+    room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.low > 0
     bounds = evidence_text(increase, len(candidates), "comparisons")
     members = np.zeros(present.real.size, dtype=np.bool_)
@@ -135,7 +137,7 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     if evident:
         text = (
             f"{room}: mean real error of {present.run} {increase.value:.2f} m above {other.run}'s "
-            f"({bounds_text(increase)}), n {rows.size}"
+            f"({bounds_text(increase)}), n {rows.size} new to both"
         )
     else:
         text = f"{present.run} is evidently worse than no other run in any room, n {rows.size}"
@@ -156,11 +158,11 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=increase,
         interval_of="increase_m",
         comparisons=len(candidates),
-        expression=exact(store, present.run, where, members, [other.run]),
+        node=exact(store, present.run, where, members, [other.run]),
         view="compare",
         other=other.run,
     )
 
 
-def _room(group: Group) -> tuple[str, str]:
-    return group.name, group.expression
+def _room(group: Group) -> tuple[str, Node]:
+    return group.name, group.node

@@ -56,7 +56,7 @@ def worst_group(
         simultaneous(len(members)),
     )
     evident = difference.low > 0
-    figures = f"{median.value:.2f} m ({bounds_text(median)}), n {inside.size}"
+    figures = f"{median.value:.2f} m ({bounds_text(median)}), n {inside.size} new"
     subject = f"{group.name}: median real error {figures}"
     text = subject if evident else f"no {name} is evidently worse; largest: {subject}"
     return Finding(
@@ -79,6 +79,6 @@ def worst_group(
         interval=difference,
         interval_of="difference_to_others_m",
         comparisons=len(members),
-        expression=exact(store, run, group.expression, is_inside),
+        node=exact(store, run, group.node, is_inside),
         view="rooms" if grouping != "room" else "map",
     )
