@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore.findings import find_all
+from s2rstore.findings.groups import Grouping, group_errors
 from s2rstore.gap_history import reader
+from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
+from s2rstore.records import NO_RUN
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.overview.translators import translator_rows
-from s2rtui.charts.scene import RunAccuracies
+from s2rtui.charts.scene import LoadedGroups, RunAccuracies
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
 from s2rtui.loaders.loader import Fields, Key, LoadContext
-from s2rtui.session import heatmaps, pending_target
+from s2rtui.session import error_groups, heatmaps, loaded_data_origin, pending_target
 from s2rtui.session.loaded_data_origin import (
     heat_provenance,
     instance_provenance,
@@ -144,3 +149,28 @@ def read_history(store: Store, state: State, context: LoadContext) -> Fields:
     """Raises RequestError for a file that is no history."""
     assert state.history is not None
     return {"history": reader.read(state.history.path)}
+
+
+def groups_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.grouping == error_groups.COUNTS or state.run == NO_RUN:
+        return None
+    return loaded_data_origin.groups_key(state)
+
+
+def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
+    """The errors of the groups of the rooms view, over the instances new to the run."""
+    population = state.base & run_metrics.held_out(store, state.run)
+    rows = group_errors(store, state.run, cast(Grouping, state.grouping), population)
+    return {"groups": LoadedGroups(loaded_data_origin.groups_key(state), rows)}
+
+
+def findings_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.run == NO_RUN:
+        return None
+    return (state.generation, state.run, state.history)
+
+
+def read_findings(store: Store, state: State, context: LoadContext) -> Fields:
+    """Everything that the store shows about the present run."""
+    history = state.history.path if state.history else None
+    return {"findings": find_all(store, state.run, history, context.report_progress)}

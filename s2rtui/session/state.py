@@ -134,8 +134,9 @@ class State:
     `future` hold the expressions before and after this one, the nearest last. `operator` combines
     the next selection with this one. `other` is the run to compare with. `view` receives the keys;
     `centre` and `tab` name the views shown in these panes. `pending` is the target to show once it
-    is loaded; `keeps_message` says that the message outlives that. `history` is None if the store
-    has no gap history.
+    is loaded; `keeps_message` says that the message outlives that. `grouping`, `group_sort` and
+    `group_descending` belong to the rooms view, `finding` is the chosen row of the findings view.
+    `history` is None if the store has no gap history.
     """
 
     generation: int
@@ -164,6 +165,10 @@ class State:
     tab: str = "instance"
     sort: str = "real.error"
     descending: bool = True
+    grouping: str = "room"
+    group_sort: str = "real_m"
+    group_descending: bool = True
+    finding: int = 0
     viewport: Bounds | None = None
     history: HistoryFile | None = None
     message: str = ""

@@ -90,20 +90,25 @@ def group_errors(
 ) -> tuple[GroupErrors, ...]:
     """Errors of all groups that have instances in `population` (N,), in the order of the groups."""
     grouped = groups_of(store, grouping)
-    columns, trajectory = store.run_columns(run), store.instances.trajectory
+    columns = store.run_columns(run)
     found = []
     for code, members in members_of(store, grouped, population).items():
-        real = columns.real.error[members]
         found.append(
             GroupErrors(
                 grouped.groups[code],
                 members.size,
-                median_interval(real, trajectory[members]),
+                real_median(store, run, members),
                 float(np.median(columns.sim.error[members])),
                 float(np.median(columns.gap[members])),
             )
         )
     return tuple(found)
+
+
+def real_median(store: Store, run: str, iids: NDArray[np.int64]) -> Interval:
+    """Median real error in metres of instances in recording order, with its 95 % interval."""
+    errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
+    return median_interval(errors[iids], trajectory[iids]).clipped(0.0, np.inf)
 
 
 def members_of(

@@ -14,7 +14,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Everything
 from s2rstore.metrics import run_metrics
-from s2rstore.metrics.bootstrap import mean_interval, simultaneous
+from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.reader import Store
 
 MOST_RUNS = 12
@@ -104,7 +104,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
 
 
 def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
-    """The room and the other run where the first of `runs` is worse by the most.
+    """The room and the other run where the first of `runs` is worse by the most that is evident.
 
     Compared are mean real errors per room (and over all instances) on instances new to both runs.
     None where there is nothing to compare.
@@ -123,12 +123,20 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
                 candidates.append((mean, other, code, rows))
     if not candidates:
         return None
-    _, other, code, rows = max(candidates, key=lambda candidate: candidate[0])
-    increase = mean_interval(
-        present.real[rows] - other.real[rows],
-        store.instances.trajectory[rows],
-        simultaneous(len(candidates)),
+    settings, trajectory = simultaneous(len(candidates)), store.instances.trajectory
+
+    def increase_of(other: RunErrors, rows: NDArray[np.int64]) -> Interval:
+        return mean_interval(present.real[rows] - other.real[rows], trajectory[rows], settings)
+
+    candidates.sort(key=lambda candidate: -candidate[0])
+    tested = (
+        (other, code, rows, increase_of(other, rows))
+        for mean, other, code, rows in candidates
+        if mean > 0
     )
+    _, other, code, rows = candidates[0]
+    evident_one = next((found for found in tested if found[3].low > 0), None)
+    other, code, rows, increase = evident_one or (other, code, rows, increase_of(other, rows))
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.low > 0
     bounds = evidence_text(increase, len(candidates), "comparisons")

@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.findings.expressions import exact
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
-from s2rstore.findings.groups import Grouping, groups_of, members_of
+from s2rstore.findings.groups import Group, Grouping, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics.bootstrap import (
-    median_difference_interval,
-    median_interval,
-    simultaneous,
-)
+from s2rstore.metrics.bootstrap import Interval, median_difference_interval, simultaneous
 from s2rstore.reader import Store
 
-_NAMES: dict[Grouping, tuple[str, str]] = {
-    "room": ("room", "rooms"),
-    "heading": ("heading sector", "heading sectors"),
-    "curvature": ("curvature", "curvatures"),
-    "trajectory": ("trajectory", "trajectories"),
+_PLURALS: dict[Grouping, str] = {
+    "room": "rooms",
+    "heading": "heading sectors",
+    "curvature": "curvatures",
+    "trajectory": "trajectories",
 }
+Members = Mapping[int, NDArray[np.int64]]
 
 
 def worst_group(
     store: Store, run: str, grouping: Grouping, population: NDArray[np.bool_]
 ) -> Finding | None:
-    """The group with the largest median real error among `population` (N,).
+    """The group with the largest median real error among `population` (N,) that is evident.
 
-    Groups with fewer than `MIN_INSTANCES` instances do not count. It is evident where the group's
-    median exceeds that of all other instances, with an interval that holds in all groups at once,
-    because the worst of them was picked. None where fewer than two groups count.
+    A group is evident where its median exceeds that of all other instances, by an interval that
+    holds for all groups at once. Where none is, the group with the largest median is returned.
+    Groups with fewer than `MIN_INSTANCES` instances do not count. None where fewer than two count.
     """
-    name, plural = _NAMES[grouping]
     grouped = groups_of(store, grouping)
-    columns, trajectory = store.run_columns(run), store.instances.trajectory
-    errors = columns.real.error
     members = {
         code: iids
         for code, iids in members_of(store, grouped, population).items()
@@ -44,41 +41,84 @@ def worst_group(
     }
     if len(members) < 2:
         return None
-    worst = max(members, key=lambda code: float(np.median(errors[members[code]])))
-    inside, group = members[worst], grouped.groups[worst]
-    is_inside = np.zeros(population.size, dtype=np.bool_)
-    is_inside[inside] = True
-    outside = store.in_recording_order(population & ~is_inside)
-    median = median_interval(errors[inside], trajectory[inside])
-    difference = median_difference_interval(
-        (errors[inside], trajectory[inside]),
-        (errors[outside], trajectory[outside]),
-        simultaneous(len(members)),
+    errors = store.run_columns(run).real.error
+    medians = {code: float(np.median(errors[iids])) for code, iids in members.items()}
+    ordered = sorted(members, key=lambda code: -medians[code])
+    overall = float(np.median(errors[population]))
+    tested = (
+        (code, _difference(store, run, population, members, code))
+        for code in ordered
+        if medians[code] > overall
     )
+    largest = ordered[0]
+    evident = next((found for found in tested if found[1].low > 0), None)
+    worst, difference = evident or (
+        largest, _difference(store, run, population, members, largest),
+    )  # fmt: skip
+    note = ""
+    if worst != largest:
+        note = (
+            f"; {grouped.groups[largest].name} is larger, {medians[largest]:.2f} m, but not "
+            f"evident, n {members[largest].size}"
+        )
+    return _finding(
+        store, run, grouping, grouped.groups[worst], members[worst], difference, len(members), note
+    )
+
+
+def _difference(
+    store: Store, run: str, population: NDArray[np.bool_], members: Members, code: int
+) -> Interval:
+    """The median of a group minus that of all other instances, for all groups at once."""
+    errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
+    others = population.copy()
+    others[members[code]] = False
+    inside, outside = (
+        (errors[rows], trajectory[rows])
+        for rows in (members[code], store.in_recording_order(others))
+    )
+    return median_difference_interval(inside, outside, simultaneous(len(members)))
+
+
+def _finding(
+    store: Store,
+    run: str,
+    grouping: Grouping,
+    group: Group,
+    iids: NDArray[np.int64],
+    difference: Interval,
+    compared: int,
+    note: str,
+) -> Finding:
+    columns, name = store.run_columns(run), "heading sector" if grouping == "heading" else grouping
+    median = real_median(store, run, iids)
+    is_inside = np.zeros(len(store.instances), dtype=np.bool_)
+    is_inside[iids] = True
     evident = difference.low > 0
-    figures = f"{median.value:.2f} m ({bounds_text(median)}), n {inside.size} new"
-    subject = f"{group.name}: median real error {figures}"
-    text = subject if evident else f"no {name} is evidently worse; largest: {subject}"
+    text = (
+        f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
+        f"n {iids.size} new"
+    )
+    apart = "" if math.isnan(difference.value) else f"{difference.value:+.2f} m from all others "
     return Finding(
         kind=f"worst {name}",
-        text=text,
+        text=text if evident else f"no {name} is evidently worse; largest: {text}",
         run=run,
-        n=int(inside.size),
-        evidence=f"{difference.value:+.2f} m from all other instances "
-        f"({evidence_text(difference, len(members), plural)})",
+        n=int(iids.size),
+        evidence=f"{apart}({evidence_text(difference, compared, _PLURALS[grouping])}){note}",
         evident=evident,
         values={
             grouping: group.name,
             "median_real_error_m": median.value,
             "median_real_error_low_m": median.low,
             "median_real_error_high_m": median.high,
-            "median_sim_error_m": float(np.median(columns.sim.error[inside])),
-            "median_gap_m": float(np.median(columns.gap[inside])),
+            "median_sim_error_m": float(np.median(columns.sim.error[iids])),
+            "median_gap_m": float(np.median(columns.gap[iids])),
             "difference_to_others_m": difference.value,
         },
         interval=difference,
         interval_of="difference_to_others_m",
-        comparisons=len(members),
+        comparisons=compared,
         node=exact(store, run, group.node, is_inside),
-        view="rooms" if grouping != "room" else "map",
+        view="map" if grouping == "room" else "rooms",
     )
