@@ -19,6 +19,8 @@ from s2rtui.session import (
     Session,
     adjusting,
     brush_geometry,
+    error_groups,
+    findings,
     instance_list,
     navigation,
     selection,
@@ -32,7 +34,10 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
+When = Literal[
+    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
+    "findings", "elsewhere",
+]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
@@ -108,7 +113,10 @@ class Action:
             "adjust": not brushing and state.view == "adjust",
             "brushing": brushing,
             "list": not brushing and state.view == "list",
-            "elsewhere": not brushing and state.view not in ("list", "adjust"),
+            "rooms": not brushing and state.view == "rooms",
+            "not rooms": state.view != "rooms",
+            "findings": not brushing and state.view == "findings",
+            "elsewhere": not brushing and state.view not in ("list", "adjust", "findings"),
         }[self.when]
 
 
@@ -294,9 +302,22 @@ ACTIONS: tuple[Action, ...] = (
     Action("room_names", "N", "map", "show or hide room names",
            _do(view_settings.toggle_room_names)),
     Action("sort", "full_stop", "review", "sort the list by the next column",
-           _do(instance_list.sort_by_next_column), shown="."),
+           _do(instance_list.sort_by_next_column), shown=".", when="not rooms"),
     Action("reverse", "comma", "review", "reverse the order of the list",
-           _do(instance_list.reverse), shown=","),
+           _do(instance_list.reverse), shown=",", when="not rooms"),
+    Action("sort_groups", "full_stop", "review", "in the rooms view: sort by the next column",
+           _do(error_groups.sort_by_next_column), shown=".", when="rooms"),
+    Action("reverse_groups", "comma", "review", "in the rooms view: reverse the order",
+           _do(error_groups.reverse), shown=",", when="rooms"),
+    Action("group", "O", "review",
+           "rooms view: errors by room, heading, curvature, trajectory; counts",
+           _do(error_groups.change_grouping)),
+    Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
+           when="findings"),
+    Action("previous_finding", "up", "move", "previous finding", _do(findings.move, -1),
+           when="findings"),
+    Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
+           when="findings", command=lambda app: app.navigation.open_finding()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",
@@ -308,6 +329,8 @@ ACTIONS: tuple[Action, ...] = (
         for view in VIEWS
         if view.from_store
     ),
+    Action("findings", "f1", "views", "", shown="F1",
+           command=lambda app: app.navigation.show_view("findings")),
     Action("next_view", "tab", "views", "next view", short="view", when="still",
            command=lambda app: app.navigation.show_next_view(1)),
     Action("previous_view", "shift+tab", "views", "previous view", when="still",

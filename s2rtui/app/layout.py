@@ -10,6 +10,8 @@ from textual.geometry import Region
 SizeClass = Literal["tiny", "narrow", "medium", "wide"]
 MIN_SIZE = (40, 12)
 _GUTTER = 2
+_TALL, _FINDINGS = 50, 18
+"""Rows from which the findings are shown below the centre, and the rows that they take."""
 _SHARES = {"umap": 5, "orientation": 4, "rooms": 4, "errors": 4}
 """Shares of the rows of the left column below the overview."""
 
@@ -64,9 +66,13 @@ def _wide(width: int, height: int, request: LayoutRequest) -> dict[str, Region]:
     column = "instance" if request.tab in _SHARES else request.tab
     rectangles = {
         "overview": Region(0, 0, left, top),
-        request.centre: Region(left + _GUTTER, 0, width - left - right - 2 * _GUTTER, height),
         column: Region(width - right, 0, right, height),
     }
+    x, wide = left + _GUTTER, width - left - right - 2 * _GUTTER
+    below = _FINDINGS if height >= _TALL and request.centre != "findings" else 0
+    rectangles[request.centre] = Region(x, 0, wide, height - below)
+    if below:
+        rectangles["findings"] = Region(x, height - below + 1, wide, below - 1)
     y, rows = top, height - top
     names = _stacked(request, rows)
     total = sum(_SHARES[name] for name in names)

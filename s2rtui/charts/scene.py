@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.findings import FindingReport
-from s2rstore.findings.groups import GroupErrors
+from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
 from s2rstore.reader import Store
 from s2rstore.records import Direction, Side
@@ -109,9 +109,14 @@ class RunAccuracies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedGroups:
-    """Errors of groups of instances; `source` names what they were computed from."""
+    """Errors of groups of instances; `source` names what they were computed from.
+
+    `population` (N,): the instances that were counted.
+    """
 
     source: tuple[object, ...]
+    grouped: Groups
+    population: NDArray[np.bool_]
     rows: tuple[GroupErrors, ...]
 
 
@@ -176,10 +181,11 @@ class Resources:
         source = self.live_source
         return self.live if source and source.source == (state.generation, state.run) else None
 
-    def group_errors(self, state: State) -> tuple[GroupErrors, ...] | None:
-        """The errors of the groups that a state shows; None until they are computed."""
-        is_current = self.groups is not None and self.groups.source == groups_key(state)
-        return self.groups.rows if self.groups is not None and is_current else None
+    def current_groups(self, state: State) -> LoadedGroups | None:
+        """The groups that a state shows; None until they are computed."""
+        if self.groups is None or self.groups.source != groups_key(state):
+            return None
+        return self.groups
 
     def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
         """A copy after new requests: no progress or failure of these loaders, fields cleared."""

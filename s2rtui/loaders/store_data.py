@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import s2rstore
 from s2rstore.findings import find_all
-from s2rstore.findings.groups import Grouping, group_errors
+from s2rstore.findings.groups import Grouping, group_errors, groups_of
 from s2rstore.gap_history import reader
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
@@ -160,8 +160,10 @@ def groups_key(store: Store, state: State) -> Key | None:
 def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
     """The errors of the groups of the rooms view, over the instances new to the run."""
     population = state.base & run_metrics.held_out(store, state.run)
-    rows = group_errors(store, state.run, cast(Grouping, state.grouping), population)
-    return {"groups": LoadedGroups(loaded_data_origin.groups_key(state), rows)}
+    grouped = groups_of(store, cast(Grouping, state.grouping))
+    rows = group_errors(store, state.run, grouped, population)
+    source = loaded_data_origin.groups_key(state)
+    return {"groups": LoadedGroups(source, grouped, population, rows)}
 
 
 def findings_key(store: Store, state: State) -> Key | None:
@@ -173,4 +175,4 @@ def findings_key(store: Store, state: State) -> Key | None:
 def read_findings(store: Store, state: State, context: LoadContext) -> Fields:
     """Everything that the store shows about the present run."""
     history = state.history.path if state.history else None
-    return {"findings": find_all(store, state.run, history, context.report_progress)}
+    return {"findings": find_all(store, state.run, history, lambda share: context.is_current())}

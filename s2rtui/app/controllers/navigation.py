@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from s2rtui.app.screens.jump import JumpScreen, Target
+from s2rtui.charts.findings.view import VIEW as FINDINGS
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.session import view_settings
+from s2rtui.session import findings, view_settings
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
@@ -34,6 +35,27 @@ class NavigationController:
         present = self._app.session.state.view
         at = _CYCLE.index(present) if present in _CYCLE else 0
         self.show_view(_CYCLE[(at + steps) % len(_CYCLE)])
+
+    def open_finding(self) -> None:
+        """Select the chosen finding's instances and show its view.
+
+        Where the findings stay on the screen beside that view, they keep the keys.
+        """
+        app = self._app
+        data = FINDINGS.input(app.renderer.scene)
+        finding = data.chosen_finding if data is not None else None
+        if finding is None:
+            app.session.show_message("there is no finding to select")
+            app.renderer.refresh()
+            return
+        app.session.dispatch(findings.open_finding, finding)
+        stays = app.renderer.is_placed("findings") and app.session.state.centre != "findings"
+        message = app.session.state.message
+        self.show_view(finding.view)
+        if stays:
+            app.session.dispatch(view_settings.activate, "findings")
+        app.session.show_message(message)
+        app.renderer.refresh()
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""

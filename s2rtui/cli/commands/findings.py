@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "s2r findings lab.s2r --run vanilla --json"
 _WIDEST = 100
-_KIND = 23
+_KIND = 21
 """Columns of the kinds, the mark before them included."""
 
 

@@ -24,15 +24,13 @@ def best_heatmap(store: Store, run: str) -> Finding | None:
     other = next((score for score in scores[1:] if score.kind != best.kind), None)
     evident = other is None or best.auroc.low > other.auroc.high
     label = _label(best.kind, best.mode)
-    subject = f"{label} finds changed objects at {best.text}"
+    subject = f"{label}: {best.text} for changed objects"
     right = f"{100 * best.precision:.0f} % of its top cells are right, chance {_percent(best)}"
     next_best = f"; next kind: {_label(other.kind, other.mode)}, {other.text}" if other else ""
     kinds = len({score.kind for score in scores})
     return Finding(
         kind=KIND,
-        text=f"{subject}, n {kinds} kinds"
-        if evident
-        else f"no kind is evidently best; highest: {subject}, n {kinds} kinds",
+        text=f"{subject}, n {kinds} kinds{'' if evident else '; not evident'}",
         run=run,
         n=kinds,
         evidence=f"scored in this store: {right}{next_best}",
@@ -61,10 +59,10 @@ def _shipped(store: Store, run: str) -> Finding | None:
     auroc = heatmap_facts(kind).auroc[mode]
     return Finding(
         kind=KIND,
-        text=f"not scored in this store; shipped ranking: {_label(kind, mode)}, AUROC {auroc:.2f}",
+        text=f"{_label(kind, mode)} by the shipped ranking; this store is not scored",
         run=run,
         n=len(dict(scored)),
-        evidence=f"mean over {SHIPPED_PLACE}; `s2r score` measures it where the truth is known",
+        evidence=f"AUROC {auroc:.2f} in {SHIPPED_PLACE}; `s2r score` measures it in a synthetic world",
         evident=False,
         values={"heatmap": _label(kind, mode), "auroc": auroc, "source": "shipped ranking"},
         n_of="heatmap kinds",

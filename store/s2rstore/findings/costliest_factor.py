@@ -37,7 +37,7 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
     subject = f"{worst['factor']}, alone {figures}"
     return Finding(
         kind=KIND,
-        text=subject if evident else f"no factor is evident; largest: {subject}",
+        text=subject if evident else f"{subject}; not evident",
         run=run,
         n=int(worst["n"]),
         evidence=f"leaving it out gains {gain.value:.2f} m ({bounds_text(gain)}); the largest of "
@@ -70,7 +70,7 @@ def of_translators(store: Store, run: str) -> Finding | None:
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
         kind=KIND,
-        text=subject if evident else f"no factor is evident; largest: {subject}",
+        text=subject if evident else f"{subject}; not evident",
         run=run,
         n=len(rows),
         evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, not "
@@ -118,12 +118,11 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     chain = chain_text(store.run(other.run).real_adjustments)
     bounds = bounds_text(gain_interval)
     subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"
-    text = subject if evident else f"no factor is evident; largest: {subject}"
     members = np.zeros(present.real.size, dtype=np.bool_)
     members[rows] = True
     return Finding(
         kind=KIND,
-        text=f"{text}, n {rows.size} new to both",
+        text=f"{subject}, n {rows.size} new to both{'' if evident else '; not evident'}",
         run=present.run,
         n=int(rows.size),
         evidence="decrease of the mean real error by adjusting real images "

@@ -31,13 +31,11 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
     change = _change(first.gap, last.gap)
     evident = change.excludes_zero
     direction = "rose" if change.value > 0 else "fell"
-    figures = f"by {abs(change.value):.1f} of G ({bounds_text(change, signed=True)})"
+    figures = f"by {abs(change.value):.1f} ({bounds_text(change, signed=True)})"
     span = f"from {first.night} to {last.night}, n {len(measured)} nights"
-    text = f"the gap {direction} {figures}, {span}"
-    if not evident:
-        text = f"no drift is evident {span}; change {change.value:+.1f} of G ({_bounds(change)})"
+    text = f"G {direction} {figures} {span}{'' if evident else '; not evident'}"
     return Finding(
-        kind="drift over nights",
+        kind="gap drift",
         text=text,
         run=run,
         n=len(measured),
@@ -68,7 +66,3 @@ def _worst_axis(night: Night) -> str:
     if night.worst is None:
         return ""
     return f"worst axis of the last night: {night.worst}, G {night.gap.value:.1f}"
-
-
-def _bounds(interval: Interval) -> str:
-    return bounds_text(interval, signed=True)

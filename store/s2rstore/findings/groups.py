@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.findings.expressions import any_of
+from s2rstore.findings.finding import MIN_INSTANCES
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.language import Node, to_text
@@ -86,10 +87,9 @@ def groups_of(store: Store, grouping: Grouping) -> Groups:
 
 
 def group_errors(
-    store: Store, run: str, grouping: Grouping, population: NDArray[np.bool_]
+    store: Store, run: str, grouped: Groups, population: NDArray[np.bool_]
 ) -> tuple[GroupErrors, ...]:
     """Errors of all groups that have instances in `population` (N,), in the order of the groups."""
-    grouped = groups_of(store, grouping)
     columns = store.run_columns(run)
     found = []
     for code, members in members_of(store, grouped, population).items():
@@ -106,8 +106,13 @@ def group_errors(
 
 
 def real_median(store: Store, run: str, iids: NDArray[np.int64]) -> Interval:
-    """Median real error in metres of instances in recording order, with its 95 % interval."""
+    """Median real error in metres of instances in recording order, with its 95 % interval.
+
+    The bounds are NaN below `MIN_INSTANCES` instances.
+    """
     errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
+    if iids.size < MIN_INSTANCES:
+        return Interval.unknown(float(np.median(errors[iids])))
     return median_interval(errors[iids], trajectory[iids]).clipped(0.0, np.inf)
 
 

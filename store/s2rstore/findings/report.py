@@ -49,13 +49,13 @@ def find_all(
     few = f"fewer than two groups have {MIN_INSTANCES} new instances"
     steps: tuple[tuple[str, Callable[[], Finding | None], str], ...] = (
         ("worst room", lambda: worst_group(store, run, "room", new), _no_rooms(store) or few),
-        ("worst heading sector", lambda: worst_group(store, run, "heading", new), few),
+        ("worst heading", lambda: worst_group(store, run, "heading", new), few),
         ("costliest factor", lambda: _costliest_factor(store, run, runs),
          "no score, no judged translator and no adjusted run"),
         ("best heatmap", lambda: best_heatmap(store, run), "the run has no scored heatmap"),
         ("best run", lambda: best_run(store, runs), _one_run(store)),
         ("largest regression", lambda: largest_regression(store, runs), _one_run(store)),
-        ("drift over nights", lambda: gap_drift(store, run, history),
+        ("gap drift", lambda: gap_drift(store, run, history),
          "fewer than two nights of this run were measured"),
     )  # fmt: skip
     for number, (kind, compute, reason) in enumerate(steps):

@@ -71,7 +71,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
     text = f"{best.run}: {figures}"
     if not evident:
-        text = f"no run is evidently best; smallest: {text}"
+        text += "; not evident"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "
         f"({evidence_text(difference, comparisons, 'comparisons')})"
@@ -142,19 +142,20 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     bounds = evidence_text(increase, len(candidates), "comparisons")
     members = np.zeros(present.real.size, dtype=np.bool_)
     members[rows] = True
+    extreme = "largest increase" if increase.value > 0 else "smallest decrease"
     if evident:
         text = (
             f"{room}: mean real error of {present.run} {increase.value:.2f} m above {other.run}'s "
             f"({bounds_text(increase)}), n {rows.size} new to both"
         )
     else:
-        text = f"{present.run} is evidently worse than no other run in any room, n {rows.size}"
+        text = f"no room where {present.run} is evidently worse than another run"
     return Finding(
         kind="largest regression",
         text=text,
         run=present.run,
         n=int(rows.size),
-        evidence=f"largest increase: {room}, {increase.value:+.2f} m from {other.run} ({bounds})",
+        evidence=f"{extreme}: {room}, {increase.value:+.2f} m from {other.run} ({bounds})",
         evident=evident,
         values={
             "room": room,

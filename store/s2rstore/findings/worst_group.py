@@ -90,7 +90,7 @@ def _finding(
     compared: int,
     note: str,
 ) -> Finding:
-    columns, name = store.run_columns(run), "heading sector" if grouping == "heading" else grouping
+    columns = store.run_columns(run)
     median = real_median(store, run, iids)
     is_inside = np.zeros(len(store.instances), dtype=np.bool_)
     is_inside[iids] = True
@@ -101,8 +101,8 @@ def _finding(
     )
     apart = "" if math.isnan(difference.value) else f"{difference.value:+.2f} m from all others "
     return Finding(
-        kind=f"worst {name}",
-        text=text if evident else f"no {name} is evidently worse; largest: {text}",
+        kind=f"worst {grouping}",
+        text=text if evident else f"{text}; not evident",
         run=run,
         n=int(iids.size),
         evidence=f"{apart}({evidence_text(difference, compared, _PLURALS[grouping])}){note}",
