@@ -7,6 +7,9 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+GROUPINGS = ("room", "heading", "curvature", "trajectory", "counts")
+"""As `session.error_groups.GROUPINGS`, without importing the session for `--help`."""
+
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
     from s2rtui.session import State
@@ -21,7 +24,11 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--with", dest="other", metavar="RUN", help="second run of a comparison")
     add("--iid", type=int, help="instance id (default: the worst selected)")
     add("--side", choices=("sim", "real"), help="side of heatmaps, lines and comparisons")
-    add("--sort", metavar="COLUMN", help="sort column of the table view, such as gap")
+    add("--sort", metavar="COLUMN",
+        help="sort column of the list, such as gap, or of the rooms, such as real_m")  # fmt: skip
+    add("--group-by", choices=GROUPINGS, dest="group_by",
+        help="grouping of the rooms view (default room); counts compares predicted and true "
+        "rooms")  # fmt: skip
     add("--ascending", action="store_true", help="sort the smallest value first")
     add("--history", type=Path, metavar="FILE", help="gap history (default: that of the store)")
 

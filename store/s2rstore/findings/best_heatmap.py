@@ -62,7 +62,7 @@ def _shipped(store: Store, run: str) -> Finding | None:
         text=f"{_label(kind, mode)} by the shipped ranking; this store is not scored",
         run=run,
         n=len(dict(scored)),
-        evidence=f"AUROC {auroc:.2f} in {SHIPPED_PLACE}; `s2r score` measures it in a synthetic world",
+        evidence=f"AUROC {auroc:.2f} in {SHIPPED_PLACE}; `s2r score` needs a synthetic world",
         evident=False,
         values={"heatmap": _label(kind, mode), "auroc": auroc, "source": "shipped ranking"},
         n_of="heatmap kinds",

@@ -106,6 +106,8 @@ def bounds_text(interval: Interval, unit: str = "", signed: bool = False) -> str
 
 def evidence_text(interval: Interval, comparisons: int, of: str) -> str:
     """`1.20 to 2.10 m, corrected for 7 rooms`: the bounds of a difference in metres."""
+    if math.isnan(interval.low) or math.isnan(interval.high):
+        return "too few instances for an interval"
     bounds = bounds_text(interval, "m", signed=True)
     return f"{bounds}, corrected for {comparisons} {of}" if comparisons > 1 else bounds
 

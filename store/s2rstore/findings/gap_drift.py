@@ -8,7 +8,7 @@ from pathlib import Path
 from s2rstore.findings.finding import Finding, bounds_text
 from s2rstore.gap_history import reader
 from s2rstore.gap_history.reader import Night
-from s2rstore.metrics.bootstrap import Interval
+from s2rstore.metrics.bootstrap import difference_of
 from s2rstore.reader import Store
 
 
@@ -28,7 +28,7 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
     if len(measured) < 2:
         return None
     first, last = measured[0], measured[-1]
-    change = _change(first.gap, last.gap)
+    change = difference_of(last.gap, first.gap)
     evident = change.excludes_zero
     direction = "rose" if change.value > 0 else "fell"
     figures = f"by {abs(change.value):.1f} ({bounds_text(change, signed=True)})"
@@ -53,13 +53,6 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
         n_of="nights",
         view="history",
     )
-
-
-def _change(first: Interval, last: Interval) -> Interval:
-    value = last.value - first.value
-    below = math.hypot(last.value - last.low, first.high - first.value)
-    above = math.hypot(last.high - last.value, first.value - first.low)
-    return Interval(value - below, value, value + above)
 
 
 def _worst_axis(night: Night) -> str:

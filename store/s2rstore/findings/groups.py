@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.findings.expressions import any_of
-from s2rstore.findings.finding import MIN_INSTANCES
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.language import Node, to_text
@@ -106,13 +105,8 @@ def group_errors(
 
 
 def real_median(store: Store, run: str, iids: NDArray[np.int64]) -> Interval:
-    """Median real error in metres of instances in recording order, with its 95 % interval.
-
-    The bounds are NaN below `MIN_INSTANCES` instances.
-    """
+    """Median real error in metres of instances in recording order, with its 95 % interval."""
     errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
-    if iids.size < MIN_INSTANCES:
-        return Interval.unknown(float(np.median(errors[iids])))
     return median_interval(errors[iids], trajectory[iids]).clipped(0.0, np.inf)
 
 

@@ -12,7 +12,7 @@ from s2rstore.findings.expressions import exact
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, Grouping, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics.bootstrap import Interval, median_difference_interval, simultaneous
+from s2rstore.metrics.bootstrap import Interval, difference_of, median_interval, simultaneous
 from s2rstore.reader import Store
 
 _PLURALS: dict[Grouping, str] = {
@@ -73,11 +73,12 @@ def _difference(
     errors, trajectory = store.run_columns(run).real.error, store.instances.trajectory
     others = population.copy()
     others[members[code]] = False
+    settings = simultaneous(len(members))
     inside, outside = (
-        (errors[rows], trajectory[rows])
+        median_interval(errors[rows], trajectory[rows], settings)
         for rows in (members[code], store.in_recording_order(others))
     )
-    return median_difference_interval(inside, outside, simultaneous(len(members)))
+    return difference_of(inside, outside)
 
 
 def _finding(
