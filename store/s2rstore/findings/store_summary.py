@@ -20,10 +20,9 @@ def summary_lines(store: Store) -> list[str]:
         f"{100 * run_metrics.baseline_accuracy(store, computed[0]):.1f} % accuracy"
     ]
     summary += [_run_line(store, name) for name in computed]
-    summary += [
-        f"{finding.kind} of {finding.run}: {finding.line}"
-        for finding in find_all(store, computed[0]).findings
-    ]
+    for finding in find_all(store, computed[0]).findings:
+        of_run = "" if finding.kind == "best run" else f" of {finding.run}"
+        summary.append(f"{finding.kind}{of_run}: {finding.line}")
     return [printable(line) for line in summary]
 
 
