@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from s2rstore.findings import FindingReport
 from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
+from s2rstore.language import base_population, evaluation
 from s2rstore.reader import Store
-from s2rstore.records import Direction, Side
+from s2rstore.records import SPLITS, Direction, Side
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
@@ -101,22 +103,23 @@ class TranslatorRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunAccuracies:
-    """Accuracies (N,) of every run on one side."""
+    """Accuracies (N,) of every run on one side.
+
+    `trained` (N,) marks the instances that the model of any run was trained on, where such are
+    included; None where there are none.
+    """
 
     side: Side
     values: Mapping[str, NDArray[np.float32]]
+    trained: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedGroups:
-    """Errors of groups of instances; `source` names what they were computed from.
-
-    `population` (N,): the instances that were counted.
-    """
+    """Errors of groups of instances; `source` names what they were computed from."""
 
     source: tuple[object, ...]
     grouped: Groups
-    population: NDArray[np.bool_]
     rows: tuple[GroupErrors, ...]
 
 
@@ -204,6 +207,12 @@ class Resources:
         return f"{message}  {shares}".strip()
 
 
+@cached_by_identity(8)
+def _both(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The instances of both masks (N,)."""
+    return first & second
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything that views draw from."""
@@ -228,6 +237,25 @@ class Scene:
         """The subtitle of a figure: data set, number of instances, expression."""
         counted = f"{self.state.count} instances"
         return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
+
+    @property
+    def trained_note(self) -> str:
+        """`32 trained on included` where the views show trained instances; else empty."""
+        marked = self.state.marked
+        return "" if marked is None else f"{np.count_nonzero(marked)} trained on included"
+
+    def common_base(self, other: str) -> NDArray[np.bool_]:
+        """(N,) the instances of the base population that count in another run, too."""
+        state = self.state
+        context = evaluation.context(
+            self.store, state.run, state.trajectories, with_trained=state.with_trained
+        )
+        return _both(state.base, base_population(context, other))
+
+    def splits(self, iids: NDArray[np.intp]) -> list[str | None]:
+        """The split of each instance in the present run; None where unknown."""
+        codes = self.store.run_columns(self.state.run).split[iids].tolist()
+        return [SPLITS[code] if code >= 0 else None for code in codes]
 
     def mark(self, view: str) -> Mark | None:
         """The brush mark that is being drawn in a view."""

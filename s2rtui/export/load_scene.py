@@ -24,8 +24,9 @@ from s2rtui.user_data.notebook import ReadNotebook
 class SceneOptions:
     """Options of `show`, `export` and `report`; None selects the default.
 
-    `heat` is KIND[:MODE]; `overlay` names the instances whose heat is on the map; `sort` is a
-    column of the list or of the rooms view, `group_by` the grouping of the rooms view.
+    `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE];
+    `overlay` names the instances whose heat is on the map; `sort` is a column of the list or of the
+    rooms view, `group_by` the grouping of the rooms view.
     """
 
     select: str = "all"
@@ -33,6 +34,7 @@ class SceneOptions:
     trajectories: tuple[str, ...] | None = None
     iid: int | None = None
     other: str | None = None
+    with_trained: bool = False
     heat: str | None = None
     side: Side | None = None
     overlay: Overlay | None = None
@@ -52,7 +54,7 @@ def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scen
 
     The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, options.run, ReadNotebook, options.history)
+    session = Session(path, options.run, ReadNotebook, options.history, options.with_trained)
     try:
         for view in views:
             view.require_available(session.store)
@@ -88,7 +90,9 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     for name in options.trajectories or ():
         if name not in known:
             raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
-    session.set_state(replace(session.state, trajectories=options.trajectories))
+    session.set_state(
+        replace(session.state, trajectories=options.trajectories, with_trained=options.with_trained)
+    )
     state = session.select(options.select)
     overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
     if options.heat == NO_HEAT and overlay != "off":

@@ -13,8 +13,7 @@ LOADERS: tuple[Loader, ...] = (
         is_debounced=False,
     ),
     Loader(
-        "lines", lambda store, state: (state.generation, state.runs, state.side),
-        store_data.read_lines, is_debounced=False,
+        "lines", store_data.lines_key, store_data.read_lines, is_debounced=False,
     ),
     Loader(
         "floor plan", store_data.floor_plan_key, store_data.read_floor_plan, ("floor_plan",),

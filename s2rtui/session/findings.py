@@ -18,7 +18,7 @@ def move(context: SessionContext, state: State, steps: int) -> State:
 def open_finding(context: SessionContext, state: State, finding: Finding) -> State:
     """Select the instances of a finding in its run, with the heatmap and run that it names.
 
-    Findings are about all trajectories, so all of them are shown.
+    Findings are about the new instances of all trajectories, so these are shown.
     """
     if finding.heat is not None:
         side = state.heat.side if state.heat else "real"
@@ -29,6 +29,7 @@ def open_finding(context: SessionContext, state: State, finding: Finding) -> Sta
         pending_target.place_of(pending_target.final_target(state)),
         run=finding.run,
         trajectories=None,
+        with_trained=False,
     )
     text = finding.expression or pending_target.upcoming(state).expression
     is_here = place == pending_target.current_target(state)

@@ -39,13 +39,15 @@ class Session:
         run: str | None = None,
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
+        with_trained: bool = False,
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst room.
 
         A data set without poses has no runs: all its images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
-        `gap_history` overrides the history file of the store. Set `defers_loading` if background
+        `gap_history` overrides the history file of the store. `with_trained` includes the instances
+        that the models were trained on. Set `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, a computed run or the history file does not exist.
         """
@@ -62,7 +64,8 @@ class Session:
         self._gap_history = (
             gap_history.resolve() if gap_history else reader.history_path(self.store.path)
         )
-        self._state = _initial_state(self.store, run, self._history_file())
+        initial = _initial_state(self.store, run, self._history_file())
+        self._state = replace(initial, with_trained=with_trained)
         error = self.notebook.error if self.notebook else ""
         self.dispatch(_select_finding, error)
 
@@ -210,6 +213,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         expression="all",
         selected=everything,
         base=everything,
+        trained=np.zeros_like(everything),
         cursor=None,
         heat=None,
         history=history,

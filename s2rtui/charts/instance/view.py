@@ -17,6 +17,7 @@ class InstanceView(View):
     name = "instance"
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
+    counts_instances = False
     loads = ("pictures",)
     single_instance = True
     needs_poses = False

@@ -21,7 +21,7 @@ class GroupsInput:
     """Errors per group, as `GroupErrors`, sorted by the column `sort`.
 
     selected: number of selected instances by group name. cursor: the name of the cursor's group.
-    excluded: instances that are left out because the model was trained on them.
+    has_trained: whether the run was trained on instances in view; with_trained: they are counted.
     """
 
     rows: tuple[GroupErrors, ...]
@@ -30,7 +30,8 @@ class GroupsInput:
     sort: str = "real_m"
     descending: bool = True
     cursor: str | None = None
-    excluded: int = 0
+    has_trained: bool = False
+    with_trained: bool = False
     mark: Mark | None = None
 
 

@@ -47,7 +47,7 @@ def groups_figure(
     axes.set_xlim(left=0)
     axes.grid(axis="x", color=inks.faint, linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.set_xlabel("median position error (m), new instances")
+    axes.set_xlabel("median position error (m)")
     for place, count in enumerate(counts):
         axes.annotate(
             count, (1, place), (6, 0), xycoords=("axes fraction", "data"),

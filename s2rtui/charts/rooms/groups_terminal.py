@@ -9,6 +9,7 @@ from functools import partial
 from rich.cells import cell_len, set_cell_size
 
 from s2rstore.findings.groups import GroupErrors
+from s2rstore.index.population import INCLUDE_HINT
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, Point, RenderOptions, Size
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.rooms.groups import GroupsInput, TableColumn, fitting_columns, ordered
@@ -90,7 +91,9 @@ def draw_groups(data: GroupsInput, size: Size, options: RenderOptions = DEFAULT_
     canvas = Canvas(*size, options)
     theme = options.theme
     if not data.rows:
-        text = "no instance is new to the run" if data.excluded else "no instances"
+        text = "no instances"
+        if data.has_trained and not data.with_trained:
+            text = f"no instance is new to the run: {INCLUDE_HINT}"
         canvas.text(0, 0, text[: canvas.width], theme.muted)
         return canvas
     layout = groups_layout(data, (canvas.width, canvas.height))

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from s2rstore.findings.expressions import any_of
 from s2rstore.findings.groups import GroupErrors
 from s2rstore.language import to_text
@@ -37,7 +35,8 @@ class RoomsView(View):
     def subtitle(self, scene: Scene) -> str:
         if scene.state.grouping == COUNTS:
             return "instances per room: sim, truth, real (O: errors)"
-        return "new instances, errors in m (O: group, .: sort)"
+        which = "trained included" if scene.state.with_trained else "new instances"
+        return f"{which}, errors in m (O: group, .: sort)"
 
     def _counts(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state
@@ -52,14 +51,14 @@ class RoomsView(View):
         state, loaded = scene.state, scene.resources.current_groups(scene.state)
         if loaded is None:
             return None
-        grouped, counted = loaded.grouped, loaded.population
+        grouped = loaded.grouped
         cursor = None
         if state.cursor is not None and grouped.codes[state.cursor] >= 0:
             cursor = grouped.groups[int(grouped.codes[state.cursor])].name
         return GroupsInput(
-            loaded.rows, state.grouping, selected_per_group(grouped, state.selected & counted),
+            loaded.rows, state.grouping, selected_per_group(grouped, state.selected & state.base),
             state.group_sort, state.group_descending, cursor,
-            int(np.count_nonzero(state.base & ~counted)), scene.mark(self.name),
+            bool(state.trained.any()), state.with_trained, scene.mark(self.name),
         )  # fmt: skip
 
     def input(self, scene: Scene) -> RoomsInput | GroupsInput | None:
@@ -107,7 +106,8 @@ class RoomsView(View):
             f"n {row.n}"
             for row in rows
         )
-        by = f"Median errors by {scene.state.grouping} over new instances"
+        which = "instances, trained ones included" if scene.state.with_trained else "new instances"
+        by = f"Median errors by {scene.state.grouping} over {which}"
         return f"{by}, sorted by {scene.state.group_sort}: {listed or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -119,7 +119,8 @@ class RoomsView(View):
             return paper.rooms_figure(data, size, theme, title, scene.caption)
         title = f"{scene.state.run}: errors by {scene.state.grouping}"
         empty = GroupsInput((), scene.state.grouping, {})
-        counted = "all new instances in view"
+        included = scene.state.with_trained
+        counted = "trained instances included" if included else "instances new to the run"
         subtitle = f"{scene.store.dataset.name}  ·  {counted}"
         return groups_paper.groups_figure(data or empty, size, theme, title, subtitle)
 

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from s2rstore.findings.expressions import exact
+from s2rstore.findings.expressions import new_to
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.run_differences import RunErrors
 from s2rstore.language.syntax_tree import Everything
@@ -118,8 +116,6 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     chain = chain_text(store.run(other.run).real_adjustments)
     bounds = bounds_text(gain_interval)
     subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"
-    members = np.zeros(present.real.size, dtype=np.bool_)
-    members[rows] = True
     return Finding(
         kind=KIND,
         text=f"{subject}, n {rows.size} new to both{'' if evident else '; not evident'}",
@@ -132,7 +128,7 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=gain_interval,
         interval_of="gain_m",
         comparisons=len(found),
-        node=exact(store, present.run, Everything(), members, [other.run]),
+        node=new_to(Everything(), present.new, {other.run: other.new}),
         view="compare",
         other=other.run,
     )

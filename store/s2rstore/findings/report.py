@@ -27,7 +27,7 @@ ReportShare = Callable[[float], bool]
 
 def worst_room(store: Store, run: str) -> Finding | None:
     """The room with the largest median real error among the instances new to a run."""
-    return worst_group(store, run, "room", run_metrics.held_out(store, run))
+    return worst_group(store, run, "room", run_metrics.population(store, run))
 
 
 def find_all(
@@ -44,7 +44,7 @@ def find_all(
     """
     findings: list[Finding] = []
     missing: list[str] = []
-    new = run_metrics.held_out(store, run)
+    new = run_metrics.population(store, run)
     runs = read_runs(store, run)
     few = f"fewer than two groups have {MIN_INSTANCES} new instances"
     steps: tuple[tuple[str, Callable[[], Finding | None], str], ...] = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.findings.expressions import exact
+from s2rstore.findings.expressions import new_to
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, groups_of, members_of
 from s2rstore.geometry.rooms import NO_ROOM
@@ -37,7 +37,7 @@ def read_runs(store: Store, run: str) -> list[RunErrors]:
     computed = [name for name, record in store.runs.items() if record.key and name != run]
     found = []
     for name in [run, *computed][:MOST_RUNS]:
-        new = run_metrics.held_out(store, name)
+        new = run_metrics.population(store, name)
         found.append(RunErrors(name, store.run_columns(name).real.error, new))
         if name != run:
             store.drop_run_columns(name)
@@ -78,7 +78,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     )
     if left_out:
         evidence += f"; without {', '.join(left_out)} (fewer than {MIN_INSTANCES} new instances)"
-    others = [run.run for run in compared if run is not best]
+    others = {run.run: run.new for run in compared if run is not best}
     return Finding(
         kind="best run",
         text=text,
@@ -97,7 +97,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=difference,
         interval_of="difference_to_next_m",
         comparisons=comparisons,
-        node=exact(store, best.run, Everything(), common, others),
+        node=new_to(Everything(), best.new, others),
         view="compare" if best.run == present else "overview",
         other=next_run.run,
     )
@@ -140,8 +140,6 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.low > 0
     bounds = evidence_text(increase, len(candidates), "comparisons")
-    members = np.zeros(present.real.size, dtype=np.bool_)
-    members[rows] = True
     extreme = "largest increase" if increase.value > 0 else "smallest decrease"
     if evident:
         text = (
@@ -167,7 +165,7 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
         interval=increase,
         interval_of="increase_m",
         comparisons=len(candidates),
-        node=exact(store, present.run, where, members, [other.run]),
+        node=new_to(where, present.new, {other.run: other.new}),
         view="compare",
         other=other.run,
     )

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.findings.expressions import exact
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, Grouping, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
@@ -93,8 +92,6 @@ def _finding(
 ) -> Finding:
     columns = store.run_columns(run)
     median = real_median(store, run, iids)
-    is_inside = np.zeros(len(store.instances), dtype=np.bool_)
-    is_inside[iids] = True
     evident = difference.low > 0
     text = (
         f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
@@ -120,6 +117,6 @@ def _finding(
         interval=difference,
         interval_of="difference_to_others_m",
         comparisons=compared,
-        node=exact(store, run, group.node, is_inside),
+        node=group.node,
         view="map" if grouping == "room" else "rooms",
     )
