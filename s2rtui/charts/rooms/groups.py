@@ -79,7 +79,7 @@ class TableColumn:
 
     @property
     def width(self) -> int:
-        return max(len(self.title) + 1, *map(len, self.texts))
+        return max([len(self.title) + 1, *map(len, self.texts)])
 
 
 def table_columns(data: GroupsInput, rows: list[GroupErrors]) -> list[TableColumn]:

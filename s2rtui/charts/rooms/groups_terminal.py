@@ -79,11 +79,11 @@ def groups_panels(
 
 def _to_data(layout: GroupsLayout, column: float, row: float) -> Point:
     held = min(max(math.floor(row) - layout.top, 0), layout.shown - 1)
-    return 0.0, float(layout.first + held)
+    return column, float(layout.first + held)
 
 
 def _to_cells(layout: GroupsLayout, x: float, y: float) -> Point:
-    return 0.5, layout.top + round(y) - layout.first + 0.5
+    return x, layout.top + round(y) - layout.first + 0.5
 
 
 def draw_groups(data: GroupsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
