@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from s2rstore.findings import Finding, FindingReport
@@ -75,6 +76,7 @@ def _lines(
 
 
 def _entry(label: str, text: str, width: int, index: int, is_evidence: bool = False) -> list[Line]:
+    pairs: Iterable[tuple[str, str]]
     if width >= _NARROW:
         parts = textwrap.wrap(text, width - _KIND, break_on_hyphens=False)
         labels = [label.ljust(_KIND), *[" " * _KIND] * (len(parts) - 1)]
@@ -83,5 +85,5 @@ def _entry(label: str, text: str, width: int, index: int, is_evidence: bool = Fa
         parts = textwrap.wrap(f"{label}: {text}" if label else text, max(1, width - 2))
         start = len(label) + 1 if label else 0
         first = [(parts[0][:start], parts[0][start:])] if label else [("", parts[0])]
-        pairs = iter([*first, *(("  ", part) for part in parts[1:])])
+        pairs = [*first, *(("  ", part) for part in parts[1:])]
     return [Line(part, label, index, is_evidence) for label, part in pairs]

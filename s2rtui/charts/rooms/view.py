@@ -91,14 +91,14 @@ class RoomsView(View):
             counted = model.names, *model.highlighted.tolist(), *model.total.tolist()
             names = ("room", "sim", "truth", "real", "sim of all", "truth of all", "real of all")
             return names, list(zip(*counted, strict=True))
-        names = (scene.state.grouping, *(name for name in COLUMN_NAMES if name != "group"))
-        return names, [_row(row, data) for row in ordered(data)] if data else []
+        titles = (scene.state.grouping, *(name for name in COLUMN_NAMES if name != "group"))
+        return titles, [_row(row, data) for row in ordered(data)] if data else []
 
     def summary(self, scene: Scene) -> str:
         data = self.input(scene)
         if isinstance(data, RoomsInput):
-            _, rows = self.numbers(scene)
-            counts = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in rows if any(row[1:4])]
+            _, counted = self.numbers(scene)
+            counts = [f"{row[0]} {row[1]}, {row[2]}, {row[3]}" for row in counted if any(row[1:4])]
             return f"Instances per room in sim, truth and real: {'; '.join(counts) or 'none'}."
         rows = ordered(data)[:_SUMMARISED] if data else []
         listed = "; ".join(

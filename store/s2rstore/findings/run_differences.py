@@ -114,9 +114,8 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     candidates: list[tuple[float, RunErrors, int | None, NDArray[np.int64]]] = []
     for other in others:
         common = present.new & other.new
-        parts: dict[int | None, NDArray[np.int64]] = {None: store.in_recording_order(common)}
-        parts |= members_of(store, grouped, common)
-        for code, rows in parts.items():
+        everywhere = (None, store.in_recording_order(common))
+        for code, rows in (everywhere, *members_of(store, grouped, common).items()):
             is_room = code is None or grouped.groups[code].name != NO_ROOM
             if is_room and rows.size >= MIN_INSTANCES:
                 mean = float((present.real[rows] - other.real[rows]).mean())
