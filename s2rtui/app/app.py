@@ -26,6 +26,7 @@ from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
+from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
@@ -106,6 +107,7 @@ class S2RApp(GuardedApp):
         self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
+        self.hover = HoverController(self)
         self.prompt = PromptController(self)
         self.annotations = AnnotationController(self)
         self.export = ExportController(self)
@@ -220,6 +222,9 @@ class S2RApp(GuardedApp):
 
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
         self.brush.on_dragged(message)
+
+    def on_plot_view_hovered(self, message: PlotView.Hovered) -> None:
+        self.hover.on_hovered(message)
 
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
         self.brush.on_wheeled(message)

@@ -16,12 +16,16 @@ _SHARES = {"umap": 5, "orientation": 4, "rooms": 4, "errors": 4}
 
 @dataclass(frozen=True, slots=True)
 class LayoutRequest:
-    """The active view, the views of centre and tab, and the rows that the overview needs."""
+    """The active view, the views of centre and tab, and the rows that the overview needs.
+
+    `filled` names the view that takes the whole screen; empty for none.
+    """
 
     view: str
     centre: str
     tab: str
     overview_rows: int
+    filled: str = ""
 
 
 def size_class(width: int, height: int) -> SizeClass:
@@ -37,8 +41,8 @@ def arrange(size: SizeClass, width: int, height: int, request: LayoutRequest) ->
     """Rectangles by view name in `width` x `height` cells; views without one are hidden."""
     if size == "tiny" or width < 1 or height < 1:
         return {}
-    if size == "narrow":
-        return {request.view: Region(0, 0, width, height)}
+    if size == "narrow" or request.filled:
+        return {request.filled or request.view: Region(0, 0, width, height)}
     return (_wide if size == "wide" else _medium)(width, height, request)
 
 

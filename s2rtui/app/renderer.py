@@ -34,6 +34,11 @@ class Renderer:
         self._size_class = layout.size_class(size.width, size.height)
         return self._size_class
 
+    @property
+    def shows_one_view(self) -> bool:
+        """Whether the screen is too small for several views."""
+        return self._size_class in ("tiny", "narrow")
+
     def start_loading(self) -> None:
         """Start background loading, which would delay the first drawing."""
         if not self._is_loading_started:
@@ -78,7 +83,9 @@ class Renderer:
         for bar in self._app.query("#message").results(Bar):
             state = self._app.session.state
             classes = "error" if state.is_error else "whole" if self._app.prompt.is_open else ""
-            bar.show(message_text(state, self._app.resources), classes=classes)
+            hover = self._app.hover
+            text = message_text(state, self._app.resources, hover.text, hover.cursor_text)
+            bar.show(text, classes=classes)
 
     @property
     def scene(self) -> Scene:
@@ -103,7 +110,8 @@ class Renderer:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
         rows = BY_NAME["overview"].height(self.scene, width) + 1
-        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
+        filled = state.view if state.fills_screen else ""
+        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows, filled)
         return layout.arrange(self._size_class, width, height, request)
 
     def status_text(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
@@ -40,6 +41,8 @@ class TitledView:
         (width, height), theme, view = size, options.theme, self.view
         is_active = self.scene.state.view == view.name
         label = f"{view.key} {view.name}"
+        if self.scene.state.fills_screen:
+            label += f" ({ACTIONS['fill_screen'].key}: all views)"
         canvas = Canvas(width, height, options)
         if is_active:
             canvas.fill(0, 0, width, 1, theme.highlight)

@@ -15,10 +15,13 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.session import Session
+from s2rtui.session.view_settings import ZoomPlane
 
 Pane = Literal["overview", "centre", "tab"]
 Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
+_REACH = 1.5
+"""Largest distance in cells between the mouse and an instance under it."""
 
 
 class View:
@@ -89,6 +92,14 @@ class View:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
         return None
 
+    def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
+        """The plane that zoom and pan keys move; None where the view has none."""
+        return None
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        """The iid that is drawn at a cell of a panel (column, row; the middle is at + 0.5)."""
+        return None
+
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         """Handle a click on a panel at a point in data coordinates."""
 
@@ -127,6 +138,15 @@ class PointsView(View):
         nearest = nearest_iid(self.points(scene, panel), scene.state.base, point)
         if nearest is not None:
             session.set_cursor(nearest)
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        """The nearest instance of the base population, if it lies on the cell or beside it."""
+        points = self.points(scene, panel)
+        nearest = nearest_iid(points, scene.state.base, panel.to_data(*cell))
+        if nearest is None:
+            return None
+        column, row = panel.to_cells(*points[nearest])
+        return nearest if max(abs(column - cell[0]), abs(row - cell[1])) <= _REACH else None
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")

@@ -122,6 +122,14 @@ def reverse(context: SessionContext, state: State) -> State:
     return state.updated(descending=not state.descending)
 
 
+def to_end(context: SessionContext, state: State, last: bool) -> State:
+    """Move the cursor to the first or the last row of the list."""
+    rows = order(context.store, state, context.notes)
+    if not rows.size:
+        return state.with_message("nothing is selected")
+    return state.updated(cursor=int(rows[-1 if last else 0]))
+
+
 def move(context: SessionContext, state: State, steps: int) -> State:
     """Move the cursor to another row of the list."""
     rows = order(context.store, state, context.notes)

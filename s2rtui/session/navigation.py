@@ -33,6 +33,14 @@ def move_cursor(context: SessionContext, state: State, steps: int) -> State:
     return set_cursor(context, state, int(members[(at + steps) % members.size]))
 
 
+def move_to_end(context: SessionContext, state: State, last: bool) -> State:
+    """Move to the first or the last instance of those that `move_cursor` visits."""
+    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    if not members.size:
+        return state.with_message("no instance in view")
+    return set_cursor(context, state, int(members[-1 if last else 0]))
+
+
 def set_cursor(context: SessionContext, state: State, iid: int) -> State:
     """Move to an instance."""
     return state.updated(cursor=iid)

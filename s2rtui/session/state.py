@@ -25,6 +25,8 @@ OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
 AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
 MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
+MAP_PLANE = "map"
+"""The name of the plane of positions, which the map and the comparison show."""
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
@@ -129,13 +131,14 @@ class State:
     """One state of the analysis.
 
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
-    it was evaluated on. `trajectories` None means all. `cursor` is an iid. `viewport` is the map's
-    rectangle in metres, None for the whole map. `newest` is the published generation. `past` and
-    `future` hold the expressions before and after this one, the nearest last. `operator` combines
-    the next selection with this one. `other` is the run to compare with. `view` receives the keys;
+    it was evaluated on. `trajectories` None means all. `cursor` is an iid. `viewports` are the
+    rectangles that zoomed planes show, by the name of the plane. `newest` is the published
+    generation. `past` and `future` hold the expressions before and after this one, the nearest
+    last. `operator` combines the next selection with this one. `other` is the run to compare with.
+    `view` receives the keys;
     `centre` and `tab` name the views shown in these panes. `pending` is the target to show once it
     is loaded; `keeps_message` says that the message outlives that. `history` is None if the store
-    has no gap history.
+    has no gap history. `fills_screen`: the active view takes the whole screen.
     """
 
     generation: int
@@ -164,7 +167,8 @@ class State:
     tab: str = "instance"
     sort: str = "real.error"
     descending: bool = True
-    viewport: Bounds | None = None
+    viewports: tuple[tuple[str, Bounds], ...] = ()
+    fills_screen: bool = False
     history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
@@ -185,6 +189,15 @@ class State:
     def count(self) -> str:
         """`82 of 542`: the selected instances and the base population."""
         return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
+
+    def viewport_of(self, plane: str) -> Bounds | None:
+        """The rectangle that a plane shows, in its coordinates; None for all of it."""
+        return dict(self.viewports).get(plane)
+
+    @property
+    def viewport(self) -> Bounds | None:
+        """The rectangle of the map in metres; None for the whole map."""
+        return self.viewport_of(MAP_PLANE)
 
     @property
     def adjusting(self) -> bool:

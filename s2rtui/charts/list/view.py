@@ -85,6 +85,11 @@ class ListView(View):
         places = np.flatnonzero(rows == scene.state.cursor)
         return (0.0, float(places[0])) if places.size else (0.0, 0.0)
 
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        index = round(panel.to_data(*cell)[1])
+        return int(rows[index]) if 0 <= index < rows.size else None
+
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         if 0 <= round(point[1]) < rows.size:

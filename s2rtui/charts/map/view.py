@@ -18,6 +18,7 @@ from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
 from s2rtui.session.heatmaps import sample_note, trust_text
+from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _TITLES = {
     "colour": "distance between the sim and the real prediction",
@@ -137,6 +138,9 @@ class MapView(PointsView):
         if view.heat is not None and (trust := trust_text(scene.store, state)):
             caption += f"  ·  heat: {trust}"
         return paper.map_figure(view, size, theme, title, caption, state.viewport)
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        return map_plane(scene.store, scene.state)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)

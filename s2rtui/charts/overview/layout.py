@@ -128,6 +128,13 @@ def overview_panels(
     return tuple(panels)
 
 
+def row_in_panel(panel: Panel, index: int, runs: int) -> int:
+    """The row of run `index` of `runs` in its panel, which reaches half-way to the next runs."""
+    if index == 0:
+        return panel.y
+    return panel.y + (panel.height - 1 if index == runs - 1 else panel.height // 2)
+
+
 def _to_data(
     layout: OverviewLayout, axis: Interval, top: int, open_below: bool, column: float, row: float
 ) -> Point:
