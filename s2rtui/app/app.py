@@ -20,7 +20,6 @@ from textual.theme import Theme as TextualTheme
 from textual.widgets import Input
 
 from s2rstore.errors import S2RError
-from s2rstore.index.catalog import NO_POSES
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.controllers.annotations import AnnotationController
@@ -248,8 +247,8 @@ class S2RApp(GuardedApp):
     def action_do(self, name: str) -> None:
         """Run an action of the registry by its name."""
         action = BY_NAME[name]
-        if action.needs_poses and not self.session.store.has_poses:
-            self.session.show_message(NO_POSES)
+        if reason := action.unavailable(self.session.store):
+            self.session.show_message(reason)
             self.renderer.refresh_message()
             return
         if action.command is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
@@ -49,7 +50,9 @@ class TitledView:
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)
         start = len(label) + 2
         if reason := self._unavailable:
-            canvas.text(0, min(1, height - 1), truncated(reason, width, options), fg=theme.muted)
+            lines = textwrap.wrap(reason, max(8, width))
+            for row, line in enumerate(lines[: max(1, height - 1)], start=min(1, height - 1)):
+                canvas.text(0, row, line, fg=theme.muted)
             return canvas
         if start < width:
             subtitle = truncated(view.subtitle(self.scene), width - start, options)

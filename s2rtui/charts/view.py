@@ -39,6 +39,7 @@ class View:
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
         needs_poses: whether it shows nothing of a data set without poses.
+        needs_run: whether it shows nothing of a store without a computed run.
     """
 
     name: str
@@ -52,12 +53,13 @@ class View:
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
     needs_poses: bool = True
+    needs_run: bool = True
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""
-        if not self.needs_poses or store.has_poses:
-            return ""
-        return NO_POSES
+        if self.needs_poses and not store.has_poses:
+            return NO_POSES
+        return store.missing_run if self.needs_run and store.has_poses else ""
 
     def require_available(self, store: Store) -> None:
         """Raise RequestError where the view has nothing to show of a store."""

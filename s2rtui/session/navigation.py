@@ -49,7 +49,9 @@ def set_cursor(context: SessionContext, state: State, iid: int) -> State:
 def change_run(context: SessionContext, state: State, steps: int) -> State:
     """Show the next run, counted from the pending one."""
     if not state.runs:
-        return state.with_message(f"{NO_POSES}, so there are no runs")
+        reason = context.store.missing_run
+        no_poses = reason == NO_POSES
+        return state.with_message(f"{reason}, so there are no runs" if no_poses else reason)
     target = pending_target.final_target(state)
     present = target.run if target.run in state.runs else state.run
     index = (state.runs.index(present) + steps) % len(state.runs)
@@ -161,7 +163,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
 
 def refuse_generation(fresh: Store, present: Store) -> str:
     """Why a session cannot continue in a newer generation; empty if it can."""
-    if not computed_runs(fresh) and fresh.has_poses:
+    if fresh.missing_run and not present.missing_run:
         return "the newest generation has no computed run: reopen the store"
     if fresh.identity != present.identity:
         return "the newest generation holds another data set: reopen the store"

@@ -17,7 +17,7 @@ Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
 
 NO_RUN = ""
-"""Stands for the run in a data set without poses, which has none."""
+"""Stands for the run in a store without a computed run, whose images can be browsed."""
 
 
 @dataclass(frozen=True, slots=True)

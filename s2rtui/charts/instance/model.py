@@ -12,7 +12,7 @@ from s2rstore.index.columns import RunColumns
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Side
+from s2rstore.records import NO_RUN, SIDES, Side
 from s2rstore.security.printable_text import printable
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
@@ -38,8 +38,8 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
     truth = store.instances
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
-    columns = store.run_columns(run)
-    sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
+    shown = store.displayed_run(run)
+    sim, real = (model_input(store, shown, side, iid) for side in SIDES)
     missing: tuple[tuple[str, str], ...] = ()
     try:
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
@@ -56,13 +56,21 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *_heat_note(store, run, None if missing else heat),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
-            ("gap", _gap(columns, iid)),
-            ("ranks", _ranks(store, run, iid)),
-            *_neighbours(store, run, iid),
+            *(_predicted_notes(store, run, iid) if run != NO_RUN else _no_run_note(store)),
             *sim.notes,
             *real.notes,
         ),
     )
+
+
+def _predicted_notes(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+    """Gap, ranks and neighbours of an instance in a run."""
+    numbers = [("gap", _gap(store.run_columns(run), iid)), ("ranks", _ranks(store, run, iid))]
+    return [*numbers, *_neighbours(store, run, iid)]
+
+
+def _no_run_note(store: Store) -> list[tuple[str, str]]:
+    return [("predictions", f"none: {store.missing_run}")]
 
 
 def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:

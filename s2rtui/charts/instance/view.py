@@ -15,6 +15,7 @@ from s2rtui.session.loaded_data_origin import instance_provenance
 
 class InstanceView(View):
     name = "instance"
+    needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
     loads = ("pictures",)

@@ -20,6 +20,7 @@ _SUMMARISED = 5
 
 class ListView(View):
     name = "list"
+    needs_run = False
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"

@@ -34,6 +34,7 @@ _SUBTITLES = {
 
 class MapView(PointsView):
     name = "map"
+    needs_run = False
     key = "2"
     pane: Pane = "centre"
     description = "map: truth, predictions and heat on the floor plan"
@@ -43,6 +44,8 @@ class MapView(PointsView):
 
     def subtitle(self, scene: Scene) -> str:
         state, text = scene.state, _SUBTITLES[scene.state.map_mode]
+        if scene.store.missing_run:
+            text = "true positions"
         if state.clip:
             seen = f"what the selection saw{sample_note(state)}"
             failed = scene.resources.failed.get("seen floor")
@@ -103,7 +106,7 @@ class MapView(PointsView):
             "real heading",
             "shift",
         )
-        record = scene.store.run(scene.state.run)
+        record = scene.store.displayed_run(scene.state.run)
         for side in SIDES:
             if (domain := record.domain(side)) in scene.store.domains_with_own_poses:
                 x, y, heading = scene.store.poses(domain).T
@@ -120,7 +123,8 @@ class MapView(PointsView):
         codes = truth.room[state.selected]
         counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
         rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
-        text = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
+        of_run = f"Map of run {state.run}" if state.run else "Map of the true positions"
+        text = f"{of_run}: {state.count} instances; {rooms or 'in no room'}."
         if shift.size:
             text += (
                 f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
@@ -132,7 +136,8 @@ class MapView(PointsView):
         from s2rtui.charts.map import paper
 
         view, state = self.input(scene), scene.state
-        title = f"{state.run}: {_TITLES[state.map_mode]}"
+        shown = _TITLES[state.map_mode] if state.run else "true positions"
+        title = f"{scene.title}: {shown}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
         caption = scene.caption
         if view.heat is not None and (trust := trust_text(scene.store, state)):

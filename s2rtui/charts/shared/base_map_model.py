@@ -170,7 +170,8 @@ def map_input(
     heat_note: str = "",
 ) -> MapInput:
     """The map of the state's run; `heat_note` names the source of outdated heat."""
-    truth, columns, run = store.instances, store.run_columns(state.run), store.run(state.run)
+    truth, columns = store.instances, store.run_columns(state.run)
+    run = store.displayed_run(state.run)
     choice = state.shown_heat
     has_heat = heat is not None and choice is not None
     return MapInput(

@@ -145,7 +145,7 @@ def load_run_columns(
 
 
 def unpredicted(n: int) -> RunColumns:
-    """Columns in place of a run's in a data set without poses, where every instance is valid."""
+    """Columns in place of a run's in a store without one, where every instance is valid."""
     cache: dict[str, NDArray[Any]] = {}
 
     def read(name: str) -> NDArray[Any]:
