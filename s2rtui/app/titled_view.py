@@ -26,12 +26,14 @@ class TitledView:
     @property
     def cache_key(self) -> tuple[object, ...] | None:
         """Key of everything the drawing depends on; None draws it always."""
+        state = self.scene.state
+        title = state.view == self.view.name, state.fills_screen
         if reason := self._unavailable:
-            return reason, self.scene.state.view == self.view.name
+            return reason, *title
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None
-        return (*depends, self.view.subtitle(self.scene), self.scene.state.view == self.view.name)
+        return (*depends, self.view.subtitle(self.scene), *title)
 
     @property
     def _unavailable(self) -> str:

@@ -70,6 +70,7 @@ class HelpScreen(ModalBase[None]):
         self.query_one("#help-hint", Static).update(_SEARCH_HINT)
 
     def on_input_changed(self, event: Input.Changed) -> None:
+        event.stop()
         self._show(help_lines(self._access, event.value.strip()))
         self._list.scroll_home(animate=False)
 

@@ -341,8 +341,12 @@ class IndexCatalog:
         return Run(NO_RUN, None, sim, real, [], [], None, None, "")
 
     def run_name(self, name: str | None = None) -> str:
-        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name."""
-        return NO_RUN if not name and not self.has_poses else self.run(name).run
+        """The name of a run as `run` finds it.
+
+        It is `NO_RUN` where there are no poses and no name, and for `NO_RUN` without a computed run.
+        """
+        is_none = (not name and not self.has_poses) or (name == NO_RUN and bool(self.missing_run))
+        return NO_RUN if is_none else self.run(name).run
 
     def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that an index of an earlier release does not have."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
-from s2rstore.heatmap_kinds import NO_HEAT, SHIPPED_PLACE, heatmap_facts
+from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT, SHIPPED_PLACE, heatmap_facts
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
@@ -69,14 +69,14 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
 def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[HeatmapChoice]:
     """Heatmaps from the best to the worst, by the store's own score of the run, else as shipped.
 
-    Heatmaps without a score come last and keep their order.
+    Equal heatmaps, and those without a score at the end, are in the order of `HEATMAPS`.
     """
     own = {(score.kind, score.mode): score.auroc.value for score in _readable_scores(store, run)}
-    places = {kind: place for place, kind in enumerate(dict.fromkeys(kind for kind, _ in choices))}
+    places = {kind: place for place, kind in enumerate(HEATMAPS)}
 
     def rank(choice: HeatmapChoice) -> tuple[float, int]:
         known = own.get(choice) if own else heatmap_facts(choice[0]).auroc.get(choice[1])
-        return -(known or 0.0), places[choice[0]]
+        return -(known or 0.0), places.get(choice[0], len(places))
 
     return sorted(choices, key=rank)
 
@@ -88,7 +88,7 @@ def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
         return facts.shows
     own = next((s for s in _readable_scores(store, run) if (s.kind, s.mode) == (kind, mode)), None)
     if own is not None:
-        found = f"{own.text} for changed objects in this store"
+        found = f"{own.text} for changed objects here"
     elif (shipped := facts.auroc.get(mode)) is not None:
         found = f"AUROC {shipped:.2f} for changed objects in {SHIPPED_PLACE}"
     else:
