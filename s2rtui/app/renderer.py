@@ -11,7 +11,7 @@ from s2rtui.app import layout
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
-from s2rtui.app.titled_view import TitledView
+from s2rtui.app.titled_view import TITLE_ROWS, TitledView
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -109,9 +109,16 @@ class Renderer:
     def pane_rectangles(self, width: int, height: int) -> Mapping[str, Region]:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
-        rows = BY_NAME["overview"].height(self.scene, width) + 1
-        filled = state.view if state.fills_screen else ""
-        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows, filled)
+        scene = self.scene
+
+        def rows(view: str, columns: int) -> int:
+            least = BY_NAME[view].height(scene, columns)
+            return least + TITLE_ROWS if least else 0
+
+        request = layout.LayoutRequest(
+            state.view, state.centre, state.tab, rows("overview", width),
+            state.view if state.fills_screen else "", max(1, len(state.runs) - 1), rows,
+        )  # fmt: skip
         return layout.arrange(self._size_class, width, height, request)
 
     def status_text(self) -> str:

@@ -10,6 +10,8 @@ from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
 
+TITLE_ROWS = 1
+
 
 def truncated(text: str, width: int, options: RenderOptions) -> str:
     """At most `width` characters; an ellipsis marks a cut."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
+from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
 from s2rtui.canvas.marks import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -17,7 +18,6 @@ from s2rtui.session.state import Brush, Operator
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
-TITLE_ROWS = 1
 _WHEEL_ZOOM = 1 / 0.8
 _MAX_WHEEL_STEPS = 100
 """Largest zoom of one message; it leads from the whole map to the closest view."""

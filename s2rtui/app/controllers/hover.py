@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from s2rtui.app.controllers.brush import TITLE_ROWS
+from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import Cell, PlotView
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session.instance_text import instance_text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -30,6 +31,10 @@ _SUBTITLES = {
     "glyph": "direction and size of both errors",
     "full": "predictions in sim and real, joined to the truth",
 }
+
+
+_FRAME_COLUMNS, _FRAME_ROWS = 4, 3
+"""Columns and rows of the axes and the legend."""
 
 
 class MapView(PointsView):
@@ -143,6 +148,14 @@ class MapView(PointsView):
         if view.heat is not None and (trust := trust_text(scene.store, state)):
             caption += f"  ·  heat: {trust}"
         return paper.map_figure(view, size, theme, title, caption, state.viewport)
+
+    def height(self, scene: Scene, width: int) -> int:
+        """The rows in which the whole map fills the width."""
+        bounds = scene.store.dataset.bounds
+        if not (bounds.width > 0 and bounds.height > 0):
+            return 0
+        chart = max(1, width - _FRAME_COLUMNS)
+        return math.ceil(chart * bounds.height / bounds.width / 2) + _FRAME_ROWS
 
     def zoom_plane(self, scene: Scene) -> ZoomPlane:
         return map_plane(scene.store, scene.state)

@@ -19,6 +19,8 @@ from s2rtui.session import Session
 
 ROWS_PER_RUN = 3
 """Preferred number of rows per run, the lines to the next run included."""
+FRAME_ROWS = 3
+"""Rows of the header and the axis."""
 
 
 class OverviewView(View):
@@ -122,7 +124,7 @@ class OverviewView(View):
     def height(self, scene: Scene, width: int) -> int:
         rows = scene.resources.translators
         below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
-        return ROWS_PER_RUN * len(scene.state.runs) + 1 + below
+        return ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1 + FRAME_ROWS + below
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         chart = self._chart_size(scene, size)

@@ -343,7 +343,8 @@ class IndexCatalog:
     def run_name(self, name: str | None = None) -> str:
         """The name of a run as `run` finds it.
 
-        It is `NO_RUN` where there are no poses and no name, and for `NO_RUN` without a computed run.
+        It is `NO_RUN` where there are no poses and no name, and where `NO_RUN` is named and no run
+        is computed.
         """
         is_none = (not name and not self.has_poses) or (name == NO_RUN and bool(self.missing_run))
         return NO_RUN if is_none else self.run(name).run
