@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -131,11 +131,12 @@ def _useful_width(request: LayoutRequest, most: int, least: int, height: int) ->
 
 
 def _column(
-    request: LayoutRequest, view: str, area: Region, others: Container[str]
+    request: LayoutRequest, view: str, area: Region, others: Iterable[str]
 ) -> dict[str, Region]:
     """A view in an area, and a further view below it if the first one leaves enough rows."""
     rows = request.rows(view, area.width)
-    further = next((name for name in _FURTHER if name not in others and name != view), None)
+    shown = {view, request.centre, *others}
+    further = next((name for name in _FURTHER if name not in shown), None)
     if not rows or further is None or area.height - rows < _FURTHER_ROWS:
         return {view: area}
     below = Region(area.x, area.y + rows + 1, area.width, area.height - rows - 1)
