@@ -119,7 +119,10 @@ class Renderer:
             state.view, state.centre, state.tab, rows("overview", width),
             state.view if state.fills_screen else "", max(1, len(state.runs) - 1), rows,
         )  # fmt: skip
-        return layout.arrange(self._size_class, width, height, request)
+        size = self._size_class
+        if size == "wide" and self._app.session.store.missing_run:
+            size = "medium"  # most views of the stacked column show nothing
+        return layout.arrange(size, width, height, request)
 
     def status_text(self) -> str:
         """The status line in plain text."""

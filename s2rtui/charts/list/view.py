@@ -41,7 +41,7 @@ class ListView(View):
         columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
         if sort != "iid":
             columns.append(_column(scene, sort, True))
-        names = instance_list.COLUMNS if scene.store.has_poses else instance_list.IMAGE_COLUMNS
+        names = instance_list.stored_columns(scene.store)
         if sort != "room" and "room" in names:
             columns.append(_column(scene, "room", False))
         if scene.notes.remarks and sort != instance_list.REMARK:

@@ -122,6 +122,8 @@ class OverviewView(View):
         )
 
     def height(self, scene: Scene, width: int) -> int:
+        if self.unavailable(scene.store):
+            return FRAME_ROWS
         rows = scene.resources.translators
         below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
         return ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1 + FRAME_ROWS + below
