@@ -64,7 +64,9 @@ class View:
     def require_available(self, store: Store) -> None:
         """Raise RequestError where the view has nothing to show of a store."""
         if reason := self.unavailable(store):
-            raise RequestError(f"{store.path}: {reason}, so there is no {self.name} view")
+            if reason == NO_POSES:
+                raise RequestError(f"{store.path}: {reason}, so there is no {self.name} view")
+            raise RequestError(f"{store.path}: {self.name}: {reason}")
 
     def subtitle(self, scene: Scene) -> str:
         """The text beside the title."""

@@ -84,7 +84,7 @@ def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[Hea
 def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
     """What a heatmap shows, and how well it finds changed objects; empty for an unknown kind.
 
-    `what changed between sim and real, not what harms; AUROC 0.97 (0.95 to 0.99) here`: the figure
+    `what changed between sim and real, not what harms; AUROC 0.97 (0.95 to 0.99) in this store`: the figure
     is from the store's own score, else the shipped one.
     """
     facts = heatmap_facts(kind)
@@ -92,7 +92,7 @@ def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
         return facts.shows
     own = next((s for s in _readable_scores(store, run) if (s.kind, s.mode) == (kind, mode)), None)
     if own is not None:
-        found = f"{own.text} here"
+        found = f"{own.text} in this store"
     elif (shipped := facts.auroc.get(mode)) is not None:
         found = f"AUROC {shipped:.2f} in {SHIPPED_PLACE}"
     else:
