@@ -43,8 +43,8 @@ class MapInput:
     truth, sim, real: (N, 2) metres. values: (N,) of mode "colour", NaN for none;
     `value_label` (empty without values) and `value_unit` name it, `value_range` fixes its scale
     (default: the 1st .. 99th percentile of the valid). selected, valid: (N,) bool; cursor: an
-    iid. headings, (N,) radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
-    place: results computed from them are cached for the same arrays. `live`
+    iid. headings, (N,) radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns
+    must never change in place: results computed from them are cached for the same arrays. `live`
     are predictions for the cursor that no column has. `sim_truth`, `real_truth`: (N, 2) true
     positions of the side's images where they differ from `truth`, those of the instances.
     """

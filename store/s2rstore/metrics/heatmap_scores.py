@@ -84,8 +84,8 @@ def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[Hea
 def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
     """What a heatmap shows, and how well it finds changed objects; empty for an unknown kind.
 
-    `what changed between sim and real, not what harms; AUROC 0.97 (0.95 to 0.99) in this store`: the figure
-    is from the store's own score, else the shipped one.
+    `what changed between sim and real, not what harms; AUROC 0.97 (0.95 to 0.99) in this store`:
+    the figure is from the store's own score, else the shipped one.
     """
     facts = heatmap_facts(kind)
     if not facts.shows or kind == NO_HEAT:
