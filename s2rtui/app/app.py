@@ -152,7 +152,7 @@ class S2RApp(GuardedApp):
         state = self.session.state
         if self.session.notebook is not None:  # last, because its file may be slow or locked
             with contextlib.suppress(S2RError, OSError):
-                self.session.notebook.add_history((*state.past, state.expression))
+                self.session.notebook.add_history(state.expressions)
 
     async def on_event(self, event: events.Event) -> None:
         if isinstance(event, events.Paste):

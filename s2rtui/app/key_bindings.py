@@ -20,6 +20,8 @@ from s2rtui.session import (
     Session,
     adjusting,
     brush_geometry,
+    error_groups,
+    findings,
     instance_list,
     navigation,
     selection,
@@ -34,7 +36,10 @@ if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
+When = Literal[
+    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
+    "findings", "elsewhere",
+]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
@@ -42,6 +47,8 @@ TERMS = {
     "instance": "one recorded pose with its images",
     "run": "one model on a sim and a real domain, with adjustments",
     "error": "distance between the predicted and the true position, m",
+    "new instance": "one that the run's model was not trained on; views count only these",
+    "trained instance": "one whose image the model was trained or chosen on; M includes them",
     "gap": "real error minus sim error, m",
     "shift": "distance between the sim and the real prediction, m",
     "outlier": "distance to similar images in the embedding; 1 is the median",
@@ -121,7 +128,10 @@ class Action:
             "adjust": not brushing and state.view == "adjust",
             "brushing": brushing,
             "list": not brushing and state.view == "list",
-            "elsewhere": not brushing and state.view not in ("list", "adjust"),
+            "rooms": not brushing and state.view == "rooms",
+            "not rooms": state.view != "rooms",
+            "findings": not brushing and state.view == "findings",
+            "elsewhere": not brushing and state.view not in ("list", "adjust", "findings"),
         }[self.when]
 
 
@@ -288,6 +298,9 @@ ACTIONS: tuple[Action, ...] = (
            when="elsewhere"),
     Action("trajectory", "t", "move", "next trajectory, or all",
            _do(navigation.change_trajectory), when="still"),
+    Action("trained", "M", "select",
+           "include the instances that the model was trained on, or leave them out",
+           _do(navigation.toggle_trained), when="still"),
     Action("next_heat", "h", "heat", "next heatmap kind",
            _do(view_settings.change_heat, 1), "heat"),
     Action("previous_heat", "H", "heat", "previous heatmap kind",
@@ -323,9 +336,22 @@ ACTIONS: tuple[Action, ...] = (
     Action("room_names", "N", "map", "show or hide room names",
            _do(view_settings.toggle_room_names)),
     Action("sort", "full_stop", "review", "sort the list by the next column",
-           _do(instance_list.sort_by_next_column), shown="."),
+           _do(instance_list.sort_by_next_column), shown=".", when="not rooms"),
     Action("reverse", "comma", "review", "reverse the order of the list",
-           _do(instance_list.reverse), shown=","),
+           _do(instance_list.reverse), shown=",", when="not rooms"),
+    Action("sort_groups", "full_stop", "review", "in the rooms view: sort by the next column",
+           _do(error_groups.sort_by_next_column), shown=".", when="rooms"),
+    Action("reverse_groups", "comma", "review", "in the rooms view: reverse the order",
+           _do(error_groups.reverse), shown=",", when="rooms"),
+    Action("group", "O", "review",
+           "rooms view: errors by room, heading, curvature, trajectory; counts",
+           _do(error_groups.change_grouping)),
+    Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
+           when="findings"),
+    Action("previous_finding", "up", "move", "previous finding", _do(findings.move, -1),
+           when="findings"),
+    Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
+           when="findings", command=lambda app: app.navigation.open_finding()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",
@@ -337,6 +363,8 @@ ACTIONS: tuple[Action, ...] = (
         for view in VIEWS
         if view.from_store
     ),
+    Action("findings", "f1", "views", "", shown="F1",
+           command=lambda app: app.navigation.show_view("findings")),
     Action("next_view", "tab", "views", "next view", short="view", when="still",
            command=lambda app: app.navigation.show_next_view(1)),
     Action("previous_view", "shift+tab", "views", "previous view", when="still",

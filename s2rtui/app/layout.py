@@ -11,6 +11,8 @@ from textual.geometry import Region
 SizeClass = Literal["tiny", "narrow", "medium", "wide"]
 MIN_SIZE = (40, 12)
 _GUTTER = 2
+_TALL, _FINDINGS = 50, 18
+"""Rows from which the findings are shown below the centre, and the rows that they take."""
 _SHARES = {"umap": 5, "orientation": 4, "rooms": 4, "errors": 4}
 """Shares of the rows of the left column below the overview."""
 _ALL_SHARES_ROWS = 44
@@ -92,7 +94,8 @@ def _wide(width: int, height: int, request: LayoutRequest) -> dict[str, Region]:
     left = max(46, round(width * 0.27))
     free = width - left - 2 * _GUTTER
     right = max(46, round(width * 0.3))
-    right = free - _useful_width(request, free - right, free // 2, height)
+    below = _FINDINGS if height >= _TALL and request.centre != "findings" else 0
+    right = free - _useful_width(request, free - right, free // 2, height - below)
     column = Region(width - right, 0, right, height)
     centre = Region(left + _GUTTER, 0, free - right, height)
     top = request.fitting_overview(height * 2 // 5)
@@ -102,9 +105,14 @@ def _wide(width: int, height: int, request: LayoutRequest) -> dict[str, Region]:
     else:
         rectangles = _stacked(("umap", "orientation", "rooms"), stack)
     rectangles["overview"] = Region(0, 0, left, top)
+    if below:
+        above = min(height - below, request.rows(request.centre, centre.width) or height)
+        rectangles["findings"] = Region(centre.x, above + 1, centre.width, height - above - 1)
+        rectangles[request.centre] = Region(centre.x, 0, centre.width, above)
+    else:
+        rectangles |= _column(request, request.centre, centre, rectangles)
     tab = "instance" if request.tab in _SHARES else request.tab
     rectangles |= _column(request, tab, column, rectangles)
-    rectangles |= _column(request, request.centre, centre, rectangles)
     last = request.view if request.view in ("rooms", "errors") else request.tab
     if last == "errors" and last not in rectangles:
         rectangles["errors"] = rectangles.pop("rooms")

@@ -29,14 +29,16 @@ def run_app(
     access: Permissions,
     gap_history: Path | None = None,
     safe_csv: bool = False,
+    with_trained: bool = False,
 ) -> None:
     """Run the application on a store until the user quits.
 
-    Unfinished work is listed on stderr. Raises RequestError if the store or run cannot be opened,
-    S2RError if the application fails.
+    `with_trained` includes the instances that the models were trained on. Unfinished work is listed
+    on stderr. Raises RequestError if the store or run cannot be opened, S2RError if the application
+    fails.
     """
     options = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
-    session = Session(path, run, partial(Notebook, tolerant=True), gap_history)
+    session = Session(path, run, partial(Notebook, tolerant=True), gap_history, with_trained)
     app = S2RApp(session, options, access=access)
     app.export.safe_csv = safe_csv
     app.is_first_start, app.terminal = is_first_start(), terminal

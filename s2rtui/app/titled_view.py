@@ -35,7 +35,13 @@ class TitledView:
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None
-        return (*depends, self.view.subtitle(self.scene), *title)
+        return (*depends, self._subtitle, *title)
+
+    @property
+    def _subtitle(self) -> str:
+        """The view's subtitle, after the number of trained instances that the view counts."""
+        note = self.scene.trained_note if self.view.counts_instances else ""
+        return "; ".join(part for part in (note, self.view.subtitle(self.scene)) if part)
 
     @property
     def _unavailable(self) -> str:
@@ -59,7 +65,7 @@ class TitledView:
                 canvas.text(0, row, line, fg=theme.muted)
             return canvas
         if start < width:
-            subtitle = truncated(view.subtitle(self.scene), width - start, options)
+            subtitle = truncated(self._subtitle, width - start, options)
             canvas.text(start, 0, subtitle, fg=theme.muted)
         if height > 1:
             canvas.paste(view.draw(self.scene, (width, height - 1), options), 0, 1)

@@ -22,6 +22,7 @@ class Glyphs:
     both: str
     selected: str
     unselected: str
+    trained: str
     cursor: str
     baseline: str
     bar: str
@@ -46,6 +47,7 @@ UNICODE = Glyphs(
     both="◈",
     selected="●",
     unselected="·",
+    trained="○",
     cursor="◉",
     baseline="┊",
     bar="━",
@@ -69,6 +71,7 @@ ASCII = Glyphs(
     both="B",
     selected="*",
     unselected=",",
+    trained="t",
     cursor="@",
     baseline=":",
     bar="=",

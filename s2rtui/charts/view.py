@@ -38,6 +38,7 @@ class View:
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
+        counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
     """
@@ -52,6 +53,7 @@ class View:
     single_instance: bool = False
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
+    counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True
 

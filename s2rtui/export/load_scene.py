@@ -14,7 +14,7 @@ from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
-from s2rtui.session import HeatChoice, Session, State, instance_list
+from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
@@ -24,8 +24,9 @@ from s2rtui.user_data.notebook import ReadNotebook
 class SceneOptions:
     """Options of `show`, `export` and `report`; None selects the default.
 
-    `heat` is KIND[:MODE]; `overlay` names the instances whose heat is on the map; `sort` is a
-    column of the table view.
+    `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE];
+    `overlay` names the instances whose heat is on the map; `sort` is a column of the list or of the
+    rooms view, `group_by` the grouping of the rooms view.
     """
 
     select: str = "all"
@@ -33,6 +34,7 @@ class SceneOptions:
     trajectories: tuple[str, ...] | None = None
     iid: int | None = None
     other: str | None = None
+    with_trained: bool = False
     heat: str | None = None
     side: Side | None = None
     overlay: Overlay | None = None
@@ -42,6 +44,7 @@ class SceneOptions:
     room_names: bool = False
     sort: str | None = None
     ascending: bool = False
+    group_by: str | None = None
     history: Path | None = None
 
 
@@ -51,7 +54,7 @@ def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scen
 
     The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, options.run, ReadNotebook, options.history)
+    session = Session(path, options.run, ReadNotebook, options.history, options.with_trained)
     try:
         for view in views:
             view.require_available(session.store)
@@ -87,7 +90,9 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     for name in options.trajectories or ():
         if name not in known:
             raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
-    session.set_state(replace(session.state, trajectories=options.trajectories))
+    session.set_state(
+        replace(session.state, trajectories=options.trajectories, with_trained=options.with_trained)
+    )
     state = session.select(options.select)
     overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
     if options.heat == NO_HEAT and overlay != "off":
@@ -100,8 +105,10 @@ def apply_options(session: Session, options: SceneOptions) -> State:
         names = ", ".join(others) or "there is none"
         raise RequestError(f"--with {other}: must be another run ({names})")
     columns = instance_list.columns(session.store, session.notes)
-    if sort not in columns:
-        raise RequestError(f"--sort {sort}: must be one of {', '.join(columns)}")
+    if sort not in (*columns, *error_groups.COLUMN_NAMES):
+        known_columns = ", ".join((*columns, *error_groups.COLUMN_NAMES))
+        raise RequestError(f"--sort {sort}: must be one of {known_columns}")
+    group_sort = sort if sort in error_groups.COLUMN_NAMES else state.group_sort
     if iid is None and state.selected.any():
         iid = state.cursor
     return session.set_state(
@@ -115,8 +122,11 @@ def apply_options(session: Session, options: SceneOptions) -> State:
             room_names=options.room_names,
             cursor=iid,
             other=other,
-            sort=sort,
+            sort=sort if sort in columns else state.sort,
             descending=not options.ascending,
+            grouping=options.group_by or state.grouping,
+            group_sort=group_sort,
+            group_descending=not options.ascending,
             past=(),
             message="",
         )

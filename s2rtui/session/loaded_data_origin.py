@@ -63,3 +63,8 @@ def heat_provenance(state: State) -> HeatProvenance:
 def visible_floor_key(state: State) -> tuple[object, ...]:
     """Key of everything that the seen floor of the selection depends on."""
     return (state.generation, state.run, state.side, ArrayKey(state.selected))
+
+
+def groups_key(state: State) -> tuple[object, ...]:
+    """Everything that the errors of the groups in the rooms view depend on."""
+    return state.generation, state.run, state.grouping, ArrayKey(state.base)

@@ -79,6 +79,19 @@ def change_trajectory(context: SessionContext, state: State) -> State:
     return set_trajectories(context, state, options[(at + 1) % len(options)])
 
 
+def toggle_trained(context: SessionContext, state: State) -> State:
+    """Include or leave out the instances that the models were trained on; keep the expression."""
+    target = pending_target.final_target(state)
+    included = not target.with_trained
+    result = go_to(context, state, replace(target, with_trained=included))
+    message = replace(result, with_trained=included).population_message
+    return (
+        result
+        if result.is_error
+        else result.with_message("; ".join(part for part in (message, result.message) if part))
+    )
+
+
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
     """Show a target, keeping brush and operator; a target that is not loaded becomes pending.
 
@@ -180,8 +193,8 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
     except RequestError as error:
         result = _evaluate_at(context, base, pending_target.place_of(target))
         past, future = (
-            tuple(text for text in texts if text != target.text)
-            for texts in (result.past, result.future)
+            tuple(step for step in steps if step.expression != target.text)
+            for steps in (result.past, result.future)
         )
         return replace(result, past=past, future=future, message=str(error), is_error=True)
 
@@ -189,7 +202,13 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
 def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
     """Evaluate at a target; raises RequestError if its expression cannot be evaluated."""
     run = target.run if target.run in base.runs else base.run
-    place = replace(base, run=run, trajectories=target.trajectories, pending=None)
+    place = replace(
+        base,
+        run=run,
+        trajectories=target.trajectories,
+        with_trained=target.with_trained,
+        pending=None,
+    )
     if target.text:
         result = evaluate(context, place, parse(target.text), (target.past, target.future))
     else:

@@ -12,10 +12,10 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.findings import worst_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
-from s2rstore.language.syntax_tree import Extreme, Field, Named
-from s2rstore.metrics import store_summary
+from s2rstore.language.syntax_tree import Extreme, Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.session import navigation, pending_target, selection
@@ -39,13 +39,15 @@ class Session:
         run: str | None = None,
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
+        with_trained: bool = False,
     ) -> None:
-        """Open a store on a run (default: the first computed one) and select its worst region.
+        """Open a store on a run (default: the first computed one) and select its worst room.
 
         Without a computed run, all images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
-        `gap_history` overrides the history file of the store. Set `defers_loading` if background
+        `gap_history` overrides the history file of the store. `with_trained` includes the instances
+        that the models were trained on. Set `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, the run or the history file does not exist.
         """
@@ -62,7 +64,8 @@ class Session:
         self._gap_history = (
             gap_history.resolve() if gap_history else reader.history_path(self.store.path)
         )
-        self._state = _initial_state(self.store, run, self._history_file())
+        initial = _initial_state(self.store, run, self._history_file())
+        self._state = replace(initial, with_trained=with_trained)
         error = self.notebook.error if self.notebook else ""
         self.dispatch(_select_finding, error)
 
@@ -210,6 +213,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         expression="all",
         selected=everything,
         base=everything,
+        trained=np.zeros_like(everything),
         cursor=None,
         heat=None,
         history=history,
@@ -221,7 +225,7 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
 
 
 def _select_finding(context: SessionContext, state: State, error: str) -> State:
-    """Select the first screen's finding, the region with the worst errors in reality.
+    """Select the first screen's finding, the room with the worst errors in reality.
 
     `error` is shown in place of the finding's description if it is not empty.
     """
@@ -231,15 +235,10 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
         if not context.store.has_poses:
             message = "images without poses: `3` shows an image, `8` the list, `/` selects"
         return replace(state, message=error or message, is_error=bool(error))
-    regions = store_summary.worst_rooms(context.store, state.run)
+    finding = worst_room(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
     message = "the worst 15 % in reality"
-    if regions:
-        worst = regions[0]
-        node = Named(Field("room"), worst.room)
-        message = (
-            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim ({worst.n} instances the model was not trained on)"
-        )
+    if finding is not None and finding.node is not None:
+        node, message = finding.node, f"{finding.kind}: {finding.text}"
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
     return replace(state, past=(), message=error or message, is_error=bool(error))

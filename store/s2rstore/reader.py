@@ -146,6 +146,10 @@ class Store(DatasetReader):
         values = self._column_loader.of_side("accuracy", "prediction", run, side)
         return values.astype(np.float32)
 
+    def trained_instances(self, run: str) -> NDArray[np.bool_]:
+        """The instances that a run's model was trained on, (N,); keeps nothing in memory."""
+        return column_loader.trained_instances(self._column_loader, run)
+
     def stored(self, record: ArrayRecord) -> StoredArray:
         """Open the array that an index row describes. RequestError if array and row differ."""
         relative = f"{layout.RUNS}/{record.path}"

@@ -15,6 +15,8 @@ DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
 
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
+TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
+"""The splits of images that a model was fitted or chosen on; they come first in `SPLITS`."""
 
 NO_RUN = ""
 """Stands for the run in a store without a computed run, whose images can be browsed."""

@@ -25,7 +25,7 @@ from s2rtui.session.loaded_data_origin import (
     instance_provenance,
     visible_floor_key,
 )
-from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider
+from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider, Step
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
 
@@ -72,8 +72,8 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,
-    "past": lambda _, state: ("all",),
-    "future": lambda _, state: ("all",),
+    "past": lambda _, state: (Step("all"),),
+    "future": lambda _, state: (Step("all"),),
 }
 RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "translators": lambda resources: (
@@ -206,7 +206,7 @@ def test_every_field_except_the_listed_ones_is_drawn(
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 def test_fields_that_are_not_drawn_keep_the_cache_key(view: View, scene: Scene) -> None:
     _, key = draw(view, scene)
-    changed = replace(scene, state=replace(scene.state, message="else", past=("all",)))
+    changed = replace(scene, state=replace(scene.state, message="else", past=(Step("all"),)))
     assert draw(view, changed)[1] == key
 
 

@@ -24,11 +24,11 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store)
 
 
-def test_the_first_state_selects_the_worst_region(tmp_path: Path) -> None:
+def test_the_first_state_selects_the_worst_room(tmp_path: Path) -> None:
     session = Session(tiny.build(tmp_path / "s.s2r", n=120))
     state = session.state
     assert state.expression.startswith("room:")
-    assert "worst region" in state.message
+    assert "worst room" in state.message
     assert 0 < state.selected.sum() < state.base.sum()
     assert state.cursor is not None
     assert state.selected[state.cursor]

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import s2rstore
+from s2rstore.findings import store_summary, worst_room
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, pose_metrics, run_metrics, store_summary
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
 from tests.support import tiny
 
 
@@ -87,15 +88,17 @@ def test_metrics_exclude_training_instances(tiny_store) -> None:
 
 def test_the_summary_names_the_worst_room(tmp_path) -> None:
     with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
-        worst_rooms = store_summary.worst_rooms(store, "vanilla")
+        worst = worst_room(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
                HAVING count(*) >= 5 ORDER BY 2 DESC"""
         )
-        assert [(r.room, r.n) for r in worst_rooms] == [(room, n) for room, _, n in medians]
-        assert np.isclose(worst_rooms[0].real_median, medians[0][1])
-        assert any(worst_rooms[0].room in line for line in store_summary.summary_lines(store))
+        assert worst is not None
+        assert (worst.values["room"], worst.n) == (medians[0][0], medians[0][2])
+        assert np.isclose(worst.values["median_real_error_m"], medians[0][1])
+        lines = store_summary.summary_lines(store)
+        assert any(line == f"worst room of vanilla: {worst.line}" for line in lines)
 
 
 def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_path) -> None:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, Target
+from s2rtui.charts.findings.view import VIEW as FINDINGS
 from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.view import View
-from s2rtui.session import view_settings
+from s2rtui.session import findings, view_settings
 from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
@@ -76,6 +77,27 @@ class NavigationController:
             app.session.show_message("this screen has room for one view, which fills it already")
         else:
             app.session.dispatch(view_settings.toggle_full_screen)
+        app.renderer.refresh()
+
+    def open_finding(self) -> None:
+        """Select the chosen finding's instances and show its view.
+
+        Where the findings stay on the screen beside that view, they keep the keys.
+        """
+        app = self._app
+        data = FINDINGS.input(app.renderer.scene)
+        finding = data.chosen_finding if data is not None else None
+        if finding is None:
+            app.session.show_message("there is no finding to select")
+            app.renderer.refresh()
+            return
+        app.session.dispatch(findings.open_finding, finding)
+        stays = app.renderer.is_placed("findings") and app.session.state.centre != "findings"
+        message = app.session.state.message
+        self.show_view(finding.view)
+        if stays:
+            app.session.dispatch(view_settings.activate, "findings")
+        app.session.show_message(message)
         app.renderer.refresh()
 
     def jump(self) -> None:

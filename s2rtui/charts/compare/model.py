@@ -36,7 +36,8 @@ class CompareInput:
     truth: (N, 2) metres. first, second: (N,) errors of the runs `names` on `side` in `unit`, NaN
     for none. Differences are first - second: above 0 the second run is better, within `equal` both
     are equal. scale: the difference of full colour (default: the 99th percentile of the valid
-    ones). Other fields as in `MapInput`.
+    ones). trained: (N,) marks instances that the model of either run was trained on, None where
+    none is shown. Other fields as in `MapInput`.
     """
 
     truth: Floats
@@ -57,6 +58,7 @@ class CompareInput:
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
     mark: Mark | None = None
+    trained: Bools | None = None
 
     @property
     def ground(self) -> MapBackground:

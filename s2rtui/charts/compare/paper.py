@@ -25,6 +25,7 @@ from s2rtui.charts.shared.base_map_paper import (
     LegendMark,
     MapSheet,
     draw_pose,
+    draw_trained,
     draw_unselected,
     draw_values,
     map_panel,
@@ -79,6 +80,7 @@ def compare_figure(
         model = map_model(data)
         draw_unselected(sheet, data.truth, model.selection)
         draw_values(sheet, data, model)
+        draw_trained(sheet, data, model)
         if model.cursor is not None:
             draw_pose(sheet, data.truth, data.headings, model.cursor, page.inks.cursor)
     compared = compare_model(difference)

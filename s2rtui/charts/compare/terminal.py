@@ -21,10 +21,12 @@ from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     draw_point_map,
     draw_pose,
+    draw_trained,
     layout_of_area,
     map_legend,
     map_panel,
     put_glyphs,
+    trained_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 
@@ -73,6 +75,7 @@ def draw_compare(
 
     def draw_selected(chart: Canvas) -> None:
         _cells(chart, data, model, layout.frame)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
         if model.cursor is not None:
             draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
@@ -107,7 +110,13 @@ def _legend(
     counts = _counts(data, model, (first, second), options)
     if counts.width > width:
         counts = _counts(data, model, None, options)
-    return [counts, bar, *map_legend(frame, width, model.others, data.clip is not None, options)]
+    trained = [] if data.trained is None else [trained_legend(options)]
+    return [
+        counts,
+        bar,
+        *trained,
+        *map_legend(frame, width, model.others, data.clip is not None, options),
+    ]
 
 
 def _counts(

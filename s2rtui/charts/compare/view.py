@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.compare.model import CompareInput, compare_model
 from s2rtui.charts.compare.terminal import compare_panels, draw_compare
@@ -39,19 +40,39 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         if other is None:
             return "there is only one run"
-        return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
+        text = f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
+        if not pending_target.run_is_loaded(scene.store, other):
+            return text
+        return "; ".join(part for part in (text, self._left_out(scene, other)) if part)
 
     def pair_input(self, scene: Scene, other: str) -> CompareInput:
         """The errors of the current and of another run."""
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
         return CompareInput(
-            true_positions(store), first.error, second.error, state.selected, state.base,
+            true_positions(store), first.error, second.error, state.selected,
+            scene.common_base(other),
             store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
+            trained=self._trained(scene, other),
         )  # fmt: skip
+
+    def _trained(self, scene: Scene, other: str) -> Bools | None:
+        """The shown instances that the model of either run was trained on; None without any."""
+        state, columns = scene.state, scene.store.run_columns(other)
+        if not state.with_trained:
+            return None
+        return _either(state.trained, columns.trained, scene.common_base(other))
+
+    def _left_out(self, scene: Scene, other: str) -> str:
+        """How many instances of the base population the model of the other run was trained on."""
+        state, columns = scene.state, scene.store.run_columns(other)
+        count = np.count_nonzero(state.base & columns.valid & columns.trained)
+        if not count:
+            return ""
+        return f"{count} trained on by {other} {'included' if state.with_trained else 'left out'}"
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_comparison.other_run(scene.state)
@@ -95,13 +116,16 @@ class CompareView(PointsView):
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]
-        upper = max(value_range(column, state.base)[1] for column in errors)
+        base, trained = scene.common_base(other), self._trained(scene, other)
+        upper = max(value_range(column, base)[1] for column in errors)
         first, second = (
             replace(
                 map_input(
                     store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
                 ),
                 values=column,
+                valid=base,
+                trained=trained,
                 value_label=f"{run}, error",
                 value_range=(0.0, upper),
             )
@@ -119,6 +143,7 @@ class CompareView(PointsView):
             f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
             f"better on {summary.improved} instances, worse on {summary.worse}, equal on "
             f"{summary.equal}; mean difference {mean}."
+            + (f" {left_out}." if (left_out := self._left_out(scene, other)) else "")
         )
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -127,7 +152,10 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         if other is None:
             raise RequestError("--view compare: there is only one run")
-        notes = tuple(run_comparison.differences(scene.store, scene.state.run, other))
+        notes = (
+            self._left_out(scene, other),
+            *run_comparison.differences(scene.store, scene.state.run, other),
+        )
         return paper.compare_figure(
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
@@ -164,6 +192,13 @@ class CompareView(PointsView):
 
 
 VIEW = CompareView()
+
+
+@cached_by_identity(2)
+def _either(first: Bools, second: Bools, base: Bools) -> Bools | None:
+    """The instances of `base` (N,) in either mask; None without any."""
+    marked = (first | second) & base
+    return marked if marked.any() else None
 
 
 def _summary(first: Floats, second: Floats) -> tuple[object, ...]:

@@ -26,6 +26,7 @@ class HistoryView(View):
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
+    counts_instances = False
     loads = ("history",)
     needs_poses = False
     figure_size = (1600, 1100)

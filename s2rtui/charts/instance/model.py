@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError
 from s2rstore.index.columns import RunColumns
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, SIDES, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
@@ -28,10 +29,17 @@ NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
 
 
-def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
+def instance_input(
+    store: Store,
+    run: str,
+    iid: int,
+    heat: HeatChoice | None,
+    population: Population = NEW_INSTANCES,
+) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps.
 
-    A note says so where the heat of this instance is not computed.
+    `population` holds the instances that may be named as similar to this one. A note says so where
+    the heat of this instance is not computed.
     """
     if not store.has_poses:
         return _image_input(store, iid)
@@ -56,27 +64,36 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
             *_heat_note(store, run, None if missing else heat),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
-            *(_predicted_notes(store, run, iid) if run != NO_RUN else _no_run_note(store)),
+            *_predicted_notes(store, run, iid, population),
             *sim.notes,
             *real.notes,
         ),
     )
 
 
-def _predicted_notes(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
-    """Gap, ranks and neighbours of an instance in a run."""
-    numbers = [("gap", _gap(store.run_columns(run), iid)), ("ranks", _ranks(store, run, iid))]
-    return [*numbers, *_neighbours(store, run, iid)]
-
-
-def _no_run_note(store: Store) -> list[tuple[str, str]]:
-    return [("predictions", f"none: {store.missing_run}")]
+def _predicted_notes(
+    store: Store, run: str, iid: int, population: Population
+) -> list[tuple[str, str]]:
+    """Split, gap, ranks and neighbours of an instance in a run, or why there are none."""
+    if run == NO_RUN:
+        return [("predictions", f"none: {store.missing_run}")]
+    columns = store.run_columns(run)
+    numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid))]
+    neighbours = _neighbours(store, run, iid, population)
+    return [*_split_note(columns, iid), *numbers, *neighbours]
 
 
 def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:
     """What the shown heatmap means and how far it can be trusted; nothing without one."""
     text = trust_line(store, run, heat.kind, heat.mode) if heat is not None else ""
     return [("heat", text)] if text else []
+
+
+def _split_note(columns: RunColumns, iid: int) -> list[tuple[str, str]]:
+    """The split of an instance that the run's model was trained on; else nothing."""
+    if not columns.trained[iid]:
+        return []
+    return [("split", f"{SPLITS[columns.split[iid]]}: the model was trained on it")]
 
 
 def _pair_note(store: Store, iid: int) -> list[tuple[str, str]]:
@@ -122,17 +139,19 @@ def _ranks(store: Store, run: str, iid: int) -> str:
     columns = store.run_columns(run)
     totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}
     ranks = {side: columns.side(side).rank[iid] or "none" for side in SIDES}
+    trained = int(np.count_nonzero(columns.valid & columns.trained))
+    known = f" by error, {trained} trained on included" if trained else " by error"
     if totals["sim"] == totals["real"]:
-        return f"sim {ranks['sim']}, real {ranks['real']} of {totals['real']} by error"
-    return ", ".join(f"{side} {ranks[side]} of {totals[side]}" for side in SIDES) + " by error"
+        return f"sim {ranks['sim']}, real {ranks['real']} of {totals['real']}{known}"
+    return ", ".join(f"{side} {ranks[side]} of {totals[side]}" for side in SIDES) + known
 
 
-def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+def _neighbours(store: Store, run: str, iid: int, population: Population) -> list[tuple[str, str]]:
     """The most similar instances by embedding on each side; nothing without embeddings."""
     sides = []
     for side in SIDES:
         try:
-            near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS)
+            near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS, population)
         except NotComputedError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)

@@ -21,6 +21,7 @@ class InstanceView(View):
     needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
+    counts_instances = False
     loads = ("pictures",)
     single_instance = True
     needs_poses = False

@@ -8,7 +8,7 @@ import numpy as np
 
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
-from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
+from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark, _split
 from s2rtui.charts.list.terminal import draw_list, list_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
@@ -44,6 +44,8 @@ class ListView(View):
         names = instance_list.stored_columns(scene.store)
         if sort != "room" and "room" in names:
             columns.append(_column(scene, "room", False))
+        if scene.state.marked is not None:
+            columns.append(_split(scene))
         if scene.notes.remarks and sort != instance_list.REMARK:
             columns.append(_remark(scene, False))
         others = (name for name in names if name not in (sort, "iid", "room"))
@@ -73,7 +75,7 @@ class ListView(View):
         state = scene.state
         rows = ArrayKey(instance_list.order(scene.store, state, scene.notes))
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
-        return rows, *shown, scene.notes.remarks
+        return rows, *shown, scene.state.with_trained, scene.notes.remarks
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_list(self.input(scene), size, options)

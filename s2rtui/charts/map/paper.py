@@ -25,6 +25,7 @@ from s2rtui.charts.shared.base_map_paper import (
     LegendMark,
     MapSheet,
     draw_pose,
+    draw_trained,
     draw_unselected,
     draw_values,
     map_sheet,
@@ -63,6 +64,7 @@ def map_figure(
     sheet = map_sheet(data.ground, area, page)
     draw_unselected(sheet, data.truth, model.selection)
     DRAWINGS[data.mode](sheet, data, model)
+    draw_trained(sheet, data, model)
     if (cursor := model.cursor) is not None:
         draw_pose(sheet, data.truth, data.headings, cursor, page.inks.cursor)
         if data.mode == "full":
@@ -112,6 +114,8 @@ def _marks(data: MapInput, model: MapModel, inks: Inks) -> list[LegendMark]:
         ]
         if model.highlighted > 1:
             marks.append(("number: mean of n", "", inks.text, False))
+    if data.trained is not None:
+        marks.append(("trained on", "o", inks.text, False))
     if model.others:
         marks.append(("not selected", ".", inks.unselected, True))
     if model.cursor is not None:

@@ -119,6 +119,8 @@ class MapView(PointsView):
                 names += (f"{side} true x", f"{side} true y", f"{side} true heading")
         selection = np.flatnonzero(scene.state.selected)
         picked = [column[selection].tolist() for column in columns]
+        if scene.state.marked is not None:
+            names, picked = (*names, "split"), [*picked, scene.splits(selection)]
         return names, list(zip(selection.tolist(), *picked, strict=True))
 
     def summary(self, scene: Scene) -> str:

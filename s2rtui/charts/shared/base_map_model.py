@@ -47,6 +47,7 @@ class MapInput:
     must never change in place: results computed from them are cached for the same arrays. `live`
     are predictions for the cursor that no column has. `sim_truth`, `real_truth`: (N, 2) true
     positions of the side's images where they differ from `truth`, those of the instances.
+    `trained` (N,) marks instances that the model was trained on; None where none is shown.
     """
 
     truth: Floats
@@ -77,6 +78,7 @@ class MapInput:
     live: tuple[LivePose, ...] = ()
     sim_truth: Floats | None = None
     real_truth: Floats | None = None
+    trained: Bools | None = None
 
     def true_positions(self, side: Side) -> Floats:
         """(N, 2) positions of the side's images, from which its errors are measured."""
@@ -199,6 +201,7 @@ def map_input(
         mark=mark,
         sim_truth=own_positions(store, run.sim_domain),
         real_truth=own_positions(store, run.real_domain),
+        trained=state.marked,
     )
 
 

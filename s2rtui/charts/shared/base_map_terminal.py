@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import SelectionIndices
+from s2rtui.analysis.binning import Bools, SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import (
     Canvas,
@@ -43,7 +43,12 @@ from s2rtui.charts.shared.legend import (
     scale_bar,
     text_part,
 )
-from s2rtui.charts.shared.points import highest_levels, level_shares, unselected_dots
+from s2rtui.charts.shared.points import (
+    highest_levels,
+    level_shares,
+    marked_cells,
+    unselected_dots,
+)
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
@@ -163,6 +168,22 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
     canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), canvas.theme)
 
 
+def draw_trained(
+    canvas: Canvas, points: Floats, trained: Bools | None, selection: SelectionIndices,
+    frame: MapFrame,
+) -> None:  # fmt: skip
+    """Replace the glyph of cells that hold a selected instance that the model was trained on."""
+    if trained is not None:
+        cells = marked_cells(points, trained, selection, frame)
+        canvas.char[cells] = canvas.glyphs.trained
+
+
+def trained_legend(options: RenderOptions) -> LegendPart:
+    """The part that explains the glyph of trained instances."""
+    theme = options.theme
+    return text_part(((f"{options.glyphs.trained} ", theme.text), ("trained on", theme.muted)))
+
+
 def draw_pose(
     canvas: Canvas, points: Floats, headings: Floats | None, iid: int, frame: MapFrame, role: str
 ) -> None:
@@ -200,6 +221,8 @@ def layout_of_points(
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         parts = explain(data, model, options, width)
+        if data.trained is not None:
+            parts.append(trained_legend(options))
         if model.heat_range is not None:
             ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
             length = 12 if width >= 50 else 8
@@ -277,6 +300,7 @@ def draw_value_map(
 
     def draw_selected(chart: Canvas) -> None:
         draw_values(chart, data, model, layout.frame)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)

@@ -40,7 +40,8 @@ class UmapInput:
     sim, real: (N, 2), NaN for none. values: (N,) that colour the points, NaN for none (default:
     the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
     .. 99th percentile). selected, valid: (N,) bool; cursor: an iid. viewport: the rectangle to
-    show, by default all points.
+    show, by default all points. trained: (N,) marks instances that the model was trained on, None
+    where none is shown.
     """
 
     sim: Floats
@@ -54,6 +55,7 @@ class UmapInput:
     value_unit: str = ""
     value_range: Interval | None = None
     viewport: Bounds | None = None
+    trained: Bools | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +111,7 @@ def umap_values(data: UmapInput) -> Floats:
 
 
 def value_range(data: UmapInput) -> Interval:
-    """The scale of the values, from all instances: it does not depend on trajectories in view."""
+    """The scale of the values, from all known points: independent of the trajectories in view."""
     return data.value_range or _percentiles(umap_values(data))
 
 
@@ -193,13 +195,22 @@ def umap_input(
 ) -> UmapInput:
     """The embeddings of the state's run in the plane."""
     columns = store.run_columns(state.run)
+    sides = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
+    if not state.with_trained and columns.trained.any():
+        sides = (_new_points(points, columns.trained) for points in sides)
     return UmapInput(
-        stacked_points(columns.sim.u, columns.sim.v),
-        stacked_points(columns.real.u, columns.real.v),
+        *sides,
         None,
         state.selected,
         state.base,
         cursor=state.cursor,
         mark=mark,
         viewport=viewport,
+        trained=state.marked,
     )
+
+
+@cached_by_identity(4)
+def _new_points(points: Floats, trained: Bools) -> Floats:
+    """The points (N, 2) with NaN for trained instances, which then count in no scale."""
+    return np.where(trained[:, None], np.nan, points)

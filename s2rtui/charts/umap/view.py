@@ -37,14 +37,17 @@ class UmapView(PointsView):
         distance = np.hypot(*(real - sim).T)
         names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
-        return names, list(zip(*(column.tolist() for column in columns), strict=True))
+        listed: list[list[object]] = [column.tolist() for column in columns]
+        if scene.state.marked is not None:
+            names, listed = (*names, "split"), [*listed, [*scene.splits(selection)]]
+        return names, list(zip(*listed, strict=True))
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return terminal.draw_umap(self.input(scene), size, options)
 
     def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
-        distances = np.array([row[-1] for row in rows], dtype=np.float64)
+        distances = np.array([row[5] for row in rows], dtype=np.float64)
         distances = distances[np.isfinite(distances)]
         if not distances.size:
             return f"Embeddings of run {scene.state.run}: none of the selection."

@@ -7,6 +7,7 @@ import sys
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("selection").add_argument
     add("--run", help="run whose errors the expression refers to (default: the first)")
     add("--trajectory", action="append", help="select from this trajectory only (repeatable)")
+    scene_arguments.add_with_trained(add)
     add("--count", action="store_true", help="print only the number of instances")
     add("--columns", metavar="F,...",
         help="columns: fields of the selection language, tags and note; for example "
@@ -44,14 +46,14 @@ def execute(options: argparse.Namespace) -> int:
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
         if options.count:
-            text, parameters = evaluation.sql(store, *query, notes.nodes)
+            text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
             print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
             return 0
         columns = options.columns.split(",") if options.columns else None
-        selection = selected_rows(store, *query, notes, columns)
+        selection = selected_rows(store, *query, notes, columns, with_trained=options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
     if options.format == "table" and options.out is None:
         of_run = f" of run {run}" if run else ""
-        print(f"{selection.facts.count} instances{of_run}", file=sys.stderr)
+        print(f"{selection.facts.count_text} instances{of_run}", file=sys.stderr)
     return 0

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
@@ -15,6 +16,7 @@ EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
     parser.add_argument("--run", help="initial run (default: the first)")
+    scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
@@ -44,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(
             f"--keys {unknown[0]}: unknown key; use characters, or names such as enter, right, tab"
         )
-    shot = snapshot(options.store, size, keys, render_options, options.run)
+    shot = snapshot(options.store, size, keys, render_options, options.run, options.with_trained)
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
     rows.write_file(options.out, content)
     return 0

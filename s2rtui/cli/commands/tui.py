@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
@@ -16,6 +17,7 @@ EXAMPLE = "s2r tui lab.s2r --run finetune"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
     parser.add_argument("--run", help="initial run (default: the first)")
+    scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip
     rows.add_safe_csv(parser)
@@ -63,5 +65,8 @@ def execute(options: argparse.Namespace) -> int:
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
 
-    run_app(options.store, options.run, terminal, permissions, options.history, options.safe_csv)
+    run_app(
+        options.store, options.run, terminal, permissions, options.history, options.safe_csv,
+        options.with_trained,
+    )  # fmt: skip
     return 0

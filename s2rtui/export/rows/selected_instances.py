@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.index.population import SPLIT_SQL, Population, count_text
 from s2rstore.language import evaluation, expand, fields, parse, to_text
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS
@@ -25,6 +26,8 @@ OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
 """Further default columns where some pairs are loose."""
 IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp")
 """Default columns in a data set without poses."""
+SPLIT_COLUMN = f"{SPLIT_SQL} AS split"
+"""A further default column where trained instances are included."""
 NOTEBOOK_COLUMNS = ("tags", "note")
 _BLOCK_IIDS = 100_000
 """Number of instances whose rows are read at a time, which bounds the memory."""
@@ -35,7 +38,9 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 class EvaluationFacts:
     """Expression, run and data of an evaluation; `expanded` has no saved names in it.
 
-    `note` says for how many instances the run is computed where these are not all.
+    `count_text` adds the instances in view and those that the run's model was trained on, which are
+    left out unless `with_trained`. `note` says for how many instances the run is computed where
+    these are not all.
     """
 
     expression: str
@@ -46,6 +51,8 @@ class EvaluationFacts:
     dataset: str
     dataset_name: str
     count: int
+    count_text: str = ""
+    with_trained: bool = False
     note: str = ""
 
     def as_dict(self) -> dict[str, Any]:
@@ -53,6 +60,8 @@ class EvaluationFacts:
         facts = asdict(self)
         if self.expanded == self.expression:
             del facts["expanded"]
+        if not self.with_trained:
+            del facts["with_trained"]
         if self.trajectories is None:
             del facts["trajectories"]
         if not self.note:
@@ -77,21 +86,27 @@ def selected_rows(
     notes: Notes | None = None,
     columns: Sequence[str] | None = None,
     selected: NDArray[np.bool_] | None = None,
+    with_trained: bool = False,
 ) -> SelectedRows:
     """Return the rows of the instances that an expression selects.
 
-    `columns` are fields of the selection language, `tags` and `note`. `selected` (N,) is the result
-    of the expression if it is known, which then is not evaluated again. Raises ExpressionError, and
-    RequestError for columns and runs that do not exist.
+    Instances that the run's model was trained on are left out unless `with_trained`; the default
+    columns then have the `split`. `columns` are fields of the selection language, `tags` and
+    `note`. `selected` (N,) is the result of the expression if it is known, which then is not
+    evaluated again. Raises ExpressionError, and RequestError for columns and runs that do not
+    exist.
     """
     notes = notes or Notes()
     name = store.run_name(run)
     default: tuple[str, ...] = COLUMNS if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
+    default += (SPLIT_COLUMN,) if with_trained and store.has_poses else ()
     if columns is None and selected is not None:
         rows = _rows_of(store, name, np.flatnonzero(selected), default)
     else:
-        text, parameters = evaluation.sql(store, expression, name, trajectories, notes.nodes)
+        text, parameters = evaluation.sql(
+            store, expression, name, trajectories, notes.nodes, with_trained
+        )
         if columns is None:
             pairs = evaluation.pairs(store)
             query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
@@ -105,10 +120,21 @@ def selected_rows(
     facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
+        _count_text(store, name, trajectories, len(rows), with_trained), with_trained,
         store.coverage(name).note,
     )  # fmt: skip
     names = [column.split(" AS ")[-1] for column in columns or default]
     return SelectedRows(tuple(names), rows, facts)
+
+
+def _count_text(
+    store: Store, run: str, trajectories: Sequence[str] | None, count: int, with_trained: bool
+) -> str:
+    view = Population(None if trajectories is None else tuple(trajectories))
+    columns = store.run_columns(run)
+    in_view = view.in_view(store.instances, columns)
+    trained = int(np.count_nonzero(in_view & columns.trained))
+    return count_text(count, int(np.count_nonzero(in_view)), trained, with_trained)
 
 
 def _rows_of(

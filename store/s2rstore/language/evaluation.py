@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.index import schema
+from s2rstore.index.population import Population
 from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
@@ -29,12 +30,16 @@ def context(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> MaskContext:
-    """The context to evaluate masks of a run, by default of the first computed one."""
+    """The context to evaluate masks of a run, by default of the first computed one.
+
+    `trajectories` are those in view, by default all. Instances that the run's model was trained on
+    are left out unless `with_trained`.
+    """
     return MaskContext(
         store.instances, store.run_name(run), store.run_columns, vocabulary(store, saved),
-        None if trajectories is None else tuple(trajectories),
-        partial(_neighbours, store), store.evaluated,
+        _population(trajectories, with_trained), partial(_neighbours, store), store.evaluated,
     )  # fmt: skip
 
 
@@ -44,12 +49,13 @@ def select(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> NDArray[np.bool_]:
-    """The instances that an expression selects, shape (N,).
+    """The instances that an expression selects among those of `context`, shape (N,).
 
     Raises ExpressionError, a RequestError that names the column.
     """
-    return mask(parse(expression), context(store, run, trajectories, saved))
+    return mask(parse(expression), context(store, run, trajectories, saved, with_trained))
 
 
 def sql(
@@ -58,12 +64,13 @@ def sql(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters."""
     missing = {f"{side}_{name}" for name in store.missing_columns("prediction") for side in SIDES}
     context = SqlContext(
         store.run_name(run), vocabulary(store, saved),
-        None if trajectories is None else tuple(trajectories), partial(_neighbours, store),
+        _population(trajectories, with_trained), partial(_neighbours, store),
         frozenset(missing | store.missing_columns("instance")), store.stored_rooms, pairs(store),
     )  # fmt: skip
     return to_sql(parse(expression), context)
@@ -77,6 +84,10 @@ def pairs(store: Store) -> str:
 
 
 def _neighbours(
-    store: Store, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    store: Store, run: str, side: Side, iid: int, count: int, population: Population
 ) -> NDArray[np.int64]:
-    return nearest_neighbours.neighbours(store, run, side, iid, count, trajectories)[0]
+    return nearest_neighbours.neighbours(store, run, side, iid, count, population)[0]
+
+
+def _population(trajectories: Sequence[str] | None, with_trained: bool) -> Population:
+    return Population(None if trajectories is None else tuple(trajectories), with_trained)

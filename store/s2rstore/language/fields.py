@@ -28,7 +28,10 @@ class Numeric:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A field of names: `column` in view `pair` (not for rooms of predictions), `path` of codes."""
+    """A field of names: `path` of codes, and `column` in view `pair`.
+
+    Rooms of predictions and the split of both sides together have no column.
+    """
 
     column: str
     path: str
@@ -88,6 +91,7 @@ NUMERIC: dict[str, Numeric] = {
 TEXT: dict[str, Text] = {
     "room": Text("room", "instances.room", "rooms", "room of the ground truth"),
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
+    "split": Text("", "split", "splits", "what the model knew of either image"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")
         for side in SIDES
@@ -145,7 +149,12 @@ WORDS: dict[str, str] = {
     "max15": "the same as best15",
     "straight": "heading change under 10 degrees",
     "curved": "heading change of 10 degrees or more",
+    "new": "the model was not trained on either image",
+    "trained": "the model was trained on an image: split train or validation",
 }
+
+RUN_WORDS = ("worst15", "best15", "new", "trained")
+"""The words that may follow `run("name").`."""
 
 
 def is_truth(name: str) -> bool:

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import bootstrap, pose_metrics
 from s2rstore.reader import Store
-from s2rstore.records import SPLITS, Side
-
-_KNOWN = (SPLITS.index("train"), SPLITS.index("validation"))
+from s2rstore.records import Side
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +33,15 @@ class SideMetrics:
 
 def held_out(store: Store, run: str) -> NDArray[np.bool_]:
     """The valid instances that the model was neither fitted nor chosen on, shape (N,)."""
-    columns = store.run_columns(run)
-    known = np.isin(columns.sim.split, _KNOWN) | np.isin(columns.real.split, _KNOWN)
-    return np.asarray(columns.valid & ~known)
+    return population(store, run)
+
+
+def population(store: Store, *runs: str, only: Population = NEW_INSTANCES) -> NDArray[np.bool_]:
+    """The instances that count in all of some computed runs, shape (N,); read-only.
+
+    By default those that every run predicted on both sides and that are new to all of them.
+    """
+    return only.mask(store.instances, *(store.run_columns(run) for run in runs))
 
 
 def side_metrics(
