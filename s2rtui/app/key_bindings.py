@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
+from s2rstore.index.catalog import NO_POSES
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
@@ -31,6 +32,7 @@ from s2rtui.session.context import Reducer, SessionContext
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
+    from s2rstore.reader import Store
     from s2rtui.app.app import S2RApp
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
@@ -55,6 +57,10 @@ TERMS = {
     "generation": "one published, unchangeable state of the store",
 }
 """Terms of the project, explained in the help."""
+
+
+_OF_RUNS = ("alike", "other_run", "map_mode", "clip")
+"""Actions outside of the groups adjust and heat that need a computed run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +88,13 @@ class Action:
     def needs_poses(self) -> bool:
         """Whether it does nothing in a data set without poses."""
         return self.group in ("adjust", "heat", "map") or self.name in ("alike", "other_run")
+
+    def unavailable(self, store: Store) -> str:
+        """Why it does nothing in a store, in one line; empty if it does something."""
+        if self.needs_poses and not store.has_poses:
+            return NO_POSES
+        needs_run = self.group in ("adjust", "heat") or self.name in _OF_RUNS
+        return store.missing_run if needs_run else ""
 
     @property
     def keys(self) -> list[str]:
@@ -198,7 +211,7 @@ _BRUSHING = (
               lambda app: app.brush.set_corner()),
     _brushing("brush_panel", "tab", "brush the next panel of the view",
               lambda app: app.brush.next_panel(), "panel"),
-    Action("lasso", "L", "brush", "brush with a lasso or with a box",
+    Action("lasso", "L", "brush", "brush with a lasso or with a box; converts a drawn brush",
            command=lambda app: app.brush.toggle_lasso()),
 )  # fmt: skip
 
@@ -268,6 +281,14 @@ ACTIONS: tuple[Action, ...] = (
            _do(instance_list.move, 20), when="list"),
     Action("page_up", "pageup", "move", "previous page of the list",
            _do(instance_list.move, -20), when="list"),
+    Action("first_row", "home", "move", "first row of the list, or first instance",
+           _do(instance_list.to_end, False), when="list"),
+    Action("last_row", "end", "move", "last row of the list, or last instance",
+           _do(instance_list.to_end, True), when="list"),
+    Action("first_instance", "home", "move", "", _do(navigation.move_to_end, False),
+           when="elsewhere"),
+    Action("last_instance", "end", "move", "", _do(navigation.move_to_end, True),
+           when="elsewhere"),
     Action("next_run", "r", "move", "next run", _do(navigation.change_run, 1), "run", when="still"),
     Action("previous_run", "R", "move", "previous run",
            _do(navigation.change_run, -1), when="still"),
@@ -293,15 +314,23 @@ ACTIONS: tuple[Action, ...] = (
            _do(view_settings.change_side)),
     Action("map_mode", "m", "map", "map mode: colour, glyph or full",
            _do(view_settings.change_map_mode), "map"),
-    Action("zoom_in", "z,plus,equals_sign", "map", "zoom in at the instance",
-           _do(view_settings.zoom, 1 / 0.6), when="still"),
-    Action("zoom_out", "Z", "map", "zoom out", _do(view_settings.zoom, 0.6), when="still"),
-    Action("zoom_all", "0", "map", "the whole map", _do(view_settings.zoom, 0)),
-    Action("pan_left", "shift+left", "map", "move the map",
-           _do(view_settings.pan, -0.2, 0), shown="shift+arrows", when="plain"),
-    Action("pan_right", "shift+right", "map", "", _do(view_settings.pan, 0.2, 0), when="plain"),
-    Action("pan_up", "shift+up", "map", "", _do(view_settings.pan, 0, -0.2), when="still"),
-    Action("pan_down", "shift+down", "map", "", _do(view_settings.pan, 0, 0.2), when="still"),
+    Action("zoom_in", "z,plus,equals_sign", "views",
+           "zoom in at the instance (map, UMAP, comparison)", when="still",
+           command=lambda app: app.navigation.zoom(1 / 0.6)),
+    Action("zoom_out", "Z", "views", "zoom out", when="still",
+           command=lambda app: app.navigation.zoom(0.6)),
+    Action("zoom_all", "0", "views", "reset the zoom",
+           command=lambda app: app.navigation.zoom(0)),
+    Action("pan_left", "shift+left", "views", "move what the zoomed view shows",
+           shown="shift+arrows", when="plain", command=lambda app: app.navigation.pan(-0.2, 0)),
+    Action("pan_right", "shift+right", "views", "", when="plain",
+           command=lambda app: app.navigation.pan(0.2, 0)),
+    Action("pan_up", "shift+up", "views", "", when="still",
+           command=lambda app: app.navigation.pan(0, -0.2)),
+    Action("pan_down", "shift+down", "views", "", when="still",
+           command=lambda app: app.navigation.pan(0, 0.2)),
+    Action("fill_screen", "V", "views", "fill the screen with this view, and back",
+           command=lambda app: app.navigation.fill_screen()),
     Action("clip", "C", "map", "dim the floor that no selected instance has seen",
            _do(view_settings.toggle_clip)),
     Action("room_names", "N", "map", "show or hide room names",
@@ -383,20 +412,89 @@ def footer(width: int, state: State, access: Permissions | None = None) -> list[
     return [*shown, *last]
 
 
-def help_text(access: Permissions | None = None) -> str:
-    """The permitted actions by group, then the terms, in plain text."""
-    lines = []
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question of a user, and the actions that answer it, each with what it shows."""
+
+    text: str
+    steps: tuple[tuple[str, str], ...]
+
+    @property
+    def entries(self) -> list[tuple[str, str]]:
+        """(key, text) pairs, one per step."""
+        return [(_keys_of(names), text) for names, text in self.steps]
+
+
+def _keys_of(names: str) -> str:
+    """The keys of actions separated by blanks, in the same order."""
+    return " ".join(BY_NAME[name].key for name in names.split())
+
+
+QUESTIONS = (
+    Question("Where is it worst?", (
+        ("view('rooms')", "rooms, sim beside real; the first screen selects the worst room"),
+        ("worst_real view('map')", "the worst 15 % in reality, on the map"),
+    )),
+    Question("What is poor in sim but good in real?", (
+        ("worst_sim intersect best_real", "the worst in sim that are among the best in reality"),
+        ("view('list')", "the same as a list"),
+    )),
+    Question("Which model is better where?", (
+        ("view('compare')", "this run beside another one, as a map and in numbers"),
+        ("other_run", "compare with the next run"),
+    )),
+    Question("What triggers it?", (
+        ("view('instance')", "images and the most trusted heatmap; its note says what it shows"),
+        ("overlay overlay", "that heat on the map, of the selection"),
+        ("next_heat", "the next heatmap kind; the last one is none"),
+    )),
+    Question("Which instances should change?", (
+        ("worst_real view('list')", "the worst instances, the largest error first"),
+        ("write_selection", "write them as CSV, JSON or Parquet"),
+    )),
+)  # fmt: skip
+"""The questions of the cheat sheet, each answered in at most six keys."""
+
+
+def help_sections(access: Permissions | None = None) -> list[tuple[str, list[tuple[str, str]]]]:
+    """The sections of the help: questions, permitted actions by group, terms; (key, text) pairs."""
+    sections = [(question.text, question.entries) for question in QUESTIONS]
     for group, title in GROUPS.items():
-        lines.append(title)
-        lines += [
-            f"  {action.all_keys:<18}{action.description}"
+        entries = [
+            (action.all_keys, action.description)
             for action in permitted_actions(access)
             if action.group == group and action.description
         ]
-        lines.append("")
-    lines.append("Terms")
-    lines += [f"  {term:<18}{meaning}" for term, meaning in TERMS.items()]
-    return "\n".join(lines)
+        sections.append((title, entries))
+    return [*sections, ("Terms", list(TERMS.items()))]
+
+
+def help_lines(access: Permissions | None = None, searched: str = "") -> list[str]:
+    """The lines of the help, with a title above each section.
+
+    `searched` leaves the entries whose section, key or text holds all its words; one character
+    finds a key.
+    """
+    lines: list[str] = []
+    for title, entries in help_sections(access):
+        found = [entry for entry in entries if _holds((title, *entry), searched)]
+        if found:
+            lines += [*([""] if lines else []), title]
+            lines += [f"  {key:<18}{text}" for key, text in found]
+    return lines
+
+
+def _holds(entry: tuple[str, str, str], searched: str) -> bool:
+    title, key, text = entry
+    if len(searched) == 1:
+        return searched in key.split()
+    shown = f"{title} {key} {text}".lower()
+    return all(word in shown for word in searched.lower().split())
+
+
+def help_text(access: Permissions | None = None) -> str:
+    """The lines of the help in plain text."""
+    return "\n".join(help_lines(access))
 
 
 _UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}

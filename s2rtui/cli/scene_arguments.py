@@ -45,7 +45,9 @@ def add_with_trained(add: Callable[..., argparse.Action]) -> None:
 def add_drawing(parser: argparse.ArgumentParser) -> None:
     """Add the options for heatmaps and the map."""
     add = parser.add_argument_group("heatmaps and map").add_argument
-    add("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
+    add("--heat", metavar="KIND[:MODE]",
+        help="heatmap on the images and the map; none shows plain images (default on images: "
+        "the one with the best score)")  # fmt: skip
     add("--on", dest="overlay", choices=("instance", "selection", "run"),
         help="instances whose heat is accumulated on the map (default with --heat: "
         "run)")  # fmt: skip

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.index.catalog import NO_POSES
 from s2rstore.index.population import left_out_text
 from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text
 from s2rstore.language.name_resolution import used_fields
@@ -117,9 +116,9 @@ def _nothing_selected(store: Store, node: Node, saved: Mapping[str, Node]) -> st
     expanded = expand(node, evaluation.vocabulary(store, saved))
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
-    if store.has_poses or not needs_poses:
+    if not store.missing_run or not needs_poses:
         return "nothing is selected"
-    return f"nothing is selected: {NO_POSES}"
+    return f"nothing is selected: {store.missing_run}"
 
 
 def _cursor(
@@ -127,7 +126,7 @@ def _cursor(
 ) -> int | None:
     """The present cursor if it is still selected, else the instance with the worst real error.
 
-    Without poses, and so without errors, it is the first one.
+    Without errors it is the first one.
     """
     pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
@@ -138,7 +137,7 @@ def _cursor(
     if inside.any():
         return int(worst[inside.argmax()])
     members = selection_indices(pool, base).members
-    if not store.has_poses:
+    if store.missing_run:
         return int(members[0]) if members.size else None
     return first_largest(errors, members)
 

@@ -43,13 +43,13 @@ class Session:
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst room.
 
-        A data set without poses has no runs: all its images are selected.
+        Without a computed run, all images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
         `gap_history` overrides the history file of the store. `with_trained` includes the instances
         that the models were trained on. Set `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
-        RequestError if the store, a computed run or the history file does not exist.
+        RequestError if the store, the run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
@@ -200,7 +200,7 @@ class Session:
 
 def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -> State:
     """The state on a run before anything is selected; raises RequestError if it is not computed."""
-    name = store.run_name(run)
+    name = NO_RUN if run is None and store.missing_run else store.run_name(run)
     if name != NO_RUN and store.run(name).key is None:
         raise RequestError(f"run {name!r}: not computed yet; run `s2r precompute`")
     everything = np.ones(len(store.instances), dtype=np.bool_)
@@ -218,9 +218,10 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         heat=None,
         history=history,
     )
-    if store.has_poses:
+    if not store.missing_run:
         return state
-    return replace(state, view="instance", centre="list", sort="iid", descending=False)
+    centre = "map" if store.has_poses else "list"
+    return replace(state, view="instance", centre=centre, sort="iid", descending=False)
 
 
 def _select_finding(context: SessionContext, state: State, error: str) -> State:
@@ -228,9 +229,11 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
 
     `error` is shown in place of the finding's description if it is not empty.
     """
-    if not context.store.has_poses:
+    if reason := context.store.missing_run:
         state = replace(selection.select(context, state, "all", "replace"), past=())
-        message = "images without poses: `3` shows an image, `8` the list, `/` selects"
+        message = f"{reason}; 3 shows an image, 8 the list"
+        if not context.store.has_poses:
+            message = "images without poses: `3` shows an image, `8` the list, `/` selects"
         return replace(state, message=error or message, is_error=bool(error))
     finding = worst_room(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))

@@ -26,6 +26,8 @@ OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
 AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
 MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
+MAP_PLANE = "map"
+"""The name of the plane of positions, which the map and the comparison show."""
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
@@ -142,14 +144,14 @@ class State:
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
     it was evaluated on. `trained` (N,) marks the instances in view that the run's model was trained
     on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
-    iid. `viewport` is the map's rectangle in metres, None for the whole map. `newest` is the
-    published generation. `past` and `future` hold the selections before and after this one, the
-    nearest last. `operator` combines the next selection with this one. `other` is the run to
+    iid. `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest`
+    is the published generation. `past` and `future` hold the selections before and after this one,
+    the nearest last. `operator` combines the next selection with this one. `other` is the run to
     compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `grouping`, `group_sort` and `group_descending` belong to the rooms view,
     `finding` is the chosen row of the findings view. `history` is None if the store has no gap
-    history.
+    history. `fills_screen`: the active view takes the whole screen.
     """
 
     generation: int
@@ -184,7 +186,8 @@ class State:
     group_sort: str = "real_m"
     group_descending: bool = True
     finding: int = 0
-    viewport: Bounds | None = None
+    viewports: tuple[tuple[str, Bounds], ...] = ()
+    fills_screen: bool = False
     history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
@@ -241,6 +244,15 @@ class State:
         if self.with_trained:
             return f"{which} included and marked (M leaves them out)"
         return f"{which} left out ({INCLUDE_HINT})"
+
+    def viewport_of(self, plane: str) -> Bounds | None:
+        """The rectangle that a plane shows, in its coordinates; None for all of it."""
+        return dict(self.viewports).get(plane)
+
+    @property
+    def viewport(self) -> Bounds | None:
+        """The rectangle of the map in metres; None for the whole map."""
+        return self.viewport_of(MAP_PLANE)
 
     @property
     def adjusting(self) -> bool:

@@ -42,32 +42,32 @@ HEATMAPS: dict[str, HeatmapFacts] = {
     for facts in (
         HeatmapFacts(
             "harmonised_distance",
-            "what differs between the aligned images, not what harms the pose",
+            "what changed between sim and real, not what harms",
             auroc={None: 0.97}, needs_network=True,
         ),
         HeatmapFacts(
             "harmonised_difference",
-            "colour and depth that differ between the aligned images, not what harms the pose",
+            "changed colours and depths, not what harms",
             auroc={None: 0.97},
         ),
         HeatmapFacts(
             "pixel_difference",
-            "pixels that differ between the images as they are, not what harms the pose",
+            "pixels that differ without alignment, not what harms",
             auroc={"rgb": 0.84, "depth": 0.71}, default_mode="rgb",
         ),
         HeatmapFacts(
             "feature_distance",
-            "where the last features of the network differ, not what harms the pose",
+            "where the last features differ, not what harms",
             auroc={None: 0.83}, needs_network=True,
         ),
         HeatmapFacts(
             "occlusion",
-            "how swapping a patch between sim and real changes the error, not what differs",
+            "how a patch of the other side changes the error, not what changed",
             default_mode="rgbd", is_signed=True, needs_network=True, is_slow=True,
         ),
         HeatmapFacts(
             "activation",
-            "which features raise the output or the loss, not what differs",
+            "features that raise the output or loss, not what changed",
             default_mode="loss",
             planes={"x": "m", "y": "m", "heading": "rad", "loss": "loss"},
             is_signed=True, needs_network=True,

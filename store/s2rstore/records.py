@@ -19,7 +19,7 @@ TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
 """The splits of images that a model was fitted or chosen on; they come first in `SPLITS`."""
 
 NO_RUN = ""
-"""Stands for the run in a data set without poses, which has none."""
+"""Stands for the run in a store without a computed run, whose images can be browsed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,7 +80,8 @@ async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[
         ((120, 40), {"overview", "map", "instance"}),
         (
             (200, 60),
-            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"},
+            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
+            | {"list"},
         ),
     ],
 )

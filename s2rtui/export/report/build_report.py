@@ -49,6 +49,8 @@ def session_report(session: Session, request: ReportRequest, on_step: StepCallba
 def build_report(session: Session, request: ReportRequest, on_step: StepCallback) -> Report:
     """Evaluate the selections and draw all figures. Raises RequestError as `render_report`."""
     session.store.require_poses("a report")
+    if reason := session.store.missing_run:
+        raise RequestError(f"{session.store.path}: {reason}; a report needs a run")
     plan = [(selection, _runs(session, request, selection)) for selection in request.selections]
     for selection, runs in plan:
         if selection.saved is None:

@@ -19,6 +19,7 @@ from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import locked_connection, reading_statements, row_check, row_files, schema
 from s2rstore.records import (
     NO_RUN,
+    SIDES,
     ArrayRecord,
     Bounds,
     Dataset,
@@ -312,9 +313,41 @@ class IndexCatalog:
         query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
         return self.execute(query, [table]) != [(0,)]
 
+    @cached_property
+    def missing_run(self) -> str:
+        """Why there are no predictions, and what to do; empty where a run is computed."""
+        if not self.has_poses:
+            return NO_POSES
+        if any(run.key for run in self.runs.values()):
+            return ""
+        name = self.path.name
+        if self.runs:
+            first = next(iter(self.runs))
+            return f"run {first} is not computed: `s2r precompute {name}` computes it"
+        if self.models:
+            add = f"s2r run add NAME --model {next(iter(self.models))} --store {name}"
+            return f"there is no run: `{add}`, then `s2r precompute {name}`"
+        add = f"s2r model add` and `s2r run add --store {name}"
+        imported = f"s2r run import NAME --predictions FILE --store {name}"
+        return f"there is no run: `{add}` add one, or `{imported}`"
+
+    def displayed_run(self, name: str) -> Run:
+        """As `run`; for `NO_RUN` a record of the first domain of each kind, without a model."""
+        if name != NO_RUN:
+            return self.run(name)
+        sim, real = (
+            next((d.domain for d in self.domains.values() if d.kind == kind), "") for kind in SIDES
+        )
+        return Run(NO_RUN, None, sim, real, [], [], None, None, "")
+
     def run_name(self, name: str | None = None) -> str:
-        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name."""
-        return NO_RUN if not name and not self.has_poses else self.run(name).run
+        """The name of a run as `run` finds it.
+
+        It is `NO_RUN` where there are no poses and no name, and where `NO_RUN` is named and no run
+        is computed.
+        """
+        is_none = (not name and not self.has_poses) or (name == NO_RUN and bool(self.missing_run))
+        return NO_RUN if is_none else self.run(name).run
 
     def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that an index of an earlier release does not have."""

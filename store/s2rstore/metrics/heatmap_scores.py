@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from s2rstore.errors import RequestError
-from s2rstore.heatmap_kinds import NO_HEAT, SHIPPED_PLACE, heatmap_facts
+from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT, SHIPPED_PLACE, heatmap_facts
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.security.printable_text import printable
@@ -69,30 +69,34 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
 def ranked(store: Store, run: str, choices: Sequence[HeatmapChoice]) -> list[HeatmapChoice]:
     """Heatmaps from the best to the worst, by the store's own score of the run, else as shipped.
 
-    Heatmaps without a score come last and keep their order.
+    Equal heatmaps, and those without a score at the end, are in the order of `HEATMAPS`.
     """
     own = {(score.kind, score.mode): score.auroc.value for score in _readable_scores(store, run)}
-    places = {kind: place for place, kind in enumerate(dict.fromkeys(kind for kind, _ in choices))}
+    places = {kind: place for place, kind in enumerate(HEATMAPS)}
 
     def rank(choice: HeatmapChoice) -> tuple[float, int]:
         known = own.get(choice) if own else heatmap_facts(choice[0]).auroc.get(choice[1])
-        return -(known or 0.0), places[choice[0]]
+        return -(known or 0.0), places.get(choice[0], len(places))
 
     return sorted(choices, key=rank)
 
 
 def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
-    """What a heatmap shows, and how well it finds changed objects; empty for an unknown kind."""
+    """What a heatmap shows, and how well it finds changed objects; empty for an unknown kind.
+
+    `what changed between sim and real, not what harms; AUROC 0.97 (0.95 to 0.99) in this store`:
+    the figure is from the store's own score, else the shipped one.
+    """
     facts = heatmap_facts(kind)
     if not facts.shows or kind == NO_HEAT:
         return facts.shows
     own = next((s for s in _readable_scores(store, run) if (s.kind, s.mode) == (kind, mode)), None)
     if own is not None:
-        found = f"{own.text} for changed objects in this store"
+        found = f"{own.text} in this store"
     elif (shipped := facts.auroc.get(mode)) is not None:
-        found = f"AUROC {shipped:.2f} for changed objects in {SHIPPED_PLACE}"
+        found = f"AUROC {shipped:.2f} in {SHIPPED_PLACE}"
     else:
-        found = f"finds changed objects hardly better than chance in {SHIPPED_PLACE}"
+        found = f"AUROC about chance in {SHIPPED_PLACE}"
     return f"{facts.shows}; {found}"
 
 
