@@ -12,7 +12,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.findings import worst_room
+from s2rstore.findings import largest_room, worst_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
 from s2rstore.language.syntax_tree import Extreme, Field
@@ -235,10 +235,24 @@ def _select_finding(context: SessionContext, state: State, error: str) -> State:
         if not context.store.has_poses:
             message = "images without poses: `3` shows an image, `8` the list, `/` selects"
         return replace(state, message=error or message, is_error=bool(error))
-    finding = worst_room(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
     message = "the worst 15 % in reality"
-    if finding is not None and finding.node is not None:
-        node, message = finding.node, f"{finding.kind}: {finding.text}"
+    if (found := _worst_room(context.store, state.run)) is not None:
+        node, message = found
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
     return replace(state, past=(), message=error or message, is_error=bool(error))
+
+
+def _worst_room(store: Store, run: str) -> tuple[Node, str] | None:
+    """The expression and the description of the worst room, untested in a large store."""
+    if len(store.instances) <= pending_target.SMALL_STORE:
+        finding = worst_room(store, run)
+        if finding is None or finding.node is None:
+            return None
+        return finding.node, f"{finding.kind}: {finding.statement}"
+    largest = largest_room(store, run)
+    if largest is None:
+        return None
+    group, median, n = largest
+    text = f"largest median real error: {group.name}, {median:.2f} m, n {n} new"
+    return group.node, f"{text} (I says whether it is evident)"

@@ -36,7 +36,7 @@ class RoomsView(View):
         if scene.state.grouping == COUNTS:
             return "instances per room: sim, truth, real (O: errors)"
         which = "trained included" if scene.state.with_trained else "new instances"
-        return f"{which}, errors in m (O: group, .: sort)"
+        return f"{which}, m (O: group, .: sort)"
 
     def _counts(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state

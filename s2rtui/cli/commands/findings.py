@@ -72,7 +72,7 @@ def report_lines(report: FindingReport, width: int) -> list[str]:
 
 def _entry(finding: Finding, width: int) -> list[str]:
     mark = " " if finding.evident else "?"
-    lines = _wrapped(f"{mark} {finding.kind}", finding.text, width)
+    lines = _wrapped(f"{mark} {finding.kind}", finding.statement, width)
     if finding.evidence:
         lines += _wrapped("", finding.evidence, width)
     if finding.expression is not None:

@@ -20,6 +20,7 @@ from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, 
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
 from s2rtui.session import Session
+from s2rtui.session.error_groups import COUNTS
 from s2rtui.user_data.notebook import ReadNotebook
 
 _SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
@@ -206,6 +207,7 @@ def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tu
 
 def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     scene = _scene(session, *_SELECTION_VIEWS)
+    scene = replace(scene, state=replace(scene.state, grouping=COUNTS))
     state, store = session.state, session.store
     images = []
     for name in _SELECTION_VIEWS:

@@ -30,7 +30,7 @@ def best_heatmap(store: Store, run: str) -> Finding | None:
     kinds = len({score.kind for score in scores})
     return Finding(
         kind=KIND,
-        text=f"{subject}, n {kinds} kinds{'' if evident else '; not evident'}",
+        text=f"{subject}, n {kinds} kinds",
         run=run,
         n=kinds,
         evidence=f"scored in this store: {right}{next_best}",

@@ -35,7 +35,7 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
     subject = f"{worst['factor']}, alone {figures}"
     return Finding(
         kind=KIND,
-        text=subject if evident else f"{subject}; not evident",
+        text=subject,
         run=run,
         n=int(worst["n"]),
         evidence=f"leaving it out gains {gain.value:.2f} m ({bounds_text(gain)}); the largest of "
@@ -68,7 +68,7 @@ def of_translators(store: Store, run: str) -> Finding | None:
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
         kind=KIND,
-        text=subject if evident else f"{subject}; not evident",
+        text=subject,
         run=run,
         n=len(rows),
         evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, not "
@@ -118,7 +118,7 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
     subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"
     return Finding(
         kind=KIND,
-        text=f"{subject}, n {rows.size} new to both{'' if evident else '; not evident'}",
+        text=f"{subject}, n {rows.size} new to both",
         run=present.run,
         n=int(rows.size),
         evidence="decrease of the mean real error by adjusting real images "

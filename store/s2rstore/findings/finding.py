@@ -19,7 +19,7 @@ MIN_INSTANCES = 5
 class Finding:
     """One statement about a run.
 
-    kind: what is stated, such as `worst room`. text: the statement in one line, with n and the
+    kind: what is stated, such as `worst room`. text: what is measured, in one line with n and the
     interval. evidence: why it is evident or not, in one line; may be empty. evident: whether the
     evidence suffices. values: figures by names that end in their units. interval: of the value
     `interval_of`, at a level of its own where `comparisons` > 1 were made. n: number of
@@ -49,9 +49,14 @@ class Finding:
         return None if self.node is None else to_text(self.node)
 
     @property
+    def statement(self) -> str:
+        """The text, which says so where the finding is not evident."""
+        return self.text if self.evident else f"{self.text}; not evident"
+
+    @property
     def line(self) -> str:
         """The statement and its evidence in one line."""
-        return "; ".join(part for part in (self.text, self.evidence) if part)
+        return "; ".join(part for part in (self.statement, self.evidence) if part)
 
     def as_json(self) -> dict[str, Any]:
         """The finding as JSON data; unknown numbers are null."""
@@ -66,7 +71,7 @@ class Finding:
             }
         return {
             "kind": self.kind,
-            "text": printable(self.text),
+            "text": printable(self.statement),
             "evidence": printable(self.evidence),
             "evident": self.evident,
             "run": self.run,

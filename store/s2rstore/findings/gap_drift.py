@@ -33,7 +33,7 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
     direction = "rose" if change.value > 0 else "fell"
     figures = f"by {abs(change.value):.1f} ({bounds_text(change, signed=True)})"
     span = f"from {first.night} to {last.night}, n {len(measured)} nights"
-    text = f"G {direction} {figures} {span}{'' if evident else '; not evident'}"
+    text = f"G {direction} {figures} {span}"
     return Finding(
         kind="gap drift",
         text=text,

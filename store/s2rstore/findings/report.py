@@ -12,13 +12,14 @@ from s2rstore.findings import costliest_factor
 from s2rstore.findings.best_heatmap import best_heatmap
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, FindingReport
 from s2rstore.findings.gap_drift import gap_drift
+from s2rstore.findings.groups import Group
 from s2rstore.findings.run_differences import (
     RunErrors,
     best_run,
     largest_regression,
     read_runs,
 )
-from s2rstore.findings.worst_group import worst_group
+from s2rstore.findings.worst_group import largest_group, worst_group
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 
@@ -28,6 +29,11 @@ ReportShare = Callable[[float], bool]
 def worst_room(store: Store, run: str) -> Finding | None:
     """The room with the largest median real error among the instances new to a run."""
     return worst_group(store, run, "room", run_metrics.population(store, run))
+
+
+def largest_room(store: Store, run: str) -> tuple[Group, float, int] | None:
+    """The room with the largest median real error, untested; see `largest_group`."""
+    return largest_group(store, run, "room", run_metrics.population(store, run))
 
 
 def find_all(

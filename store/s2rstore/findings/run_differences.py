@@ -70,8 +70,6 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     evident = difference.low > 0
     figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
     text = f"{best.run}: {figures}"
-    if not evident:
-        text += "; not evident"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "
         f"({evidence_text(difference, comparisons, 'comparisons')})"
@@ -139,20 +137,16 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.low > 0
     bounds = evidence_text(increase, len(candidates), "comparisons")
-    extreme = "largest increase" if increase.value > 0 else "smallest decrease"
-    if evident:
-        text = (
-            f"{room}: mean real error of {present.run} {increase.value:.2f} m above {other.run}'s "
-            f"({bounds_text(increase)}), n {rows.size} new to both"
-        )
-    else:
-        text = f"no room where {present.run} is evidently worse than another run"
+    text = (
+        f"{room}: mean real error of {present.run} {increase.value:+.2f} m from {other.run}'s "
+        f"({bounds_text(increase)}), n {rows.size} new to both"
+    )
     return Finding(
         kind="largest regression",
         text=text,
         run=present.run,
         n=int(rows.size),
-        evidence=f"{extreme}: {room}, {increase.value:+.2f} m from {other.run} ({bounds})",
+        evidence=f"the largest increase in a room or in all, from any other run ({bounds})",
         evident=evident,
         values={
             "room": room,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
-from s2rstore.findings.groups import Group, Grouping, groups_of, members_of, real_median
+from s2rstore.findings.groups import Group, Grouping, Groups, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.metrics.bootstrap import Interval, difference_of, median_interval, simultaneous
 from s2rstore.reader import Store
@@ -32,12 +32,7 @@ def worst_group(
     holds for all groups at once. Where none is, the group with the largest median is returned.
     Groups with fewer than `MIN_INSTANCES` instances do not count. None where fewer than two count.
     """
-    grouped = groups_of(store, grouping)
-    members = {
-        code: iids
-        for code, iids in members_of(store, grouped, population).items()
-        if iids.size >= MIN_INSTANCES and grouped.groups[code].name != NO_ROOM
-    }
+    grouped, members = _counted_groups(store, grouping, population)
     if len(members) < 2:
         return None
     errors = store.run_columns(run).real.error
@@ -63,6 +58,35 @@ def worst_group(
     return _finding(
         store, run, grouping, grouped.groups[worst], members[worst], difference, len(members), note
     )
+
+
+def largest_group(
+    store: Store, run: str, grouping: Grouping, population: NDArray[np.bool_]
+) -> tuple[Group, float, int] | None:
+    """The group that `worst_group` tests first: group, median real error in metres, and n.
+
+    It needs no bootstrap, which takes about a second for a million instances.
+    """
+    grouped, members = _counted_groups(store, grouping, population)
+    if len(members) < 2:
+        return None
+    errors = store.run_columns(run).real.error
+    medians = {code: float(np.median(errors[iids])) for code, iids in members.items()}
+    code = max(medians, key=lambda code: medians[code])
+    return grouped.groups[code], medians[code], int(members[code].size)
+
+
+def _counted_groups(
+    store: Store, grouping: Grouping, population: NDArray[np.bool_]
+) -> tuple[Groups, Members]:
+    """All groups, and the members of those with enough instances."""
+    grouped = groups_of(store, grouping)
+    members = {
+        code: iids
+        for code, iids in members_of(store, grouped, population).items()
+        if iids.size >= MIN_INSTANCES and grouped.groups[code].name != NO_ROOM
+    }
+    return grouped, members
 
 
 def _difference(
@@ -100,7 +124,7 @@ def _finding(
     apart = "" if math.isnan(difference.value) else f"{difference.value:+.2f} m from all others "
     return Finding(
         kind=f"worst {grouping}",
-        text=text if evident else f"{text}; not evident",
+        text=text,
         run=run,
         n=int(iids.size),
         evidence=f"{apart}({evidence_text(difference, compared, _PLURALS[grouping])}){note}",
