@@ -136,17 +136,17 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     other, code, rows, increase = evident_one or (other, code, rows, increase_of(other, rows))
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.low > 0
-    bounds = evidence_text(increase, len(candidates), "comparisons")
     text = (
-        f"{room}: mean real error of {present.run} {increase.value:+.2f} m from {other.run}'s "
-        f"({bounds_text(increase)}), n {rows.size} new to both"
+        f"{room}: {increase.value:+.2f} m mean real error ({bounds_text(increase)}) from "
+        f"{other.run} to {present.run}, n {rows.size} new to both"
     )
     return Finding(
         kind="largest regression",
         text=text,
         run=present.run,
         n=int(rows.size),
-        evidence=f"the largest increase in a room or in all, from any other run ({bounds})",
+        evidence=f"the largest of {len(candidates)} increases, by room and other run, corrected for their "
+        "number",
         evident=evident,
         values={
             "room": room,
