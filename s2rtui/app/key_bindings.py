@@ -299,7 +299,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("trajectory", "t", "move", "next trajectory, or all",
            _do(navigation.change_trajectory), when="still"),
     Action("trained", "M", "select",
-           "include the instances that the model was trained on, or leave them out",
+           "include trained instances, or leave them out",
            _do(navigation.toggle_trained), when="still"),
     Action("next_heat", "h", "heat", "next heatmap kind",
            _do(view_settings.change_heat, 1), "heat"),

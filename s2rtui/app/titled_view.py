@@ -39,9 +39,11 @@ class TitledView:
 
     @property
     def _subtitle(self) -> str:
-        """The view's subtitle, after the number of trained instances that the view counts."""
-        note = self.scene.trained_note if self.view.counts_instances else ""
-        return "; ".join(part for part in (note, self.view.subtitle(self.scene)) if part)
+        """The view's subtitle; before it, unless it says so, how many trained ones are counted."""
+        text, note = self.view.subtitle(self.scene), self.scene.trained_note
+        if not note or not self.view.counts_instances or self.scene.state.count in text:
+            return text
+        return f"{note}; {text}"
 
     @property
     def _unavailable(self) -> str:

@@ -247,9 +247,7 @@ class Scene:
     def common_base(self, other: str) -> NDArray[np.bool_]:
         """(N,) the instances of the base population that count in another run, too."""
         state = self.state
-        context = evaluation.context(
-            self.store, state.run, state.trajectories, with_trained=state.with_trained
-        )
+        context = evaluation.context(self.store, state.run, with_trained=state.with_trained)
         return _both(state.base, base_population(context, other))
 
     def splits(self, iids: NDArray[np.intp]) -> list[str | None]:

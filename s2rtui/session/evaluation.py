@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.index.population import left_out_text
-from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text
+from s2rstore.language import Node, evaluation, expand, mask, to_text
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Bend, Named, Training, leaves
+from s2rstore.language.syntax_tree import Bend, leaves
 from s2rstore.metrics.top_k import first_largest, top_k
 from s2rstore.reader import Store
-from s2rstore.records import TRAINING_SPLITS
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import saved_selection_diff
@@ -40,13 +39,13 @@ def evaluate(
     remains to be loaded. Raises ExpressionError.
     """
     store, notes = context.store, context.notes
-    masks = population_context(store, state, notes.nodes)
+    masks = evaluation.context(
+        store, state.run, state.trajectories, notes.nodes, state.with_trained
+    )
     selected = mask(node, masks)
-    left_out = trained_left_out(store, state, node, selected, notes.nodes)
-    if left_out:
-        messages = [left_out]
-    else:
-        messages = ["" if selected.any() else _nothing_selected(store, node, notes.nodes)]
+    messages = ["" if selected.any() else _nothing_selected(store, node, notes.nodes)]
+    if count := evaluation.trained_left_out(node, masks, selected):
+        messages.append(left_out_text(count))
     if notes.selections:
         messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
     base = context.base_populations.mask(store, state, masks)
@@ -67,48 +66,6 @@ def evaluate(
         is_error=False,
         keeps_message=False,
     )
-
-
-def population_context(
-    store: Store,
-    state: State,
-    saved: Mapping[str, Node] | None = None,
-    with_trained: bool | None = None,
-) -> MaskContext:
-    """The context of a state's run and population; `with_trained` overrides that of the state."""
-    included = state.with_trained if with_trained is None else with_trained
-    return evaluation.context(store, state.run, state.trajectories, saved, included)
-
-
-def trained_left_out(
-    store: Store,
-    state: State,
-    node: Node,
-    selected: NDArray[np.bool_],
-    saved: Mapping[str, Node],
-) -> str:
-    """How many trained instances an expression would select that the population leaves out.
-
-    Empty for expressions that select new instances and name no split.
-    """
-    if state.with_trained or not store.run_columns(state.run).trained.any():
-        return ""
-    expanded = expand(node, evaluation.vocabulary(store, saved))
-    if selected.any() and not any(_names_trained(leaf) for leaf in leaves(expanded)):
-        return ""
-    included = mask(expanded, population_context(store, state, saved, with_trained=True))
-    count = int(np.count_nonzero(included & store.run_columns(state.run).trained))
-    if not count:
-        return ""
-    text = left_out_text(count)
-    return text if selected.any() else f"nothing is selected: {text}"
-
-
-def _names_trained(leaf: Node) -> bool:
-    """Whether a leaf asks for instances that the run's model was trained on."""
-    if isinstance(leaf, Named):
-        return leaf.field.name.endswith("split") and leaf.value in TRAINING_SPLITS
-    return isinstance(leaf, Training) and leaf.trained
 
 
 def _nothing_selected(store: Store, node: Node, saved: Mapping[str, Node]) -> str:

@@ -159,7 +159,7 @@ def _entries(
 def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
     if valid_name(name, "name") != name:
         raise ValueError("name: blanks at its ends or a leading @ are not allowed")
-    if isinstance(entry, dict):  # entries of releases up to 0.3 included trained instances
+    if isinstance(entry, dict):  # entries of earlier releases included trained instances
         entry = {"with_trained": True, **entry}
     saved = msgspec.convert(entry, SavedSelection, strict=False)
     names = saved.trajectories

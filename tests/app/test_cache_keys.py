@@ -47,6 +47,8 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "trajectories": lambda _, state: ("a",),
     "expression": lambda _, state: "none",
     "selected": unselected,
+    "trained": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
+    "with_trained": lambda _, state: not state.with_trained,
     "base": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
     "cursor": lambda _, state: (state.cursor or 0) + 1,
     "heat": lambda _, state: HeatChoice("occlusion", "rgb", "sim"),
@@ -138,14 +140,18 @@ def scenes(session: Session) -> dict[str, Scene]:
         heated, floor_heat_source=heat_provenance(rich), seen_floor_source=visible_floor_key(rich)
     )
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
+    rank = np.arange(state.base.size)
     return {
         "plain": plain,
         "rich": replace(plain, state=rich, resources=heated),
         "sliding": replace(plain, state=sliding, resources=heated),
+        "trained": replace(
+            plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
+        ),
     }
 
 
-@pytest.fixture(params=["plain", "rich", "sliding"])
+@pytest.fixture(params=["plain", "rich", "sliding", "trained"])
 def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 

@@ -110,7 +110,7 @@ def test_columns_are_the_fields_of_the_selection_language(
         assert rows[0]["real.outlier"] == columns.real.outlier[7]
         assert rows[0]["sim.rank"] == columns.sim.rank[7]
         assert rows[0]["real.heading"] == pytest.approx(np.degrees(columns.real.heading[7]))
-        assert rows[0]["sim.split"] == "train"
+        assert rows[0]["sim.split"] == "test"
     outliers = json.loads(query(tiny_store, capsys, "real.outlier > 1.5", "--columns",
                                 "real.outlier", "--json"))  # fmt: skip
     assert outliers

@@ -13,6 +13,7 @@ import pytest
 
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
+from tests.support import tiny
 
 TRAINING_SPLITS = "'train', 'validation'"
 
@@ -28,11 +29,14 @@ def query(tiny_store: Path, capsys):
     return rows
 
 
-def test_the_overview_uses_only_held_out_instances(query) -> None:
+def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> None:
+    path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
-    expected = query("sql", "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n "
-                            f"FROM pair WHERE {new} GROUP BY run")  # fmt: skip
-    shown = {row["run"]: row for row in query("show", "overview")}
+    text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
+    assert main(["sql", path, f"{text} WHERE {new} GROUP BY run", "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)
+    assert main(["show", path, "overview", "--json"]) == 0
+    shown = {row["run"]: row for row in json.loads(capsys.readouterr().out)}
     assert len(shown) == len(expected) == 2
     for row in expected:
         computed = shown[row["run"]]

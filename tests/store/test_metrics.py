@@ -69,8 +69,8 @@ def test_repeated_neighbouring_values_widen_the_interval() -> None:
     assert single.low < single.value < single.high
 
 
-def test_metrics_exclude_training_instances(tiny_store) -> None:
-    with s2rstore.open(tiny_store) as store:
+def test_metrics_exclude_training_instances(tmp_path) -> None:
+    with s2rstore.open(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)) as store:
         columns = store.run_columns("vanilla")
         result = run_metrics.side_metrics(store, "vanilla", "sim")
         held_out = np.arange(40) % 5 == 4
@@ -87,7 +87,7 @@ def test_metrics_exclude_training_instances(tiny_store) -> None:
 
 
 def test_the_summary_names_the_worst_room(tmp_path) -> None:
-    with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
+    with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
         worst = worst_room(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
@@ -102,7 +102,7 @@ def test_the_summary_names_the_worst_room(tmp_path) -> None:
 
 
 def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_path) -> None:
-    path = tiny.build(tmp_path / "s.s2r")
+    path = tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)
     with s2rstore.open(path) as store:
         truth = store.instances
         x, y, heading = truth.x / 2, truth.y.copy(), truth.heading.copy()

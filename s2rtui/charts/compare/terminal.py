@@ -21,7 +21,6 @@ from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     draw_point_map,
     draw_pose,
-    draw_trained,
     layout_of_area,
     map_legend,
     map_panel,
@@ -29,6 +28,10 @@ from s2rtui.charts.shared.base_map_terminal import (
     trained_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.points import marked_cells
+
+OUTLINED = "▽○△"
+"""The glyphs of `difference_glyphs` for cells with trained instances."""
 
 
 def difference_glyphs(options: RenderOptions) -> str:
@@ -75,7 +78,7 @@ def draw_compare(
 
     def draw_selected(chart: Canvas) -> None:
         _cells(chart, data, model, layout.frame)
-        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
+        _mark_trained(chart, data, model, layout.frame)
         if model.cursor is not None:
             draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
@@ -91,6 +94,18 @@ def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFr
     ]
     canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), canvas.theme)
     canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
+
+
+def _mark_trained(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
+    """Outlined glyphs where a model of either run was trained on a selected instance."""
+    if data.trained is None:
+        return
+    cells = marked_cells(data.truth, data.trained, model.selection, frame)
+    if ramp_for_values(canvas.options) is not None:
+        canvas.char[cells] = canvas.glyphs.trained
+        return
+    for filled, outlined in zip(difference_glyphs(canvas.options), OUTLINED, strict=True):
+        canvas.char[cells & (canvas.char == filled)] = outlined
 
 
 def _legend(
@@ -110,11 +125,12 @@ def _legend(
     counts = _counts(data, model, (first, second), options)
     if counts.width > width:
         counts = _counts(data, model, None, options)
-    trained = [] if data.trained is None else [trained_legend(options)]
+    outlined = "" if ramp_for_values(options) is not None else "△▽○"
+    trained = [] if data.trained is None else [trained_legend(options, outlined)]
     return [
         counts,
-        bar,
         *trained,
+        bar,
         *map_legend(frame, width, model.others, data.clip is not None, options),
     ]
 

@@ -22,6 +22,7 @@ from s2rtui.charts.shared.image_pair_model import (
     heat_fields,
     truth_fields,
 )
+from s2rtui.session import instance_list
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.state import HeatChoice
 
@@ -78,7 +79,7 @@ def _predicted_notes(
     if run == NO_RUN:
         return [("predictions", f"none: {store.missing_run}")]
     columns = store.run_columns(run)
-    numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid))]
+    numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid, population))]
     neighbours = _neighbours(store, run, iid, population)
     return [*_split_note(columns, iid), *numbers, *neighbours]
 
@@ -135,8 +136,14 @@ def _gap(columns: RunColumns, iid: int) -> str:
     return f"{gap:+.2f} m (real - sim error), shift {shift:.2f} m"
 
 
-def _ranks(store: Store, run: str, iid: int) -> str:
+def _ranks(store: Store, run: str, iid: int, population: Population) -> str:
+    """Ranks among the new instances; among all of them where these are included."""
     columns = store.run_columns(run)
+    if columns.trained.any() and not population.with_trained and not columns.trained[iid]:
+        sides = (columns.side(side) for side in SIDES)
+        places = [instance_list.ranks_of_new(side.error, columns.trained) for side in sides]
+        sim, real = (int(column[iid]) or "none" for column in places)
+        return f"sim {sim}, real {real} of {int(places[1].max())} new instances by error"
     totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}
     ranks = {side: columns.side(side).rank[iid] or "none" for side in SIDES}
     trained = int(np.count_nonzero(columns.valid & columns.trained))

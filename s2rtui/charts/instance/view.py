@@ -73,7 +73,8 @@ class InstanceView(View):
             for role, side in (("sim", shown.sim), ("real", shown.real))
             if side.pose is not None
         ]
-        where = dict(shown.notes).get("where", "")
+        notes = dict(shown.notes)
+        where = "; ".join(notes[name] for name in ("where", "split") if name in notes)
         if not scene.store.has_poses:
             images = (("sim", shown.sim), ("real", shown.real))
             sides = [f"image in {side.title or role}" for role, side in images if side.rgb.size]
@@ -96,7 +97,8 @@ class InstanceView(View):
         if not (all if scene.store.has_poses else any)(has_images):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        title = f"{scene.title}: instance {shown.iid}"
+        split = dict(shown.notes).get("split", "")
+        title = f"{scene.title}: instance {shown.iid}{f' ({split})' if split else ''}"
         return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:

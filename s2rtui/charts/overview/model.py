@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,8 @@ class OverviewLines:
     """Each instance as a line across the runs.
 
     values: accuracies (N,) on `side` per run, in the order of the rows; NaN for none. selected,
-    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers.
+    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers. trained: (N,)
+    marks instances that the model of a run was trained on, None where none is shown.
     """
 
     values: tuple[Floats, ...]
@@ -30,6 +31,7 @@ class OverviewLines:
     valid: Bools
     side: Side = "real"
     cursor: int | None = None
+    trained: Bools | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,19 @@ def overview_rows(
             )
         )
     return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan
+
+
+def selected_parts(lines: OverviewLines) -> tuple[OverviewLines, OverviewLines | None]:
+    """The lines with the new and with the trained instances selected; None where none is shown."""
+    if lines.trained is None:
+        return lines, None
+    new, trained = (_selected_part(lines.selected, lines.trained, known) for known in (False, True))
+    return replace(lines, selected=new), replace(lines, selected=trained)
+
+
+@cached_by_identity(4)
+def _selected_part(selected: Bools, trained: Bools, known: bool) -> Bools:
+    return np.asarray(selected & (trained == known))
 
 
 def cursor_accuracies(lines: OverviewLines) -> list[float | None]:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.overview.lines import MANY, levels, pair_counts
+from s2rtui.charts.overview.lines import MANY, PALE, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
     cursor_accuracies,
     overview_model,
+    selected_parts,
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
@@ -200,9 +201,15 @@ def _draw_legend(
 def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, page: Page) -> None:
     """Draw unselected lines in grey, selected ones in colour, the cursor's on top."""
     size = COARSE if len(lines.valid) > MANY else FINE
-    pairs = pair_counts(lines, axis, size)
+    new, trained = selected_parts(lines)
+    pairs = pair_counts(new, axis, size)
     ink = getattr(page.inks, lines.side)
     highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
+    if trained is not None:
+        pale = [pair[0] for pair in pair_counts(trained, axis, size)]
+        peak = max((float(counts.max()) for counts in pale), default=0.0)
+        for row, counts in enumerate(pale):
+            _draw_segments(axes, counts, axis, row, (peak, 0.75), _pale(ink, page), 1.1)
     for part, colour, order, strength in (
         (1, page.inks.unselected, 1.0, 0.45),
         (0, ink, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
@@ -256,11 +263,22 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, page: Pa
             )  # fmt: skip
 
 
+def _pale(ink: Ink, page: Page) -> Ink:
+    """The ink of lines of trained instances."""
+    red, green, blue = (
+        PALE * part + (1 - PALE) * ground
+        for part, ground in zip(ink, page.inks.background, strict=True)
+    )
+    return red, green, blue
+
+
 def line_keys(lines: OverviewLines | None, page: Page) -> list[tuple[Ink, str]]:
     """Colours and names of the lines for the legend."""
     if lines is None:
         return []
     keys = [(getattr(page.inks, lines.side), f"an instance, {lines.side}")]
+    if lines.trained is not None:
+        keys.append((_pale(keys[0][0], page), "a model was trained on it"))
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):
         keys.append((page.inks.unselected, "not selected"))
     if lines.cursor is not None:

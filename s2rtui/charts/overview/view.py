@@ -36,7 +36,8 @@ class OverviewView(View):
             return f"accuracy, sim and real: {failed}"
         if lines is None:
             return "accuracy, sim and real"
-        return f"accuracy; one line per instance, {lines.side}"
+        pale = ", pale where a model was trained on it" if lines.trained is not None else ""
+        return f"accuracy; one line per instance, {lines.side}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
@@ -45,7 +46,9 @@ class OverviewView(View):
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
-        return OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
+        return OverviewLines(
+            values, state.selected, state.base, lines.side, state.cursor, lines.trained
+        )
 
     def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
         """A row per run; only names until the accuracies are loaded."""
@@ -172,7 +175,7 @@ VIEW = OverviewView()
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
-    parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
+    parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
     if lines is not None:
         parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
     return "  ·  ".join(parts)

@@ -206,9 +206,14 @@ def map_input(
 
 
 def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
-    """Kind and side of the heat, the aggregate if it is not the mean, and the note."""
+    """Kind and side of the heat, the aggregate if it is not the mean, and the note.
+
+    The stored heat of a run is that of all instances, also of those that it was trained on.
+    """
     aggregated = state.overlay in ("selection", "run") and state.aggregate != "mean"
-    parts = [choice.label, choice.side, state.aggregate if aggregated else "", note]
+    trained = int(np.count_nonzero(state.trained)) if state.overlay == "run" else 0
+    whole = f"all instances, {trained} trained on" if trained else ""
+    parts = [choice.label, choice.side, state.aggregate if aggregated else "", whole, note]
     return ", ".join(part for part in parts if part)
 
 

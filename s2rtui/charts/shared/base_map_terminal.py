@@ -178,10 +178,11 @@ def draw_trained(
         canvas.char[cells] = canvas.glyphs.trained
 
 
-def trained_legend(options: RenderOptions) -> LegendPart:
-    """The part that explains the glyph of trained instances."""
+def trained_legend(options: RenderOptions, glyphs: str = "") -> LegendPart:
+    """The part that explains the glyph of trained instances, or the given ones."""
     theme = options.theme
-    return text_part(((f"{options.glyphs.trained} ", theme.text), ("trained on", theme.muted)))
+    shown = glyphs or options.glyphs.trained
+    return text_part(((f"{shown} ", theme.text), ("trained on", theme.muted)))
 
 
 def draw_pose(

@@ -195,11 +195,12 @@ def umap_input(
 ) -> UmapInput:
     """The embeddings of the state's run in the plane."""
     columns = store.run_columns(state.run)
-    sides = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
+    sim, real = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
     if not state.with_trained and columns.trained.any():
-        sides = (_new_points(points, columns.trained) for points in sides)
+        sim, real = (_new_points(points, columns.trained) for points in (sim, real))
     return UmapInput(
-        *sides,
+        sim,
+        real,
         None,
         state.selected,
         state.base,
@@ -211,6 +212,8 @@ def umap_input(
 
 
 @cached_by_identity(4)
-def _new_points(points: Floats, trained: Bools) -> Floats:
+def _new_points(points: NDArray[np.float64], trained: Bools) -> NDArray[np.float64]:
     """The points (N, 2) with NaN for trained instances, which then count in no scale."""
-    return np.where(trained[:, None], np.nan, points)
+    shown = np.array(points)
+    shown[trained] = np.nan
+    return shown

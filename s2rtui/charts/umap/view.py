@@ -35,11 +35,11 @@ class UmapView(PointsView):
         selection = np.flatnonzero(scene.state.selected)
         sim, real = view.sim[selection], view.real[selection]
         distance = np.hypot(*(real - sim).T)
-        names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
+        names: tuple[str, ...] = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
-        listed: list[list[object]] = [column.tolist() for column in columns]
+        listed: list[Sequence[object]] = [column.tolist() for column in columns]
         if scene.state.marked is not None:
-            names, listed = (*names, "split"), [*listed, [*scene.splits(selection)]]
+            names, listed = (*names, "split"), [*listed, scene.splits(selection)]
         return names, list(zip(*listed, strict=True))
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:

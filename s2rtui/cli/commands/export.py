@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows
 
 Pixels = tuple[int, int]
@@ -48,6 +48,7 @@ def execute(options: argparse.Namespace) -> int:
 
         with open_scene(options.store, scene_options) as scene:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
+            print_population(scene)
             image = screen_of(
                 options.store, scene.state, size or _SCREEN_SIZE, RenderOptions(theme)
             )
@@ -57,6 +58,7 @@ def execute(options: argparse.Namespace) -> int:
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene, figure_format(suffix[1:]):
             print_coverage(scene.store, scene_arguments.runs(scene.state))
+            print_population(scene)
             image = view.figure(scene, size or view.figure_size, theme)
     rows.write_file(options.out, image)
     return 0

@@ -8,7 +8,7 @@ import sys
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
@@ -45,6 +45,7 @@ def execute(options: argparse.Namespace) -> int:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
+        print_left_out(store, *query, notes.nodes, options.with_trained)
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
             print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])

@@ -38,9 +38,9 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 class EvaluationFacts:
     """Expression, run and data of an evaluation; `expanded` has no saved names in it.
 
-    `count_text` adds the instances in view and those that the run's model was trained on, which are
-    left out unless `with_trained`. `note` says for how many instances the run is computed where
-    these are not all.
+    `in_view` counts the valid instances in view, `trained_on` those of them that the run's model
+    was trained on; these are left out unless `with_trained`. `note` says for how many instances the
+    run is computed where these are not all.
     """
 
     expression: str
@@ -51,17 +51,24 @@ class EvaluationFacts:
     dataset: str
     dataset_name: str
     count: int
-    count_text: str = ""
+    in_view: int = 0
+    trained_on: int = 0
     with_trained: bool = False
     note: str = ""
+
+    @property
+    def count_text(self) -> str:
+        """`8 of 40 (32 trained on)`."""
+        return count_text(self.count, self.in_view, self.trained_on, self.with_trained)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the facts without those that add no information."""
         facts = asdict(self)
         if self.expanded == self.expression:
             del facts["expanded"]
-        if not self.with_trained:
-            del facts["with_trained"]
+        if not self.trained_on:
+            for name in ("in_view", "trained_on", "with_trained"):
+                del facts[name]
         if self.trajectories is None:
             del facts["trajectories"]
         if not self.note:
@@ -120,21 +127,19 @@ def selected_rows(
     facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
-        _count_text(store, name, trajectories, len(rows), with_trained), with_trained,
+        *_in_view(store, name, trajectories), with_trained,
         store.coverage(name).note,
     )  # fmt: skip
     names = [column.split(" AS ")[-1] for column in columns or default]
     return SelectedRows(tuple(names), rows, facts)
 
 
-def _count_text(
-    store: Store, run: str, trajectories: Sequence[str] | None, count: int, with_trained: bool
-) -> str:
+def _in_view(store: Store, run: str, trajectories: Sequence[str] | None) -> tuple[int, int]:
+    """Numbers of valid instances in view, and of those that the run's model was trained on."""
     view = Population(None if trajectories is None else tuple(trajectories))
     columns = store.run_columns(run)
     in_view = view.in_view(store.instances, columns)
-    trained = int(np.count_nonzero(in_view & columns.trained))
-    return count_text(count, int(np.count_nonzero(in_view)), trained, with_trained)
+    return int(np.count_nonzero(in_view)), int(np.count_nonzero(in_view & columns.trained))
 
 
 def _rows_of(

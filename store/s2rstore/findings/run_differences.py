@@ -145,7 +145,7 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
         text=text,
         run=present.run,
         n=int(rows.size),
-        evidence=f"the largest of {len(candidates)} increases, by room and other run, corrected for "
+        evidence=f"the largest of {len(candidates)} increases, by room and run, corrected for "
         "their number",
         evident=evident,
         values={

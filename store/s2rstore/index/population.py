@@ -80,6 +80,6 @@ def count_text(selected: int, in_view: int, trained: int, with_trained: bool) ->
     return f"{text} ({trained} trained on{', included' if with_trained else ''})"
 
 
-def left_out_text(count: int) -> str:
-    """`24 instances, left out: M includes them`: trained instances that an expression names."""
-    return f"{count} trained {'instance' if count == 1 else 'instances'} left out: {INCLUDE_HINT}"
+def left_out_text(count: int, hint: str = INCLUDE_HINT) -> str:
+    """`24 trained instances left out: M includes them`; `hint` says what includes them."""
+    return f"{count} trained {'instance' if count == 1 else 'instances'} left out: {hint}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,10 +11,20 @@ from numpy.typing import NDArray
 
 from s2rstore.index import schema
 from s2rstore.index.population import Population
-from s2rstore.language import MaskContext, Node, SqlContext, Vocabulary, mask, parse, to_sql
+from s2rstore.language import (
+    MaskContext,
+    Node,
+    SqlContext,
+    Vocabulary,
+    expand,
+    mask,
+    parse,
+    to_sql,
+)
+from s2rstore.language.syntax_tree import Named, Training, leaves
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Side
+from s2rstore.records import SIDES, TRAINING_SPLITS, Side
 
 Saved = Mapping[str, Node]
 
@@ -56,6 +67,29 @@ def select(
     Raises ExpressionError, a RequestError that names the column.
     """
     return mask(parse(expression), context(store, run, trajectories, saved, with_trained))
+
+
+def trained_left_out(node: Node, used: MaskContext, selected: NDArray[np.bool_]) -> int:
+    """How many trained instances an expression selects beyond `selected`, its result in `used`.
+
+    0 where the context includes trained instances, and for expressions that select new ones and
+    name no split of training images.
+    """
+    columns = used.run_columns(used.run)
+    if used.population.with_trained or not columns.trained.any():
+        return 0
+    expanded = expand(node, used.words)
+    if selected.any() and not any(map(_names_trained, leaves(expanded))):
+        return 0
+    included = replace(used, population=replace(used.population, with_trained=True))
+    return int(np.count_nonzero(mask(expanded, included) & columns.trained))
+
+
+def _names_trained(leaf: Node) -> bool:
+    """Whether a leaf asks for instances that a model was trained on."""
+    if isinstance(leaf, Named):
+        return leaf.field.name.endswith("split") and leaf.value in TRAINING_SPLITS
+    return isinstance(leaf, Training) and leaf.trained
 
 
 def sql(
