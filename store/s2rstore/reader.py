@@ -85,7 +85,7 @@ class Store(DatasetReader):
         computed run.
         """
         with self._lock:
-            if run == NO_RUN and self.missing_run and run not in self._runs_columns:
+            if run == NO_RUN and not self.has_computed_run and run not in self._runs_columns:
                 self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
             if run not in self._runs_columns:
                 if self.run(run).key is None:
