@@ -66,7 +66,7 @@ def test_a_store_without_a_computed_run_is_rejected(tmp_path: Path, capsys) -> N
     with edit(path) as draft:
         draft.rows("UPDATE run SET key = NULL")
     assert main(["findings", str(path)]) == 2
-    assert "no computed run" in capsys.readouterr().err
+    assert "s2r precompute" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("grouping", ["room", "heading", "curvature", "trajectory"])
