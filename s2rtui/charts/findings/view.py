@@ -39,7 +39,8 @@ class FindingsView(View):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, failed = scene.state, scene.resources.failed.get("findings")
-        return id(scene.resources.findings), state.run, state.finding, failed
+        is_active = state.view == self.name
+        return scene.resources.findings, state.run, state.finding, is_active, failed
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         data = self.input(scene)

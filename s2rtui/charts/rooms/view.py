@@ -69,9 +69,10 @@ class RoomsView(View):
         if state.grouping == COUNTS:
             return (identity_key(self._counts(scene)),)
         shown = state.grouping, state.group_sort, state.group_descending, scene.mark(self.name)
-        arrays = identity_key((state.selected, state.base))
-        loaded = scene.resources.groups
-        return state.generation, state.run, state.cursor, shown, arrays, id(loaded)
+        arrays = identity_key((state.selected, state.base, state.trained))
+        loaded, failed = scene.resources.groups, scene.resources.failed.get("groups")
+        place = state.generation, state.run, state.with_trained, state.cursor
+        return *place, shown, arrays, loaded, failed
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         data = self.input(scene)
