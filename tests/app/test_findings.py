@@ -118,12 +118,12 @@ async def test_trained_instances_are_ranked_only_if_they_are_included(trained_sp
         loaded = app.resources.current_groups(app.session.state)
         assert loaded is not None
         assert sum(row.n for row in loaded.rows) == 8
-        assert "trained included" not in take_screenshot(app).text
+        assert "32 trained on included" not in take_screenshot(app).text
         await press(app, pilot, "M")
         loaded = app.resources.current_groups(app.session.state)
         assert loaded is not None
         assert sum(row.n for row in loaded.rows) == 40
-        assert "trained included" in take_screenshot(app).text
+        assert "32 trained on included" in take_screenshot(app).text
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ class FindingsView(View):
     description = "what the store shows about the run, with evidence"
     loads = ("findings",)
     brushable = False
+    counts_instances = False
     figure_size = (1600, 1000)
 
     def subtitle(self, scene: Scene) -> str:

@@ -35,8 +35,8 @@ class RoomsView(View):
     def subtitle(self, scene: Scene) -> str:
         if scene.state.grouping == COUNTS:
             return "instances per room: sim, truth, real (O: errors)"
-        which = "trained included" if scene.state.with_trained else "new instances"
-        return f"{which}, m (O: group, .: sort)"
+        which = "" if scene.state.with_trained else "new instances, "
+        return f"{which}m (O: group, .: sort)"
 
     def _counts(self, scene: Scene) -> RoomsInput:
         store, state = scene.store, scene.state
