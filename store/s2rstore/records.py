@@ -18,6 +18,8 @@ SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
 TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
 """The splits of images that a model was fitted or chosen on; they come first in `SPLITS`."""
 
+ARCHIVES = ("torchscript", "torch.export")
+"""Architectures whose weights file holds the network, too."""
 NO_RUN = ""
 """Stands for the run in a store without a computed run, whose images can be browsed."""
 
@@ -225,6 +227,11 @@ class Model:
     convention: str
     trained_by: str | None
     input: dict[str, Any] | None = None
+
+    @property
+    def needs_trust(self) -> bool:
+        """Whether loading it executes code that comes with it."""
+        return self.architecture in ARCHIVES or ":" in self.architecture
 
     @property
     def channels(self) -> str:

@@ -301,35 +301,42 @@ class IndexCatalog:
         if name is None:
             computed = [run for run in self.runs.values() if run.key]
             if not computed:
-                raise RequestError(f"{self.path}: no computed run; `s2r precompute` makes them")
+                raise RequestError(f"{self.path}: {self.no_run}")
             return computed[0]
         if name not in self.runs:
             known = ", ".join(self.runs) or "none"
             raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
         return self.runs[name]
 
+    @property
+    def has_computed_run(self) -> bool:
+        """Whether a run has predictions."""
+        return any(run.key for run in self.runs.values())
+
+    @property
+    def no_run(self) -> str:
+        """What to do about a store without a computed run."""
+        if self.runs:
+            names = ", ".join(self.runs)
+            return f"no run is computed ({names}); `s2r precompute {self.path}` computes them"
+        model = next(iter(self.models), None)
+        add = "s2r run add" if model is None else f"s2r run add NAME --model {model}"
+        return (
+            f"no run; register one of a model (`{add}`, then `s2r precompute`), or import "
+            "predictions (`s2r run import`)"
+        )
+
     def has_table(self, table: str) -> bool:
         """Whether the index has an optional table."""
         query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
         return self.execute(query, [table]) != [(0,)]
 
-    @cached_property
+    @property
     def missing_run(self) -> str:
         """Why there are no predictions, and what to do; empty where a run is computed."""
         if not self.has_poses:
             return NO_POSES
-        if any(run.key for run in self.runs.values()):
-            return ""
-        name = self.path.name
-        if self.runs:
-            first = next(iter(self.runs))
-            return f"run {first} is not computed: `s2r precompute {name}` computes it"
-        if self.models:
-            add = f"s2r run add NAME --model {next(iter(self.models))} --store {name}"
-            return f"there is no run: `{add}`, then `s2r precompute {name}`"
-        add = f"s2r model add` and `s2r run add --store {name}"
-        imported = f"s2r run import NAME --predictions FILE --store {name}"
-        return f"there is no run: `{add}` add one, or `{imported}`"
+        return "" if self.has_computed_run else self.no_run
 
     def displayed_run(self, name: str) -> Run:
         """As `run`; for `NO_RUN` a record of the first domain of each kind, without a model."""
@@ -341,13 +348,13 @@ class IndexCatalog:
         return Run(NO_RUN, None, sim, real, [], [], None, None, "")
 
     def run_name(self, name: str | None = None) -> str:
-        """The name of a run as `run` finds it.
+        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name.
 
-        It is `NO_RUN` where there are no poses and no name, and where `NO_RUN` is named and no run
-        is computed.
+        `NO_RUN` is itself a name where no run is computed: that of instances without predictions.
         """
-        is_none = (not name and not self.has_poses) or (name == NO_RUN and bool(self.missing_run))
-        return NO_RUN if is_none else self.run(name).run
+        if not name and not self.has_poses:
+            return NO_RUN
+        return NO_RUN if name == NO_RUN and not self.has_computed_run else self.run(name).run
 
     def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that an index of an earlier release does not have."""
