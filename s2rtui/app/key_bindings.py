@@ -432,7 +432,8 @@ def _keys_of(names: str) -> str:
 
 QUESTIONS = (
     Question("Where is it worst?", (
-        ("view('rooms')", "rooms, sim beside real; the first screen selects the worst room"),
+        ("view('rooms')", "the rooms by their median error in reality; the worst one is first"),
+        ("group group", "the same by heading, then by curvature"),
         ("worst_real view('map')", "the worst 15 % in reality, on the map"),
     )),
     Question("What is poor in sim but good in real?", (
@@ -448,8 +449,9 @@ QUESTIONS = (
         ("overlay overlay", "that heat on the map, of the selection"),
         ("next_heat", "the next heatmap kind; the last one is none"),
     )),
-    Question("Which instances should change?", (
-        ("worst_real view('list')", "the worst instances, the largest error first"),
+    Question("What should change, and on which instances?", (
+        ("findings open_finding", "the findings in order of evidence; enter selects instances"),
+        ("view('list')", "these instances, the largest error first"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),
 )  # fmt: skip

@@ -57,6 +57,8 @@ class TitledView:
         if self.scene.state.fills_screen:
             label += f" ({ACTIONS['fill_screen'].key}: all views)"
         canvas = Canvas(width, height, options)
+        if is_active and not options.supports_shading:
+            label = f"{options.glyphs.pointer} {label}"
         if is_active:
             canvas.fill(0, 0, width, 1, theme.highlight)
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)

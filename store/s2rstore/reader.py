@@ -81,8 +81,7 @@ class Store(DatasetReader):
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
 
-        `NO_RUN` gives blank columns, in which every instance is valid, in a store without a
-        computed run.
+        `NO_RUN` gives blank columns, in which every instance is valid, where no run is computed.
         """
         with self._lock:
             if run == NO_RUN and not self.has_computed_run and run not in self._runs_columns:

@@ -41,7 +41,7 @@ def test_the_first_screen_shows_images_and_the_command(store: Path, size: tuple[
     assert "40 of 40" in screen[0]
     assert any("3 instance  0" in line for line in screen)
     assert sum("▀" in line for line in screen) >= 4
-    assert "there is no run: `s2r run add NAME --model" in screen[-2]
+    assert "no run; register one of a model (`s2r run add NAME --model" in screen[-2]
 
 
 def test_the_map_shows_true_positions(store: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_run_that_is_not_computed_is_named(tiny_store: Path, tmp_path: Path) -
     with edit(path) as draft:
         draft._connection.execute("UPDATE run SET key = NULL")
     message = Session(path).state.message
-    assert "run vanilla is not computed: `s2r precompute own.s2r` computes it" in message
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in message
 
 
 def test_a_run_that_appears_is_opened_on_request(store: Path, tiny_store: Path, tmp_path: Path):

@@ -134,7 +134,7 @@ def test_an_uncomputed_run_is_rejected(store_copy: Path) -> None:
         draft._connection.execute("UPDATE run SET key = NULL")
     state = Session(store_copy).state
     assert (state.run, state.view) == ("", "instance")
-    assert "run vanilla is not computed: `s2r precompute" in state.message
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in state.message
 
 
 def test_view_inputs_equal_the_store(session: Session) -> None:

@@ -319,8 +319,10 @@ class IndexCatalog:
         if self.runs:
             names = ", ".join(self.runs)
             return f"no run is computed ({names}); `s2r precompute {self.path}` computes them"
+        model = next(iter(self.models), None)
+        add = "s2r run add" if model is None else f"s2r run add NAME --model {model}"
         return (
-            "no run; register one of a model (`s2r run add`, then `s2r precompute`), or import "
+            f"no run; register one of a model (`{add}`, then `s2r precompute`), or import "
             "predictions (`s2r run import`)"
         )
 
@@ -329,23 +331,12 @@ class IndexCatalog:
         query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
         return self.execute(query, [table]) != [(0,)]
 
-    @cached_property
+    @property
     def missing_run(self) -> str:
         """Why there are no predictions, and what to do; empty where a run is computed."""
         if not self.has_poses:
             return NO_POSES
-        if any(run.key for run in self.runs.values()):
-            return ""
-        name = self.path.name
-        if self.runs:
-            first = next(iter(self.runs))
-            return f"run {first} is not computed: `s2r precompute {name}` computes it"
-        if self.models:
-            add = f"s2r run add NAME --model {next(iter(self.models))} --store {name}"
-            return f"there is no run: `{add}`, then `s2r precompute {name}`"
-        add = f"s2r model add` and `s2r run add --store {name}"
-        imported = f"s2r run import NAME --predictions FILE --store {name}"
-        return f"there is no run: `{add}` add one, or `{imported}`"
+        return "" if self.has_computed_run else self.no_run
 
     def displayed_run(self, name: str) -> Run:
         """As `run`; for `NO_RUN` a record of the first domain of each kind, without a model."""
