@@ -131,6 +131,7 @@ def test_queries_select_new_instances_only(
             assert main(["query", str(path), expression, *more]) == 0
         outputs.append(capsys.readouterr())
     assert outputs[0].out == outputs[1].out
+    assert outputs[0].err.count("20 trained on) instances of run vanilla") == 3
     last = [output.err.splitlines()[-1] for output in outputs]
     assert last[0] == last[1]
     assert last[0].endswith("of 40 (20 trained on) instances of run vanilla")

@@ -7,6 +7,7 @@ import sys
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
 from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage, print_left_out
@@ -37,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import selected_rows
+    from s2rtui.export.rows.selected_instances import count_in_view, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
@@ -54,13 +55,20 @@ def execute(options: argparse.Namespace) -> int:
         print_left_out(store, *query, notes.nodes, options.with_trained)
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
-            print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
+            count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
+            print(count)
+            in_view, trained = count_in_view(store, run, options.trajectory)
+            if trained:
+                _print_count(count_text(count, in_view, trained, options.with_trained), run)
             return 0
         columns = options.columns.split(",") if options.columns else None
         selection = selected_rows(store, *query, notes, columns, with_trained=options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
     rows.write(selection.names, selection.rows, options, metadata)
-    if options.format == "table" and options.out is None:
-        of_run = f" of run {run}" if run else ""
-        print(f"{selection.facts.count_text} instances{of_run}", file=sys.stderr)
+    if selection.facts.trained_on or (options.format == "table" and options.out is None):
+        _print_count(selection.facts.count_text, run)
     return 0
+
+
+def _print_count(text: str, run: str) -> None:
+    print(f"{text} instances{f' of run {run}' if run else ''}", file=sys.stderr)

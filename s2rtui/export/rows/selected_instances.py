@@ -130,14 +130,14 @@ def selected_rows(
     facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
-        *_in_view(store, name, trajectories), with_trained,
+        *count_in_view(store, name, trajectories), with_trained,
         store.coverage(name).note,
     )  # fmt: skip
     names = [column.split(" AS ")[-1] for column in columns or default]
     return SelectedRows(tuple(names), rows, facts)
 
 
-def _in_view(store: Store, run: str, trajectories: Sequence[str] | None) -> tuple[int, int]:
+def count_in_view(store: Store, run: str, trajectories: Sequence[str] | None) -> tuple[int, int]:
     """Numbers of valid instances in view, and of those that the run's model was trained on."""
     view = Population(None if trajectories is None else tuple(trajectories))
     columns = store.run_columns(run)
