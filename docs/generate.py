@@ -145,13 +145,29 @@ def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
     return groups
 
 
+def _question_sections() -> list[str]:
+    """The questions of a user with the keys that answer them, one section each."""
+    from s2rtui.app.key_bindings import QUESTIONS
+
+    parts = []
+    for question in QUESTIONS:
+        parts.append(f"<section><h3>{html.escape(question.text)}</h3><dl>")
+        parts += [
+            f"<dt>{html.escape(key)}</dt><dd>{html.escape(text)}</dd>"
+            for key, text in question.entries
+        ]
+        parts.append("</dl></section>")
+    return parts
+
+
 def cheat_sheet_page() -> str:
-    """All keys on one printable A4 page."""
+    """The questions and all keys on one printable A4 page."""
     parts = [
         "---\nhide:\n  - navigation\n  - toc\n---\n",
         "# Cheat sheet of keys\n",
         '<p class="cheat-sheet-note">Print this page: it fits on one sheet of A4.</p>\n',
         '<div class="cheat-sheet">',
+        *_question_sections(),
     ]
     for title, rows in _key_groups():
         parts.append(f"<section><h3>{html.escape(title)}</h3><dl>")
@@ -225,6 +241,7 @@ def _schema_table(described: Any) -> str:
 
 def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
+    from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets import IMPORTERS
     from s2rtools.datasets.layouts import LAYOUTS
@@ -241,7 +258,10 @@ def registries_page() -> str:
         (code(view.key), code(view.name), code(", ".join(view.aliases)), cell(view.description))
         for view in VIEWS
     )
-    kinds = ((code(name), cell(first_paragraph(kind))) for name, kind in HEATMAP_KINDS.items())
+    kinds = (
+        (code(name), cell(first_paragraph(kind)), cell(heatmap_facts(name).shows))
+        for name, kind in HEATMAP_KINDS.items()
+    )
     adjustments = (
         (
             code(name),
@@ -257,7 +277,7 @@ def registries_page() -> str:
         "## Views\n",
         table(("key", "name", "also called", "what it shows"), views),
         "## Heatmap kinds\n",
-        table(("kind", "what it is"), kinds),
+        table(("kind", "what it is", "what it shows"), kinds),
         "## Adjustments\n",
         table(("name", "range", "neutral", "unit", "what it does"), adjustments),
     ]

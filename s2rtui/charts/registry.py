@@ -17,6 +17,7 @@ NAMES = (
     "list",
     "compare",
     "history",
+    "findings",
     "adjust",
 )
 """Folders of `s2rtui.charts`, in the order in which views are listed."""

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.findings import FindingReport
+from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
 from s2rstore.language import base_population, evaluation
 from s2rstore.reader import Store
@@ -22,6 +24,7 @@ from s2rtui.session import State
 from s2rtui.session.loaded_data_origin import (
     HeatProvenance,
     InstanceProvenance,
+    groups_key,
     heat_provenance,
     instance_provenance,
     visible_floor_key,
@@ -112,12 +115,22 @@ class RunAccuracies:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LoadedGroups:
+    """Errors of groups of instances; `source` names what they were computed from."""
+
+    source: tuple[object, ...]
+    grouped: Groups
+    rows: tuple[GroupErrors, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Resources:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
-    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `progress` (0 .. 1)
-    and `failed` (messages) are by the name of the loader.
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
+    `findings` belong to the rooms and the findings view. `progress` (0 .. 1) and `failed`
+    (messages) are by the name of the loader.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -135,6 +148,8 @@ class Resources:
     live_source: InstanceProvenance | None = None
     live_floor_heat: FloorGrid | None = None
     history: History | None = None
+    groups: LoadedGroups | None = None
+    findings: FindingReport | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
@@ -168,6 +183,12 @@ class Resources:
         """The adjusted instance, if it comes from the current run."""
         source = self.live_source
         return self.live if source and source.source == (state.generation, state.run) else None
+
+    def current_groups(self, state: State) -> LoadedGroups | None:
+        """The groups that a state shows; None until they are computed."""
+        if self.groups is None or self.groups.source != groups_key(state):
+            return None
+        return self.groups
 
     def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
         """A copy after new requests: no progress or failure of these loaders, fields cleared."""

@@ -8,6 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+GROUPINGS = ("room", "heading", "curvature", "trajectory", "counts")
+"""As `session.error_groups.GROUPINGS`, without importing the session for `--help`."""
+
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
     from s2rtui.session import State
@@ -23,7 +26,11 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add_with_trained(add)
     add("--iid", type=int, help="instance id (default: the worst selected)")
     add("--side", choices=("sim", "real"), help="side of heatmaps, lines and comparisons")
-    add("--sort", metavar="COLUMN", help="sort column of the table view, such as gap")
+    add("--sort", metavar="COLUMN",
+        help="sort column of the list, such as gap, or of the rooms, such as real_m")  # fmt: skip
+    add("--group-by", choices=GROUPINGS, dest="group_by",
+        help="grouping of the rooms view (default room); counts compares predicted and true "
+        "rooms")  # fmt: skip
     add("--ascending", action="store_true", help="sort the smallest value first")
     add("--history", type=Path, metavar="FILE", help="gap history (default: that of the store)")
 
@@ -38,7 +45,9 @@ def add_with_trained(add: Callable[..., argparse.Action]) -> None:
 def add_drawing(parser: argparse.ArgumentParser) -> None:
     """Add the options for heatmaps and the map."""
     add = parser.add_argument_group("heatmaps and map").add_argument
-    add("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
+    add("--heat", metavar="KIND[:MODE]",
+        help="heatmap on the images and the map; none shows plain images (default on images: "
+        "the one with the best score)")  # fmt: skip
     add("--on", dest="overlay", choices=("instance", "selection", "run"),
         help="instances whose heat is accumulated on the map (default with --heat: "
         "run)")  # fmt: skip

@@ -35,6 +35,8 @@ LOADERS: tuple[Loader, ...] = (
         "history", lambda store, state: (state.history,) if state.history else None,
         store_data.read_history, ("history",),
     ),
+    Loader("groups", store_data.groups_key, store_data.read_groups, ("groups",)),
+    Loader("findings", store_data.findings_key, store_data.read_findings, ("findings",)),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
         ("live", "live_source", "live_floor_heat"), is_debounced=False, shows_outdated=True,

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.index.catalog import NO_POSES
 from s2rstore.index.population import left_out_text
 from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text, widening
 from s2rstore.language.name_resolution import used_fields
@@ -92,7 +91,9 @@ def _nothing_selected(
     expanded = expand(node, masks.words)
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
-    return f"nothing is selected: {NO_POSES}" if needs_poses else "nothing is selected", ""
+    if not store.missing_run or not needs_poses:
+        return "nothing is selected", ""
+    return f"nothing is selected: {store.missing_run}", ""
 
 
 def _cursor(
@@ -100,7 +101,7 @@ def _cursor(
 ) -> int | None:
     """The present cursor if it is still selected, else the instance with the worst real error.
 
-    Without poses, and so without errors, it is the first one.
+    Without errors it is the first one.
     """
     pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
@@ -111,7 +112,7 @@ def _cursor(
     if inside.any():
         return int(worst[inside.argmax()])
     members = selection_indices(pool, base).members
-    if not store.has_poses:
+    if store.missing_run:
         return int(members[0]) if members.size else None
     return first_largest(errors, members)
 

@@ -33,6 +33,14 @@ def move_cursor(context: SessionContext, state: State, steps: int) -> State:
     return set_cursor(context, state, int(members[(at + steps) % members.size]))
 
 
+def move_to_end(context: SessionContext, state: State, last: bool) -> State:
+    """Move to the first or the last instance of those that `move_cursor` visits."""
+    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    if not members.size:
+        return state.with_message("no instance in view")
+    return set_cursor(context, state, int(members[-1 if last else 0]))
+
+
 def set_cursor(context: SessionContext, state: State, iid: int) -> State:
     """Move to an instance."""
     return state.updated(cursor=iid)
@@ -41,7 +49,9 @@ def set_cursor(context: SessionContext, state: State, iid: int) -> State:
 def change_run(context: SessionContext, state: State, steps: int) -> State:
     """Show the next run, counted from the pending one."""
     if not state.runs:
-        return state.with_message(f"{NO_POSES}, so there are no runs")
+        reason = context.store.missing_run
+        no_poses = reason == NO_POSES
+        return state.with_message(f"{reason}, so there are no runs" if no_poses else reason)
     target = pending_target.final_target(state)
     present = target.run if target.run in state.runs else state.run
     index = (state.runs.index(present) + steps) % len(state.runs)
@@ -166,7 +176,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
 
 def refuse_generation(fresh: Store, present: Store) -> str:
     """Why a session cannot continue in a newer generation; empty if it can."""
-    if not computed_runs(fresh) and fresh.has_poses:
+    if fresh.missing_run and not present.missing_run:
         return "the newest generation has no computed run: reopen the store"
     if fresh.identity != present.identity:
         return "the newest generation holds another data set: reopen the store"

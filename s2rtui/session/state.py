@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.gap_history.reader import Stamp
+from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.index.population import INCLUDE_HINT, Population, count_text
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
@@ -25,12 +26,17 @@ OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
 AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
 MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
+MAP_PLANE = "map"
+"""The name of the plane of positions, which the map and the comparison show."""
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
 @dataclass(frozen=True, slots=True)
 class HeatChoice:
-    """A heatmap kind and mode of the current run, and the side that the map shows."""
+    """A heatmap kind and mode of the current run, and the side that the map shows.
+
+    The kind `NO_HEAT` stands for plain images.
+    """
 
     kind: str
     mode: str | None
@@ -38,6 +44,8 @@ class HeatChoice:
 
     @property
     def label(self) -> str:
+        if self.kind == NO_HEAT:
+            return "no heatmap"
         name = self.kind.replace("_", " ")
         return f"{name} ({self.mode})" if self.mode else name
 
@@ -136,13 +144,15 @@ class State:
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
     it was evaluated on. `trained` (N,) marks the instances in view that the run's model was trained
     on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
-    iid. `viewport` is the map's rectangle in metres, None for the whole map. `newest` is the
-    published generation. `past` and `future` hold the selections before and after this one, the
-    nearest last. `operator` combines the next selection with this one. `other` is the run to
+    iid. `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest`
+    is the published generation. `past` and `future` hold the selections before and after this one,
+    the nearest last. `operator` combines the next selection with this one. `other` is the run to
     compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
-    `history` is None if the store has no gap history.
+    `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
+    chosen row of the findings view. `history` is None if the store has no gap history.
+    `fills_screen`: the active view takes the whole screen.
     """
 
     generation: int
@@ -173,7 +183,12 @@ class State:
     tab: str = "instance"
     sort: str = "real.error"
     descending: bool = True
-    viewport: Bounds | None = None
+    grouping: str = "room"
+    group_sort: str = "real_m"
+    group_descending: bool = True
+    finding: int = 0
+    viewports: tuple[tuple[str, Bounds], ...] = ()
+    fills_screen: bool = False
     history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
@@ -232,10 +247,24 @@ class State:
             return f"{which} included and marked (M leaves them out)"
         return f"{which} left out ({INCLUDE_HINT})"
 
+    def viewport_of(self, plane: str) -> Bounds | None:
+        """The rectangle that a plane shows, in its coordinates; None for all of it."""
+        return dict(self.viewports).get(plane)
+
+    @property
+    def viewport(self) -> Bounds | None:
+        """The rectangle of the map in metres; None for the whole map."""
+        return self.viewport_of(MAP_PLANE)
+
     @property
     def adjusting(self) -> bool:
         """Whether the panel for live adjustments is on the screen."""
         return self.tab == "adjust" and self.adjust is not None
+
+    @property
+    def shown_heat(self) -> HeatChoice | None:
+        """The heatmap that is drawn; None without heatmaps, and where plain images are shown."""
+        return None if self.heat is None or self.heat.kind == NO_HEAT else self.heat
 
     @property
     def side(self) -> Side:

@@ -21,7 +21,7 @@ TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
 ARCHIVES = ("torchscript", "torch.export")
 """Architectures whose weights file holds the network, too."""
 NO_RUN = ""
-"""Stands for the run in a data set without poses, which has none."""
+"""Stands for the run in a store without a computed run, whose images can be browsed."""
 
 
 @dataclass(frozen=True, slots=True)

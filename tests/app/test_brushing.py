@@ -419,8 +419,8 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
         await press(app, pilot, "c", "2", "L")
         panel = panels(app, "map")[0]
         turn = np.linspace(0, 2 * np.pi, 80)
-        column = panel.x + panel.width / 2 + panel.width / 3 * np.cos(turn)
-        row = panel.y + 1 + panel.height / 2 + panel.height / 3 * np.sin(turn)
+        column = panel.x + panel.width / 2 + panel.width / 2.3 * np.cos(turn)
+        row = panel.y + 1 + panel.height / 2 + panel.height / 2.3 * np.sin(turn)
         cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
         await drag(app, pilot, "map", cells)
         assert not app.session.state.is_error, app.session.state.message

@@ -17,7 +17,7 @@ from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import Resources, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View
-from s2rtui.loaders import store_data
+from s2rtui.loaders import LoadContext, store_data
 from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.loaded_data_origin import (
     HeatProvenance,
@@ -68,7 +68,12 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
-    "viewport": lambda _, state: Bounds(2.0, 2.0, 5.0, 4.0),
+    "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
+    "fills_screen": lambda _, state: not state.fills_screen,
+    "grouping": lambda _, state: "heading",
+    "group_sort": lambda _, state: "n",
+    "group_descending": lambda _, state: not state.group_descending,
+    "finding": lambda _, state: state.finding + 1,
     "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -98,6 +103,8 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "live_source": lambda resources: replace(resources.live_source, run="another"),
     "live_floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
     "history": lambda resources: gaps.history(*gaps.week()),
+    "groups": lambda resources: None,
+    "findings": lambda resources: replace(resources.findings, findings=()),
     "progress": lambda resources: {"live": 0.5},
     "failed": lambda resources: {"live": "no model"},
     "saving": lambda resources: "1 of 3",
@@ -123,6 +130,8 @@ def scenes(session: Session) -> dict[str, Scene]:
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
+    loaded |= store_data.read_groups(store, state, LoadContext())
+    loaded |= store_data.read_findings(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = {
         "pictures_source": instance_provenance(state),

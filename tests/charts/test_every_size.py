@@ -13,10 +13,13 @@ from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.errors.terminal import draw_errors
+from s2rtui.charts.findings.model import FindingsInput
+from s2rtui.charts.findings.terminal import draw_findings
 from s2rtui.charts.history.terminal import draw_history
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.rooms.groups_terminal import draw_groups
 from s2rtui.charts.rooms.terminal import draw_rooms
 from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
@@ -26,6 +29,8 @@ from tests.charts.examples import (
     ROWS,
     compare_input,
     errors_input,
+    finding_report,
+    groups_input,
     instance_input,
     map_input,
     orientation_input,
@@ -85,6 +90,16 @@ VIEWS: dict[str, Draw] = {
     "rooms": lambda size, options: draw_rooms(rooms_input(), size, options),
     "marked rooms": lambda size, options: draw_rooms(
         rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, options
+    ),
+    "groups": lambda size, options: draw_groups(groups_input(), size, options),
+    "marked groups": lambda size, options: draw_groups(
+        groups_input(mark=Mark("groups", ((0.0, 3.0), (0.0, 4.0)))), size, options
+    ),
+    "findings": lambda size, options: draw_findings(
+        FindingsInput(finding_report(), 6), size, options
+    ),
+    "no findings": lambda size, options: draw_findings(
+        FindingsInput(finding_report(0)), size, options
     ),
 }
 OPTIONS = [

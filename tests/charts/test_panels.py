@@ -13,11 +13,13 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import Panel
 from s2rtui.charts.errors.terminal import errors_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
+from s2rtui.charts.rooms.groups_terminal import groups_panels
 from s2rtui.charts.rooms.terminal import rooms_panels
 from s2rtui.charts.scatter.terminal import scatter_panels
 from s2rtui.charts.umap.terminal import umap_panels
 from tests.charts.examples import (
     errors_input,
+    groups_input,
     orientation_input,
     rooms_input,
     scatter_input,
@@ -50,6 +52,11 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
         lambda size, options: rooms_panels(rooms_input(), size, options),
         "steps",
         ("sim", "truth", "real"),
+    ),
+    "groups": (
+        lambda size, options: groups_panels(groups_input(), size, options),
+        "steps",
+        ("groups",),
     ),
     "errors": (
         lambda size, options: errors_panels(errors_input(), size, options),

@@ -70,7 +70,10 @@ def test_orientation_counts_bins_of_five_degrees(query) -> None:
 
 
 def test_rooms_are_counted(query) -> None:
-    shown = {row["room"]: row for row in query("show", "rooms", "--select", "seq:0..9")}
+    shown = {
+        row["room"]: row
+        for row in query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
+    }
     truth = query("sql", "SELECT room, count(*) n, count(*) FILTER (seq < 10) s FROM pair "
                          "WHERE run = 'vanilla' GROUP BY room")  # fmt: skip
     for row in truth:

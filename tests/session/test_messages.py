@@ -37,7 +37,7 @@ def session(tiny_store: Path) -> Session:
 def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: bool) -> None:
     adjust = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
     start = replace(
-        session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewport=None
+        session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewports=()
     )
     kept_messages, change_count = [], 0
     for name, key in KEYS.items():

@@ -71,7 +71,7 @@ class SessionPair:
         state = session.state
         return replace(
             state, run="vanilla", trajectories=None, pending=None, past=(), future=(), cursor=20,
-            operator="replace", brush=None, other=None, heat=None, adjust=None, viewport=None,
+            operator="replace", brush=None, other=None, heat=None, adjust=None, viewports=(),
             sort="real.error", descending=True, overlay="off", map_mode="colour", clip=False,
         )  # fmt: skip
 

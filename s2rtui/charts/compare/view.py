@@ -20,6 +20,7 @@ from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
 from s2rtui.session import pending_target, run_comparison
+from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _WIDE, _TALL = 56, 40
 """Columns and rows from which the maps of both runs are drawn, too."""
@@ -168,6 +169,9 @@ class CompareView(PointsView):
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        return map_plane(scene.store, scene.state)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_comparison.other_run(scene.state)

@@ -22,6 +22,7 @@ _COLUMNS = ("night", "outcome", "axis", "G", "low", "high", "result", "threshold
 
 class HistoryView(View):
     name = "history"
+    needs_run = False
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"

@@ -11,8 +11,9 @@ from s2rstore.errors import NotComputedError
 from s2rstore.index.columns import RunColumns
 from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import nearest_neighbours
+from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, SPLITS, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
@@ -46,8 +47,8 @@ def instance_input(
     truth = store.instances
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
-    columns = store.run_columns(run)
-    sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
+    shown = store.displayed_run(run)
+    sim, real = (model_input(store, shown, side, iid) for side in SIDES)
     missing: tuple[tuple[str, str], ...] = ()
     try:
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
@@ -61,16 +62,32 @@ def instance_input(
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
+            *_heat_note(store, run, None if missing else heat),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
-            *_split_note(columns, iid),
             *_pair_note(store, iid),
-            ("gap", _gap(columns, iid)),
-            ("ranks", _ranks(store, run, iid, population)),
-            *_neighbours(store, run, iid, population),
+            *_predicted_notes(store, run, iid, population),
             *sim.notes,
             *real.notes,
         ),
     )
+
+
+def _predicted_notes(
+    store: Store, run: str, iid: int, population: Population
+) -> list[tuple[str, str]]:
+    """Split, gap, ranks and neighbours of an instance in a run, or why there are none."""
+    if run == NO_RUN:
+        return [("predictions", f"none: {store.missing_run}")]
+    columns = store.run_columns(run)
+    numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid, population))]
+    neighbours = _neighbours(store, run, iid, population)
+    return [*_split_note(columns, iid), *numbers, *neighbours]
+
+
+def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:
+    """What the shown heatmap means and how far it can be trusted; nothing without one."""
+    text = trust_line(store, run, heat.kind, heat.mode) if heat is not None else ""
+    return [("heat", text)] if text else []
 
 
 def _split_note(columns: RunColumns, iid: int) -> list[tuple[str, str]]:

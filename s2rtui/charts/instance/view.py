@@ -12,9 +12,13 @@ from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session.loaded_data_origin import instance_provenance
 
+_TEXT_ROWS = 16
+"""Rows of titles, colour bars, poses and notes."""
+
 
 class InstanceView(View):
     name = "instance"
+    needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
     counts_instances = False
@@ -75,6 +79,13 @@ class InstanceView(View):
             images = (("sim", shown.sim), ("real", shown.real))
             sides = [f"image in {side.title or role}" for role, side in images if side.rgb.size]
         return f"Instance {shown.iid} ({where}): {', '.join(sides) or 'not predicted'}."
+
+    def height(self, scene: Scene, width: int) -> int:
+        """The rows in which two images fill the width, with the numbers below."""
+        dataset = scene.store.dataset
+        share = dataset.frame_height / max(1, dataset.frame_width)
+        kinds = 1 + any(domain.has_depth for domain in scene.store.domains.values())
+        return kinds * math.ceil(width / 2 * share / 2) + _TEXT_ROWS
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.instance import paper

@@ -20,6 +20,7 @@ _SUMMARISED = 5
 
 class ListView(View):
     name = "list"
+    needs_run = False
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
@@ -40,7 +41,7 @@ class ListView(View):
         columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
         if sort != "iid":
             columns.append(_column(scene, sort, True))
-        names = instance_list.COLUMNS if scene.store.has_poses else instance_list.IMAGE_COLUMNS
+        names = instance_list.stored_columns(scene.store)
         if sort != "room" and "room" in names:
             columns.append(_column(scene, "room", False))
         if scene.state.marked is not None:
@@ -86,6 +87,11 @@ class ListView(View):
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         places = np.flatnonzero(rows == scene.state.cursor)
         return (0.0, float(places[0])) if places.size else (0.0, 0.0)
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        index = round(panel.to_data(*cell)[1])
+        return int(rows[index]) if 0 <= index < rows.size else None
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)

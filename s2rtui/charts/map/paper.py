@@ -83,7 +83,7 @@ def _draw_side(
     (left, top), page = corner, sheet.page
     high = min(2.0, (top - 0.6) * 0.33)
     gap = 0.32
-    if data.mode == "colour":
+    if data.mode == "colour" and data.value_label:
         label = label_with_unit(data.value_label, data.value_unit)
         draw_colour_bar(page, left, top - gap - high, high, model.value_range, label, turbo)
         top -= high + gap + 0.25

@@ -238,7 +238,9 @@ def layout_of_points(
 def value_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
-    """The colour bar of the points' values."""
+    """The colour bar of the points' values, if they have any."""
+    if not data.value_label:
+        return []
     ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
     values = data.value_label, data.value_unit, model.value_range
     clipped = data.value_range is None

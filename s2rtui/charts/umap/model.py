@@ -39,8 +39,9 @@ class UmapInput:
 
     sim, real: (N, 2), NaN for none. values: (N,) that colour the points, NaN for none (default:
     the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
-    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid. trained: (N,) marks instances
-    that the model was trained on, None where none is shown.
+    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid. viewport: the rectangle to
+    show, by default all points. trained: (N,) marks instances that the model was trained on, None
+    where none is shown.
     """
 
     sim: Floats
@@ -53,6 +54,7 @@ class UmapInput:
     value_label: str = "distance"
     value_unit: str = ""
     value_range: Interval | None = None
+    viewport: Bounds | None = None
     trained: Bools | None = None
 
 
@@ -94,8 +96,13 @@ def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
 
 
 def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:
-    """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit_frame(_extent(data.sim, data.real), columns, 2 * rows, y_down=False)
+    """The window of `columns` x `rows` cells that shows the viewport."""
+    return fit_frame(data.viewport or umap_extent(data), columns, 2 * rows, y_down=False)
+
+
+def umap_extent(data: UmapInput) -> Bounds:
+    """The rectangle that holds every point of both sides."""
+    return _extent(data.sim, data.real)
 
 
 def umap_values(data: UmapInput) -> Floats:
@@ -183,7 +190,9 @@ def _population(points: Floats, frame: MapFrame, base: Bools) -> Bools:
     return np.asarray(count_selected(point_dots(points, frame), nothing_selected)[1] > 0)
 
 
-def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+def umap_input(
+    store: Store, state: State, mark: Mark | None = None, viewport: Bounds | None = None
+) -> UmapInput:
     """The embeddings of the state's run in the plane."""
     columns = store.run_columns(state.run)
     sim, real = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
@@ -197,6 +206,7 @@ def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInpu
         state.base,
         cursor=state.cursor,
         mark=mark,
+        viewport=viewport,
         trained=state.marked,
     )
 

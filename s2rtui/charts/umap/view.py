@@ -10,9 +10,11 @@ from s2rtui.canvas import Canvas, Mark, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import known_point
 from s2rtui.charts.umap import terminal
-from s2rtui.charts.umap.model import UmapInput, umap_input
+from s2rtui.charts.umap.model import UmapInput, umap_extent, umap_input
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.session.view_settings import ZoomPlane
 
 
 class UmapView(PointsView):
@@ -25,7 +27,8 @@ class UmapView(PointsView):
         return "embeddings, coloured by sim-real distance"
 
     def input(self, scene: Scene) -> UmapInput:
-        return umap_input(scene.store, scene.state, scene.mark(self.name))
+        viewport = scene.state.viewport_of(self.name)
+        return umap_input(scene.store, scene.state, scene.mark(self.name), viewport)
 
     def numbers(self, scene: Scene) -> Table:
         view = self.input(scene)
@@ -58,6 +61,11 @@ class UmapView(PointsView):
 
         title = f"{scene.state.run}: embeddings in simulation and in reality (UMAP)"
         return paper.umap_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        view = self.input(scene)
+        side = view.sim if scene.state.side == "sim" else view.real
+        return ZoomPlane(self.name, umap_extent(view), False, known_point(side, view.cursor))
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.umap_panels(self.input(scene), size, options)

@@ -8,7 +8,8 @@ from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
-from s2rstore.metrics import run_metrics, store_summary
+from s2rstore.findings import store_summary
+from s2rstore.metrics import run_metrics
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
 from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene
@@ -19,6 +20,7 @@ from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, 
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
 from s2rtui.session import Session
+from s2rtui.session.error_groups import COUNTS
 from s2rtui.user_data.notebook import ReadNotebook
 
 _SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
@@ -48,6 +50,8 @@ def session_report(session: Session, request: ReportRequest, on_step: StepCallba
 def build_report(session: Session, request: ReportRequest, on_step: StepCallback) -> Report:
     """Evaluate the selections and draw all figures. Raises RequestError as `render_report`."""
     session.store.require_poses("a report")
+    if reason := session.store.missing_run:
+        raise RequestError(f"{session.store.path}: {reason}; a report needs a run")
     plan = [(selection, _runs(session, request, selection)) for selection in request.selections]
     for selection, runs in plan:
         if selection.saved is None:
@@ -203,6 +207,7 @@ def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tu
 
 def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     scene = _scene(session, *_SELECTION_VIEWS)
+    scene = replace(scene, state=replace(scene.state, grouping=COUNTS))
     state, store = session.state, session.store
     images = []
     for name in _SELECTION_VIEWS:
@@ -218,7 +223,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
             f" The model was trained on {trained} of them: they are marked in the figures and left "
             "out of the table."
         )
-    examples = worst_instances(scene, state.heat if request.heat else None)
+    examples = worst_instances(scene, state.shown_heat if request.heat else None)
     return RunPart(run, summary, metric_tables.sides(store, run, members), images, examples)
 
 

@@ -158,7 +158,7 @@ def trained_instances(loader: ColumnLoader, run: str) -> NDArray[np.bool_]:
 
 
 def unpredicted(n: int) -> RunColumns:
-    """Columns in place of a run's in a data set without poses, where every instance is valid."""
+    """Columns in place of a run's in a store without one, where every instance is valid."""
     cache: dict[str, NDArray[Any]] = {}
 
     def read(name: str) -> NDArray[Any]:

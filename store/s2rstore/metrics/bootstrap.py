@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import comb
 from statistics import NormalDist
 
 import numpy as np
@@ -32,20 +33,15 @@ LEVEL_TEXT = f"{100 * LEVEL:g} %"
 REPLICATES = 1000
 SEED = 1
 
+RANKS = 1024
+"""Ranks that medians are resampled with: exact up to this number of values."""
+_REPLICATES_AT_ONCE = 500
+_MOST_REPLICATES = 4000
+
 MIN_TRAJECTORIES = 6
 """Fewest trajectories that are resampled as a whole."""
 MAX_TRAJECTORY_SHARE = 1 / 3
 """A trajectory with more than this share of the rows leaves too few others to resample."""
-
-
-EXACT_MEDIANS = 512
-"""Up to this number of values, replicates of a median are exact."""
-MIN_MEDIAN_UNITS = 4
-"""Fewest units that give an interval of a median. In simulations of independent values, 95 %
-intervals over 4 to 10 blocks missed the true median in 6 to 9 % of the cases, over 2 or 3 in up to
-19 %."""
-_MEDIAN_STEPS = 128
-_MEDIAN_SAMPLE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +57,11 @@ class Interval:
     def unknown(cls, value: float = np.nan) -> Interval:
         """An estimate without bounds."""
         return cls(np.nan, value, np.nan)
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the bounds are known and lie on one side of zero."""
+        return self.low > 0 or self.high < 0
 
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
@@ -287,54 +288,97 @@ def mean_interval(
     return percentile_interval(value, mean_replicates(values, blocks, settings), settings.level)
 
 
+def median_replicates(
+    values: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> Floats:
+    """Corrected replicates (R,) of the median of `values` (n,) over their rows.
+
+    More than `RANKS` values are rounded up to that many quantiles, so that a replicate errs by at
+    most 1 / `RANKS` of the ranks.
+    """
+    ordered = np.sort(values)
+    edges = ordered[np.unique(np.linspace(0, values.size - 1, min(values.size, RANKS)).round())
+                    .astype(np.intp)]  # fmt: skip
+    ranks = np.searchsorted(edges, values)
+    row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
+    table = cells.reshape(blocks.count, edges.size).astype(np.float64)
+    counts = block_counts(blocks, settings)
+    parts = []
+    for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
+        below = np.cumsum(counts[start : start + _REPLICATES_AT_ONCE] @ table, axis=1)
+        half = below[:, -1:] / 2
+        lower, upper = (below >= half).argmax(axis=1), (below > half).argmax(axis=1)
+        parts.append((edges[lower] + edges[upper]) / 2)
+    medians = np.concatenate(parts)
+    return corrected(medians, float(np.median(values)), blocks.unit_count, settings.level)
+
+
 def median_interval(
     values: Floats,
     trajectories: NDArray[np.integer] | None = None,
     settings: BootstrapSettings = DEFAULT_SETTINGS,
 ) -> Interval:
-    """Median of `values` (n,) in recording order, without NaN, with its block bootstrap interval.
+    """Median of `values` (n,) in recording order, without NaN, with its interval.
 
-    `trajectories` as in `mean_interval`. Replicates of more than `EXACT_MEDIANS` values are rounded
-    up to steps of about a tenth of their spread. The bounds are NaN where there are fewer than
-    `MIN_MEDIAN_UNITS` blocks or trajectories to resample.
+    `trajectories` (n,) as in `mean_interval`. The interval is that of the block bootstrap, and at
+    least as wide as that of n independent values: medians of few blocks take few values, so that
+    their percentiles alone are too narrow. The bounds are NaN where n is too small for the level
+    (below 6 at 95 %) or there are fewer than two blocks. In simulations of correlated errors
+    (0 and 0.6 between neighbours) 95 % intervals covered the truth in 90 to 99 % of the cases.
     """
     if not values.size:
         return Interval.unknown()
     value = float(np.median(values))
     codes = np.zeros(values.size, dtype=np.int64) if trajectories is None else trajectories
     blocks = split_into_blocks(codes, settings.block_length)
-    if blocks.unit_count < MIN_MEDIAN_UNITS:
+    place = _median_bound(values.size, settings.level)
+    if blocks.unit_count < 2 or place < 1:
         return Interval.unknown(value)
-    replicates = corrected(
-        _median_replicates(values, blocks, settings), value, blocks.unit_count, settings.level
-    )
-    return percentile_interval(value, replicates, settings.level)
+    low, high = percentile_bounds(median_replicates(values, blocks, settings), settings.level)
+    ordered = np.sort(values)
+    independent = float(ordered[place - 1]), float(ordered[-place])
+    return Interval(min(low, independent[0]), value, max(high, independent[1]), settings.level)
 
 
-def _median_replicates(values: Floats, blocks: Blocks, settings: BootstrapSettings) -> Floats:
-    """Medians (R,) of samples of blocks, from counts of values up to each step."""
-    steps = _median_steps(values, blocks.count)
-    block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
-    places = block * steps.size + np.searchsorted(steps, values)
-    held = np.bincount(places, minlength=blocks.count * steps.size).reshape(blocks.count, -1)
-    total = np.cumsum(block_counts(blocks, settings) @ held.astype(np.float64), axis=1)
-    half = total[:, -1:] / 2
-    lower, upper = (total >= half).argmax(axis=1), (total > half).argmax(axis=1)
-    return np.asarray((steps[lower] + steps[upper]) / 2)
+@lru_cache(maxsize=4096)
+def _median_bound(n: int, level: float) -> int:
+    """The k for which the k-th smallest and the k-th largest of n values bound the median.
 
-
-def _median_steps(values: Floats, blocks: int) -> Floats:
-    """Values, ascending up to the largest, that medians of replicates can take.
-
-    All values where there are few. Else quantiles within five standard deviations of the median's
-    rank if all values of a block were equal, 0.5 / sqrt(blocks).
+    The largest k with P(X < k) <= (1 - level) / 2 for a binomial X of n trials with probability
+    1/2, by its normal approximation above 100 trials; 0 where there is none. Source: Conover,
+    "Practical nonparametric statistics", 1999, section 3.2.
     """
-    if values.size <= EXACT_MEDIANS:
-        return np.unique(values)
-    reach = min(0.5, 2.5 / np.sqrt(blocks))
-    shares = np.linspace(0.5 - reach, 0.5 + reach, _MEDIAN_STEPS)
-    sample = values[:: -(-values.size // _MEDIAN_SAMPLE)]
-    return np.unique(np.append(np.quantile(sample, shares), values.max()))
+    tail = (1 - level) / 2
+    if n > 100:
+        return int(n / 2 - NormalDist().inv_cdf(1 - tail) * np.sqrt(n) / 2)
+    below = np.cumsum([float(comb(n, k)) for k in range(n + 1)]) / 2.0**n
+    return int(np.count_nonzero(below <= tail))
+
+
+def difference_of(first: Interval, second: Interval) -> Interval:
+    """`first` minus `second`, two independent estimates, from their intervals of one level.
+
+    The distances from the estimates to the bounds add in squares. Source: Zou and Donner,
+    "Construction of confidence limits about effect measures", Statistics in Medicine 27, 2008.
+    """
+    value = first.value - second.value
+    below = np.hypot(first.value - first.low, second.high - second.value)
+    above = np.hypot(first.high - first.value, second.value - second.low)
+    return Interval(value - float(below), value, value + float(above), first.level)
+
+
+def simultaneous(
+    comparisons: int, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> BootstrapSettings:
+    """Settings whose intervals hold in all of several comparisons at once with the level.
+
+    Bonferroni's correction: each has the level 1 - (1 - level) / comparisons. The number of
+    replicates grows with it, because fewer of them lie beyond each bound.
+    """
+    level = 1 - (1 - settings.level) / max(1, comparisons)
+    needed = min(settings.replicates * max(1, comparisons), _MOST_REPLICATES)
+    return replace(settings, level=level, replicates=max(settings.replicates, needed))
 
 
 def circular_block_sums(values: Floats, length: int, starts: NDArray[np.int64]) -> Floats:
