@@ -88,19 +88,28 @@ def centred_within(view: Bounds, area: Bounds) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
-def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
-    """Resample an image that covers `bounds` to `frame`: (height, width[, C]) float32.
+def sample(
+    image: ArrayLike,
+    bounds: Bounds,
+    frame: MapFrame,
+    top_is_y0: bool,
+    pixels: tuple[int, int] = (2, 1),
+) -> Floats:
+    """Resample an image that covers `bounds` to `frame`: (rows, columns[, C]) float32.
 
-    Each pixel is the mean of up to 16 samples of the area that it covers, without NaN; NaN outside
-    the image. `top_is_y0`: whether the image's first row lies at bounds.y0.
+    `pixels` are the rows and columns that each cell is divided into. Each pixel is the mean of up
+    to 16 samples of the area that it covers, without NaN; NaN outside the image. `top_is_y0`:
+    whether the image's first row lies at bounds.y0.
     """
     source = np.asarray(image)
     rows, columns = source.shape[:2]
-    per_pixel = frame.pitch / max(bounds.width / max(columns, 1), 1e-9)
+    high, wide = frame.height * pixels[0] // 2, frame.width * pixels[1]
+    pitches = 2 * frame.pitch / pixels[0], frame.pitch / pixels[1]
+    per_pixel = max(pitches) / max(bounds.width / max(columns, 1), 1e-9)
     fine = int(np.clip(np.ceil(per_pixel / 2), 1, 4))
-    across = frame.x0 + (np.arange(frame.width * fine) + 0.5) / fine * frame.pitch
+    across = frame.x0 + (np.arange(wide * fine) + 0.5) / fine * pitches[1]
     sign = 1 if frame.y_down else -1
-    down = frame.y0 + sign * (np.arange(frame.height * fine) + 0.5) / fine * frame.pitch
+    down = frame.y0 + sign * (np.arange(high * fine) + 0.5) / fine * pitches[0]
     u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
     along = (down - bounds.y0) / bounds.height
     v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
@@ -109,9 +118,9 @@ def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -
     taken = taken.astype(np.float32)
     flat = taken.reshape(*taken.shape[:2], -1)
     good = inside[..., None] & np.isfinite(flat)
-    shape = (frame.height, fine, frame.width, fine, flat.shape[-1])
+    shape = (high, fine, wide, fine, flat.shape[-1])
     total = np.where(good, flat, 0).reshape(shape).sum(axis=(1, 3))
     count = good.reshape(shape).sum(axis=(1, 3))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(count > 0, total / count, np.nan).astype(np.float32)
-    return mean.reshape(frame.height, frame.width, *source.shape[2:])
+    return mean.reshape(high, wide, *source.shape[2:])

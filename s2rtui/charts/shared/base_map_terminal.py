@@ -25,15 +25,15 @@ from s2rtui.canvas import (
     turbo,
 )
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
+from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,
     MapBackground,
     draw_background,
-    draw_room_names,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
@@ -144,7 +144,6 @@ def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
     """Put a glyph into each of some cells."""
-    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
     canvas.fg[rows, columns] = colour
@@ -250,19 +249,25 @@ def draw_point_map(
     options: RenderOptions,
     draw_selected: Callable[[Canvas], None],
 ) -> Canvas:
-    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    """A map in `size` (columns, rows): floor, unselected points, the selected, names of rooms.
+
+    Every glyph gets a ground that it stands out from.
+    """
     canvas = Canvas(*size, options)
     chart = Canvas(layout.width, layout.height, options)
     draw_background(chart, data.ground, layout.frame)
     dots = unselected_dots(data.truth, selection, layout.frame)
     draw_dots(chart, dots, options.theme.unselected)
-    draw_room_names(chart, data.ground.rooms, layout.frame)
+    before = Canvas(layout.width, layout.height, options)
+    before.paste(chart, 0, 0)
     draw_selected(chart)
+    draw_room_names(chart, data.ground.rooms, layout.frame, mark_costs(before, chart))
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
         draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
     draw_mark(canvas, map_panel(layout), data.mark)
+    limit_ground(canvas)
     return canvas
 
 
