@@ -111,7 +111,14 @@ def thin_lines(coverage: NDArray[np.floating], least: float = 0.12) -> Mask:
     Those that are mostly covered, and, so that lines thinner than a pixel stay whole and one pixel
     wide, those that are covered more than the pixels at both of their sides.
     """
-    rows, columns = np.pad(coverage, ((1, 1), (0, 0))), np.pad(coverage, ((0, 0), (1, 1)))
-    peak = (coverage > rows[:-2]) & (coverage >= rows[2:])
-    peak |= (coverage > columns[:, :-2]) & (coverage >= columns[:, 2:])
+    peak = _peaks(coverage) | _peaks(coverage.T).T
     return np.asarray((coverage >= 0.75) | (peak & (coverage >= least)))
+
+
+def _peaks(values: NDArray[np.floating]) -> Mask:
+    """Where values (h, w) exceed those above and below; of two equal rows, in the upper one."""
+    before, _, after, further = (
+        np.pad(values, ((1, 2), (0, 0)))[k:][: len(values)] for k in range(4)
+    )
+    tied = (values == after) & (values > further)
+    return np.asarray((values > before) & ((values > after) | tied))

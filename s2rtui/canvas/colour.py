@@ -69,7 +69,7 @@ DARK = Theme(
     unselected=(140, 150, 166),
     cursor=(255, 255, 255),
     wall=(192, 200, 214),
-    floor=(0.012, 0.1),
+    floor=(0.016, 0.12),
     mark=0.30,
 )
 LIGHT = Theme(
@@ -216,19 +216,6 @@ def legible(colours: Pixels, theme: Theme) -> Pixels:
     return with_luminance(colours, most=theme.mark)
 
 
-def glyph_ground(ground: Pixels, ink: Pixels, theme: Theme) -> Pixels:
-    """Ground (n, 3) of glyphs, changed no further than their ink (n, 3) needs to stand out.
-
-    It is darkened on dark themes and lightened on light ones.
-    """
-    unselected = (ink == np.array(theme.unselected, dtype=np.uint8)).all(axis=-1)
-    ratio = MARGIN * np.where(unselected, UNSELECTED_CONTRAST, LEAST_CONTRAST)
-    at = luminance(ink) + 0.05
-    if theme.dark:
-        return with_luminance(ground, most=np.maximum(at / ratio - 0.05, 0.0))
-    return with_luminance(ground, least=np.minimum(at * ratio - 0.05, 1.0))
-
-
 _CUBE = np.array([0, 95, 135, 175, 215, 255])
 _CUBE_OF = np.abs(np.arange(256)[:, None] - _CUBE[None, :]).argmin(axis=1)
 _GREY_OF = np.clip(np.rint((np.arange(256) - 8) / 10), 0, 23).astype(np.intp)
@@ -243,6 +230,14 @@ def to_256(colours: Pixels) -> NDArray[np.intp]:
     off_grey = np.square((8 + 10 * grey)[..., None] - wide).sum(axis=-1)
     index = 16 + 36 * cube[..., 0] + 6 * cube[..., 1] + cube[..., 2]
     return np.where(off_grey < off_cube, 232 + grey, index)
+
+
+@lru_cache(1)
+def palette_256() -> Pixels:
+    """(240, 3): the colours of xterm-256 indices 16 .. 255."""
+    cube = np.stack(np.meshgrid(_CUBE, _CUBE, _CUBE, indexing="ij"), axis=-1).reshape(-1, 3)
+    grey = np.repeat(8 + 10 * np.arange(24)[:, None], 3, axis=1)
+    return np.concatenate([cube, grey]).astype(np.uint8)
 
 
 ANSI_16: NDArray[np.intp] = np.array(
@@ -286,3 +281,22 @@ class ColourMode(Enum):
     PALETTE = "256"
     ANSI = "16"
     NONE = "none"
+
+
+def glyph_ground(ground: Pixels, ink: Pixels, theme: Theme, mode: ColourMode) -> Pixels:
+    """Ground (n, 3) of glyphs, changed no further than their ink (n, 3) needs to stand out.
+
+    It is darkened on dark themes and lightened on light ones. Where the rounding to 256 colours
+    leaves too little contrast, the page colour is taken.
+    """
+    unselected = (ink == np.array(theme.unselected, dtype=np.uint8)).all(axis=-1)
+    ratio = np.where(unselected, UNSELECTED_CONTRAST, LEAST_CONTRAST)
+    at = luminance(ink) + 0.05
+    if theme.dark:
+        limited = with_luminance(ground, most=np.maximum(at / (MARGIN * ratio) - 0.05, 0.0))
+    else:
+        limited = with_luminance(ground, least=np.minimum(at * MARGIN * ratio - 0.05, 1.0))
+    if mode is ColourMode.PALETTE:
+        rounded = [palette_256()[to_256(colours) - 16] for colours in (limited, ink)]
+        limited[contrast(*rounded) < ratio] = theme.background
+    return limited

@@ -85,7 +85,8 @@ def limit_ground(canvas: Canvas) -> None:
     Cells of images, which are block characters and blanks, stay as they are.
     """
     glyphs = ~is_block(canvas.char) & (canvas.char != " ") & (canvas.char != "")
-    canvas.bg[glyphs] = glyph_ground(canvas.bg[glyphs], canvas.fg[glyphs], canvas.theme)
+    colours = canvas.bg[glyphs], canvas.fg[glyphs]
+    canvas.bg[glyphs] = glyph_ground(*colours, canvas.theme, canvas.options.mode)
 
 
 def draw_shades(

@@ -216,7 +216,7 @@ def _background_cells(
 def _floor(ground: MapBackground, frame: MapFrame, theme: Theme, pixels: tuple[int, int]) -> Pixels:
     floor = floor_layer(ground, frame, pixels)
     if floor is not None and ground.floor_plan is not None:
-        return floor_colours(floor, plan_tones(ground.floor_plan), theme)
+        return floor_colours(floor, plan_tones(ground.floor_plan, ground.bounds.width), theme)
     base = np.empty((frame.height * pixels[0] // 2, frame.width * pixels[1], 3), dtype=np.uint8)
     base[:] = theme.background
     return base

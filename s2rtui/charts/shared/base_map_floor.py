@@ -19,20 +19,29 @@ from s2rtui.charts.shared.axis_scale import Interval
 
 Mask = NDArray[np.bool_]
 
-SATURATION = 0.65
-"""Share of the plan's saturation that the floor keeps."""
+SATURATION = {True: 0.65, False: 0.4}
+"""Share of the plan's saturation that the floor keeps, on dark and on light themes."""
 _SAMPLES = 256
 """Rows and columns of a plan of which its range of brightness is found."""
 
 
 @cached_by_identity(4)
-def plan_tones(floor_plan: Pixels) -> Interval:
-    """The 2nd and 98th percentile of the plan's brightness, 0 .. 1."""
-    rows, columns = (
-        np.linspace(0, size - 1, _SAMPLES).astype(int) for size in floor_plan.shape[:2]
-    )
-    low, high = np.percentile(luma(floor_plan[rows[:, None], columns]), (2, 98))
+def plan_tones(floor_plan: Pixels, width: float) -> Interval:
+    """The 5th and 95th percentile of the brightness of a plan's floor, 0 .. 1.
+
+    `width` is that of the plan in metres.
+    """
+    bright, solid = luma(_thinned(floor_plan)), _thinned(plan_parts(floor_plan, width)).any(axis=-1)
+    if solid.all():
+        return 0.0, 1.0
+    low, high = np.percentile(bright[~solid], (5, 95))
     return float(low), max(float(high), float(low) + 0.05)
+
+
+def _thinned(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Evenly spaced pixels (_SAMPLES, _SAMPLES, C) of an image."""
+    rows, columns = (np.linspace(0, size - 1, _SAMPLES, dtype=int) for size in image.shape[:2])
+    return image[rows[:, None], columns]
 
 
 def floor_colours(floor: NDArray[np.floating], tones: Interval, theme: Theme) -> Pixels:
@@ -47,7 +56,7 @@ def floor_colours(floor: NDArray[np.floating], tones: Interval, theme: Theme) ->
     low, high = theme.floor
     wanted = low * (high / low) ** share
     grey = 255 * bright[..., None]
-    pale = np.rint(np.clip(grey + SATURATION * (floor - grey), 0, 255)).astype(np.uint8)
+    pale = np.rint(np.clip(grey + SATURATION[theme.dark] * (floor - grey), 0, 255)).astype(np.uint8)
     colours = with_luminance(pale, wanted, wanted)
     colours[outside] = theme.background
     return colours
