@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageFilter
 
 from s2rtui.analysis.identity_cache import cached_by_identity
 
@@ -72,9 +71,7 @@ def _solid(floor_plan: NDArray[np.uint8]) -> Mask:
 def _without_specks(solid: Mask, metre: float) -> Mask:
     """Drop thin lines, and pieces with little of the colour around them, as of furniture."""
     reach = max(1, round(_WINDOW * metre / 2))
-    picture = Image.fromarray(solid.astype(np.uint8) * 255)
-    filled = np.asarray(picture.filter(ImageFilter.BoxBlur(reach)))
-    kept = _opened(solid, USUAL_WALL * metre) & (filled >= 255 * _LEAST_FILLED)
+    kept = _opened(solid, USUAL_WALL * metre) & (_filled(solid, reach) >= _LEAST_FILLED)
     solid = _opened(solid, THINNEST_WALL * metre)
     for _ in range(reach):
         grown = _dilated(kept, 1) & solid
@@ -82,6 +79,19 @@ def _without_specks(solid: Mask, metre: float) -> Mask:
             break
         kept = grown
     return kept
+
+
+def _filled(mask: Mask, reach: int) -> NDArray[np.float32]:
+    """The share of a mask within `reach` pixels in both directions of each pixel."""
+    sums: NDArray[np.generic] = mask.astype(np.int32)
+    sizes = []
+    for axis, length in enumerate(mask.shape):
+        start, stop = np.arange(length) - reach, np.arange(length) + reach + 1
+        start, stop = np.maximum(start, 0), np.minimum(stop, length)
+        sizes.append(stop - start)
+        sums = np.insert(np.cumsum(sums, axis=axis), 0, 0, axis=axis)
+        sums = np.take(sums, stop, axis=axis) - np.take(sums, start, axis=axis)
+    return np.asarray(sums / np.multiply.outer(*sizes), dtype=np.float32)
 
 
 def _dilated(mask: Mask, reach: int) -> Mask:

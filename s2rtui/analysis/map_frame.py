@@ -113,14 +113,36 @@ def sample(
     u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
     along = (down - bounds.y0) / bounds.height
     v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
-    inside = ((v >= 0) & (v < rows))[:, None] & ((u >= 0) & (u < columns))[None, :]
-    taken = source[np.clip(v, 0, rows - 1)[:, None], np.clip(u, 0, columns - 1)[None, :]]
-    taken = taken.astype(np.float32)
-    flat = taken.reshape(*taken.shape[:2], -1)
-    good = inside[..., None] & np.isfinite(flat)
-    shape = (high, fine, wide, fine, flat.shape[-1])
-    total = np.where(good, flat, 0).reshape(shape).sum(axis=(1, 3))
-    count = good.reshape(shape).sum(axis=(1, 3))
+    flat = source.reshape(rows, columns, -1)
+    if source.dtype.kind != "f":
+        total = _sampled_sums(flat, v, u, fine)
+        held = [((at >= 0) & (at < size)).reshape(-1, fine).sum(axis=1) for at, size in
+                ((v, rows), (u, columns))]  # fmt: skip
+        count = np.multiply.outer(*held)[..., None]
+    else:
+        good = np.isfinite(flat)
+        total = _sampled_sums(np.where(good, flat, 0).astype(np.float32), v, u, fine)
+        count = _sampled_sums(good.astype(np.uint8), v, u, fine)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count > 0, total / count, np.nan).astype(np.float32)
-    return mean.reshape(high, wide, *source.shape[2:])
+        mean = np.where(count > 0, total / count.astype(np.float32), np.float32(np.nan))
+    return mean.astype(np.float32).reshape(high, wide, *source.shape[2:])
+
+
+def _sampled_sums(
+    source: NDArray[np.generic], v: NDArray[np.int64], u: NDArray[np.int64], fine: int
+) -> NDArray[np.float32]:
+    """Sums of `fine` x `fine` samples at rows `v` and columns `u` of (H, W, C), 0 outside."""
+    kind = np.float32 if source.dtype.kind == "f" else np.uint32
+    data: NDArray[np.generic] = source
+    for at, axis in ((v, 0), (u, 1)):
+        size = source.shape[axis]
+        inside = ((at >= 0) & (at < size)).reshape(-1, fine)
+        index = np.clip(at, 0, size - 1).reshape(-1, fine)
+        shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
+        parts = (
+            np.take(data, index[:, step], axis=axis).astype(kind)
+            * inside[:, step].astype(kind).reshape(shape)
+            for step in range(fine)
+        )
+        data = sum(parts, start=np.zeros((), dtype=kind))
+    return data.astype(np.float32)

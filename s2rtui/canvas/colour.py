@@ -168,11 +168,21 @@ def to_linear(colours: Pixels) -> NDArray[np.float32]:
     return _linear_table()[colours]
 
 
-def from_linear(light: NDArray[np.floating[Any]]) -> Pixels:
-    """Convert linear light (..., 3), clipped to 0 .. 1, to sRGB."""
-    light = np.clip(light, 0, 1)
+_STEPS = 1 << 14
+"""Steps of linear light, each less than a step of sRGB levels."""
+
+
+@lru_cache(1)
+def _level_table() -> NDArray[np.uint8]:
+    """(_STEPS + 1,): the sRGB levels of linear light 0 .. 1."""
+    light = np.arange(_STEPS + 1) / _STEPS
     level = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.rint(255 * level).astype(np.uint8)
+
+
+def from_linear(light: NDArray[np.floating[Any]]) -> Pixels:
+    """Convert linear light (..., 3), clipped to 0 .. 1, to sRGB."""
+    return _level_table()[(np.clip(light, 0, 1) * _STEPS + 0.5).astype(np.int32)]
 
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
@@ -196,17 +206,19 @@ def with_luminance(colours: Pixels, least: ArrayLike = 0.0, most: ArrayLike = 1.
     Colours are scaled in linear light, which keeps their hue; what is still too dark where a
     channel is at its end is mixed with white.
     """
-    light = to_linear(colours).astype(np.float64)
-    at = light @ _LUMINANCE.astype(np.float64)
-    least, most = np.asarray(least, dtype=np.float64), np.asarray(most, dtype=np.float64)
-    wanted = np.clip(at, least, most)
-    largest = np.maximum(light.max(axis=-1), 1e-9)
-    scale = np.where(at > 0, np.minimum(wanted / np.maximum(at, 1e-9), 1 / largest), 1.0)
-    scale = np.where(wanted < at, wanted / np.maximum(at, 1e-9), np.maximum(scale, 1.0))
+    light = to_linear(colours)
+    at = light @ _LUMINANCE
+    wanted = np.clip(at, np.asarray(least, np.float32), np.asarray(most, np.float32))
+    scale = wanted / np.maximum(at, 1e-9)
+    scale = np.where(
+        wanted > at, np.minimum(scale, 1 / np.maximum(light.max(axis=-1), 1e-9)), scale
+    )
+    scale = np.maximum(scale, np.float32(1e-9))
     light, at = light * scale[..., None], at * scale
     white = np.clip((wanted - at) / np.maximum(1 - at, 1e-9), 0, 1)[..., None]
     changed = from_linear(light + (1 - light) * white)
-    return np.where((wanted == at)[..., None] & (scale == 1)[..., None], colours, changed)
+    kept = (colours.astype(np.int16) - changed > 1) | (changed.astype(np.int16) - colours > 1)
+    return np.where(kept.any(axis=-1, keepdims=True), changed, colours)
 
 
 def legible(colours: Pixels, theme: Theme) -> Pixels:
