@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -20,22 +21,24 @@ from s2rtui.canvas import (
     RenderOptions,
     Rgb,
     Size,
+    Theme,
     heading_arrow,
     legible,
     turbo,
 )
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
+from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,
     MapBackground,
     draw_background,
-    draw_room_names,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
+    Scale,
     colour_bar,
     draw_rows,
     fit_rows,
@@ -149,7 +152,6 @@ def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
     """Put a glyph into each of some cells."""
-    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
     canvas.fg[rows, columns] = colour
@@ -165,7 +167,7 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
     if (digits := ramp_for_values(canvas.options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
-    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), canvas.theme)
+    canvas.fg[rows[known], columns[known]] = point_colours(canvas.theme)(shares[known])
 
 
 def draw_trained(
@@ -243,8 +245,14 @@ def value_legend(
         return []
     ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
     values = data.value_label, data.value_unit, model.value_range
-    clipped = data.value_range is None
-    return [colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)]
+    clipped, colours = data.value_range is None, point_colours(options.theme)
+    return [colour_bar(*values, options, length, colours, ramp, width, clipped)]
+
+
+@lru_cache(4)
+def point_colours(theme: Theme) -> Scale:
+    """The colours of points by value, 0 .. 1, as a theme shows them."""
+    return lambda shares: legible(turbo(shares), theme)
 
 
 def map_legend(
@@ -276,19 +284,25 @@ def draw_point_map(
     options: RenderOptions,
     draw_selected: Callable[[Canvas], None],
 ) -> Canvas:
-    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    """A map in `size` (columns, rows): floor, unselected points, the selected, names of rooms.
+
+    Every glyph gets a ground that it stands out from.
+    """
     canvas = Canvas(*size, options)
     chart = Canvas(layout.width, layout.height, options)
     draw_background(chart, data.ground, layout.frame)
     dots = unselected_dots(data.truth, selection, layout.frame)
     draw_dots(chart, dots, options.theme.unselected)
-    draw_room_names(chart, data.ground.rooms, layout.frame)
+    before = Canvas(layout.width, layout.height, options)
+    before.paste(chart, 0, 0)
     draw_selected(chart)
+    draw_room_names(chart, data.ground.rooms, layout.frame, mark_costs(before, chart))
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
         draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
     draw_mark(canvas, map_panel(layout), data.mark)
+    limit_ground(canvas)
     return canvas
 
 

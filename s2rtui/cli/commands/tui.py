@@ -9,6 +9,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
+from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
@@ -25,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
         help="colours to use (default: detected from the terminal)")  # fmt: skip
+    add_display_options(parser)
     add("--graphics", action="store_true",
         help="draw images of an instance in true pixels: kitty and ghostty, also over SSH, and in "
         "tmux after `tmux set -g allow-passthrough on`")  # fmt: skip
@@ -40,7 +42,7 @@ def execute(options: argparse.Namespace) -> int:
         restrict_process,
         server_process_id,
     )
-    from s2rtui.terminal.capabilities import detect, prepare_environment, refuse_unusable
+    from s2rtui.terminal.capabilities import prepare_environment, refuse_unusable
 
     if options.graphics and options.ascii:
         raise RequestError("--graphics and --ascii: give one of them")
@@ -57,7 +59,7 @@ def execute(options: argparse.Namespace) -> int:
     permissions = Permissions.for_store(options.store, options.restricted)
     if options.restricted:
         restrict_process(permissions)
-    terminal = detect(options.colour, options.ascii)
+    terminal = detect_display(options, options.colour, options.ascii)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import probe_terminal
 
