@@ -14,7 +14,7 @@ from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
-from s2rtui.charts.shared.paper import Page, Pixels, new_page, rgb_fractions, style_axes
+from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, rgb_fractions, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,8 @@ def history_figure(
         _draw_track(axes, model, track, page)
         _set_dates(axes, model, labelled=index == count - 1)
         if index == 0:
-            axes.set_title(_LEGEND, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
+            legend = f"{_LEGEND}   arrowhead: beyond the scale" if model.is_cut else _LEGEND
+            axes.set_title(legend, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
     return page.encoded()
 
 
@@ -64,9 +65,30 @@ def _draw_track(axes: Axes, model: HistoryModel, track: Track, page: Page) -> No
             axes.plot(
                 [day], [value], marker=_MARKERS[track.statuses[at]], markersize=5.5, color=ink
             )
+            _draw_cuts(axes, model, track, at, ink)
     axes.set_ylabel("G")
     weight = "bold" if track.name == HEADLINE else "normal"
     axes.set_title(track.name, loc="left", fontsize=9.5, pad=4, color=inks.text, fontweight=weight)
+
+
+def _draw_cuts(axes: Axes, model: HistoryModel, track: Track, at: int, ink: Ink) -> None:
+    """Draw an arrowhead at the end of the scale that G or its interval exceeds, with G's value."""
+    from matplotlib.markers import CARETDOWNBASE, CARETUPBASE
+
+    day, value = int(model.days[at]), float(track.value[at])
+    low, high = model.scale
+    margin = 0.04 * (high - low)
+    for end in {model.beyond(part) for part in (value, track.low[at], track.high[at])} - {0}:
+        y = high + margin if end > 0 else low - margin
+        marker = CARETUPBASE if end > 0 else CARETDOWNBASE
+        axes.plot([day], [y], marker=marker, markersize=7, color=ink, linestyle="none", zorder=6)
+    if end := model.beyond(value):
+        newest = at == len(model.days) - 1
+        axes.annotate(
+            f"{value:.1f}", (day, high if end > 0 else low), xytext=(-6 if newest else 6, 0),
+            textcoords="offset points", ha="right" if newest else "left", va="center", fontsize=8,
+            color=ink, zorder=6,
+        )  # fmt: skip
 
 
 def _set_dates(axes: Axes, model: HistoryModel, labelled: bool) -> None:
