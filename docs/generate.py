@@ -222,17 +222,18 @@ def names_page() -> str:
             "degrees, `_rad` for radians, `_s` for seconds. Rows of `s2r query`, `s2r show` and of "
             "exported selections have degrees; the index, and so `s2r sql`, has radians. Columns "
             "without such an ending are names, counts, shares, ranks, scores, or coordinates of "
-            "the UMAP. Expressions of the [selection language](selection-language.md) take fields with "
-            "and without the unit: `real.error > 2` and `real.error_m > 2` are the same. "
-            "`--columns` prints the name that it was given. Tables of the index other than `pair` "
-            "keep their names; [their comments](index-schema.md) state the units.\n",
+            "the UMAP.\n",
+            "Expressions of the [selection language](selection-language.md) take fields with and "
+            "without the unit: `real.error > 2` and `real.error_m > 2` are the same. `--columns` "
+            "prints the names that it was given. Tables of the index other than `pair` keep their "
+            "names; [their comments](index-schema.md) state the units.\n",
             "## Numbers of an instance\n",
             table(("field", "with its unit", "column of `pair`", "meaning"), numbers),
             "## Deprecated names\n",
-            "The names without units keep their values in this version: view `pair` has the "
-            "columns twice, also in stores of earlier versions that this version opens, and CSV, JSON and "
-            "Parquet of `s2r query` and `s2r show` have them after the others. "
-            "`--column-names new` leaves them out, `--column-names old` prints them alone. A later "
+            "The names without units keep their values in this version. View `pair` has them, too, "
+            "also in stores of earlier versions that this version opens. In CSV, JSON and Parquet "
+            "of `s2r query` and `s2r show` they follow the other columns; `--column-names new` "
+            "leaves them out, `--column-names old` prints them in place of the others. A later "
             "version removes them.\n",
             table(
                 ("where", "deprecated", "use"),

@@ -39,7 +39,7 @@ def history_figure(
         _draw_track(axes, model, track, page)
         _set_dates(axes, model, labelled=index == count - 1)
         if index == 0:
-            legend = f"{_LEGEND}   arrowhead: beyond the scale" if model.is_cut else _LEGEND
+            legend = f"{_LEGEND}   arrowhead: off scale" if model.is_cut else _LEGEND
             axes.set_title(legend, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
     return page.encoded()
 

@@ -249,8 +249,8 @@ def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []
     if model.is_cut:
-        arrows = " ".join(cut_glyph(end, canvas.options) for end in (1, -1))
-        notes.insert(0, f"{arrows} beyond the scale")
+        arrows = "".join(cut_glyph(end, canvas.options) for end in (1, -1))
+        notes.insert(0, f"{arrows} off scale")
     notes += [f"{model.older} older"] if model.older else []
     for note in notes:
         if free + len(note) <= canvas.width:
