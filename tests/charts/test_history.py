@@ -198,11 +198,13 @@ def test_what_lies_beyond_the_scale_is_marked(
     layout = history_layout(model, size)
     up, down = options.glyphs.arrows[6], options.glyphs.arrows[2]
     assert model.is_cut
+    fail = status_glyph("FAIL", options)
     for _, _, top, rows in layout.charts:
         columns = [layout.column(day, model) for day in model.days.tolist()]
-        assert [canvas.char[top, column] == up for column in columns] == [
-            False, True, False, True, False,
-        ]  # fmt: skip
+        drawn = [str(canvas.char[top, column]) for column in columns]
+        assert drawn[1] == up
+        assert (drawn[3], canvas.char[top, columns[3] + 1]) == (fail, up)
+        assert up not in (drawn[0], drawn[2], drawn[4])
         bottom = [canvas.char[top + rows - 1, column] == down for column in columns]
         assert bottom == [False] * 4 + [True]
 
@@ -231,7 +233,7 @@ def test_the_figure_marks_and_prints_a_cut_gap(monkeypatch: pytest.MonkeyPatch) 
     written: list[str] = []
     monkeypatch.setattr(Axes, "annotate", lambda self, text, *a, **k: written.append(text))
     history_figure(CUT, (900, 700))
-    assert written == ["159.8", "-33.5"] * 2
+    assert written == ["↑ 159.8", "↑", "↓ −33.5"] * 2
     written.clear()
     history_figure(WEEK, (900, 700))
     assert not written

@@ -39,7 +39,7 @@ def history_figure(
         _draw_track(axes, model, track, page)
         _set_dates(axes, model, labelled=index == count - 1)
         if index == 0:
-            legend = f"{_LEGEND}   arrowhead: off scale" if model.is_cut else _LEGEND
+            legend = f"{_LEGEND}   ↑ ↓ off scale" if model.is_cut else _LEGEND
             axes.set_title(legend, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
     return page.encoded()
 
@@ -72,22 +72,15 @@ def _draw_track(axes: Axes, model: HistoryModel, track: Track, page: Page) -> No
 
 
 def _draw_cuts(axes: Axes, model: HistoryModel, track: Track, at: int, ink: Ink) -> None:
-    """Draw an arrowhead at the end of the scale that G or its interval exceeds, with G's value."""
-    from matplotlib.markers import CARETDOWNBASE, CARETUPBASE
-
-    day, value = int(model.days[at]), float(track.value[at])
-    low, high = model.scale
-    margin = 0.04 * (high - low)
-    for end in {model.beyond(part) for part in (value, track.low[at], track.high[at])} - {0}:
-        y = high + margin if end > 0 else low - margin
-        marker = CARETUPBASE if end > 0 else CARETDOWNBASE
-        axes.plot([day], [y], marker=marker, markersize=7, color=ink, linestyle="none", zorder=6)
-    if end := model.beyond(value):
-        newest = at == len(model.days) - 1
+    """Write an arrow at the end of the scale that G or its interval exceeds, with that G."""
+    day, gap = int(model.days[at]), float(track.value[at])
+    sign, align = (-1, "right") if at == len(model.days) - 1 else (1, "left")
+    for end in {model.beyond(part) for part in (gap, track.low[at], track.high[at])} - {0}:
+        arrow = "↑" if end > 0 else "↓"
+        text = f"{arrow} {gap:.1f}".replace("-", "−") if model.beyond(gap) == end else arrow
         axes.annotate(
-            f"{value:.1f}", (day, high if end > 0 else low), xytext=(-6 if newest else 6, 0),
-            textcoords="offset points", ha="right" if newest else "left", va="center", fontsize=8,
-            color=ink, zorder=6,
+            text, (day, model.scale[end > 0]), xytext=(6 * sign, 0), textcoords="offset points",
+            ha=align, va="center", fontsize=8.5, color=ink, zorder=6,
         )  # fmt: skip
 
 

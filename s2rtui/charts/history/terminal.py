@@ -193,6 +193,7 @@ def _cuts(
 ) -> None:
     """An arrow at the end of the scale that G or its interval exceeds, and the value of that G.
 
+    The glyph of its status is next to the arrow, where it stays on its side of the threshold.
     Values are written from the newest night on, where the cells beside the arrow are free.
     """
     ends = {1: chart.top, -1: chart.top + chart.count - 1}
@@ -200,14 +201,19 @@ def _cuts(
     for at, day in enumerate(model.days.tolist()):
         gap, column = float(track.value[at]), layout.column(day, model)
         colour = status_colour(track.statuses[at], canvas.theme)
+        glyph, limit = status_glyph(track.statuses[at], canvas.options), float(model.thresholds[at])
         bounds = (gap, float(track.low[at]), float(track.high[at]))
         for end in {model.beyond(value) for value in bounds} - {0}:
-            canvas.put(column, ends[end], cut_glyph(end, canvas.options), colour, bold=True)
-            if model.beyond(gap) == end:
-                if chart.count > 1:
-                    glyph = status_glyph(track.statuses[at], canvas.options)
-                    canvas.put(column, ends[end] + end, glyph, colour, bold=True)
-                cuts.append((column, ends[end], gap, colour))
+            row, is_cut = ends[end], model.beyond(gap) == end
+            beside = not is_cut and chart.of(gap, limit) == row
+            if beside and layout.pitch == 1:
+                continue
+            arrow = cut_glyph(end, canvas.options)
+            canvas.put(column + beside, row, arrow, colour, bold=True)
+            if is_cut:
+                cuts.append((column, row, gap, colour))
+                if (chart.line(limit) - (row + end)) * end > 0:
+                    canvas.put(column, row + end, glyph, colour, bold=True)
     used = {(column, row) for column, row, _, _ in cuts}
     for column, row, gap, colour in reversed(cuts):
         text = _short(gap)

@@ -97,7 +97,8 @@ def _draw_scales(
         name = wrapped_label(label_with_unit(model.heat_name or "heat", data.unit), SCALE_LETTERS)
         heat_high = max(0.3, high - 0.16 * name.count("\n"))
         ramp = heat_ramp(data.signed)
-        draw_colour_bar(page, left, bottom, heat_high, model.heat_range, name, ramp)
+        heat_scale = model.heat_range, name, ramp, data.heat_range is not None
+        draw_colour_bar(page, left, bottom, heat_high, *heat_scale)
         left += 1.5
     if model.depth_range is not None:
         draw_colour_bar(page, left, bottom, high, model.depth_range, "depth (m)", depth_tint)
