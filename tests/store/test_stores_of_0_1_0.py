@@ -100,7 +100,8 @@ def test_queries_give_the_recorded_output(
 ) -> None:
     text = "worst(25%, real.error)"
     assert (
-        _json_output(capsys, "query", "demo.s2r", text, "--run", "tiny") == expected_output["query"]
+        _json_output(capsys, "query", "demo.s2r", text, "--run", "tiny", "--column-names", "old")
+        == expected_output["query"]
     )
     sql = (
         "SELECT side, count(*) AS n, avg(error) AS error FROM prediction "

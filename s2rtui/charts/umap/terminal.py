@@ -143,7 +143,11 @@ def _header(
     counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
     parts.append(text_part(((counts, canvas.theme.muted),)))
     if layer.several.any():
-        parts.append(several_legend(canvas.options))
+        full = several_legend(canvas.options)
+        used = sum(part.width + 2 for part in parts)
+        short = text_part(((f"{canvas.glyphs.several} 2+", canvas.theme.muted),))
+        no_digits = ramp_for_values(canvas.options) is None
+        parts.append(short if no_digits and used + full.width > layout.room else full)
     free = layout.room
     bar = None if sim else _bar(data, model, free - parts[0].width - 2, canvas.options)
     if bar is not None:
