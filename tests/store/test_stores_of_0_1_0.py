@@ -109,7 +109,8 @@ def test_queries_give_the_recorded_output(
     )
     assert _json_output(capsys, "sql", "demo.s2r", sql) == expected_output["sql"]
     assert (
-        _json_output(capsys, "show", "demo.s2r", "list", "--run", "tiny") == expected_output["list"]
+        _json_output(capsys, "show", "demo.s2r", "list", "--run", "tiny", "--column-names", "old")
+        == expected_output["list"]
     )
 
 
