@@ -117,7 +117,14 @@ class IndexCatalog:
             connection = self._connection.cursor()
             if self._pair_view:
                 connection.execute(self._pair_view)
-            return connection
+        return connection
+
+    def _connection_for(self, sql: str) -> duckdb.DuckDBPyConnection:
+        """A connection for one statement: `connection`, unless it does not read view `pair`."""
+        if "pair" in sql.lower():
+            return self.connection()
+        with self._lock:
+            return self._connection.cursor()
 
     @cached_property
     def _pair_view(self) -> str:
@@ -138,7 +145,7 @@ class IndexCatalog:
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        connection = self.connection()
+        connection = self._connection_for(sql)
         if self.row_files:
             reading_statements.check(connection, sql)
         with self._explained():
@@ -342,7 +349,8 @@ class IndexCatalog:
         if not optional:
             return frozenset()
         with self._explained():
-            cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
+            query = f'SELECT * FROM "{table}" LIMIT 0'
+            cursor = self._connection_for(query).execute(query)
         return frozenset(optional - {column[0] for column in cursor.description})
 
     def provenance(self, what: str) -> dict[str, str]:
