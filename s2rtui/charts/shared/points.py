@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,8 @@ def unselected_dots(
     return others
 
 
-class CellValues(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class CellValues:
     """The selected points of each cell, (rows, columns), read-only.
 
     level: the largest value as a level 1 .. LEVELS; 0 for no known value, -1 for no selected point.
