@@ -55,7 +55,7 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
 
 NUMERIC: dict[str, Numeric] = {
     "iid": Numeric("iid", "iid", "", "the instance's number"),
-    "seq": Numeric("seq", "instances.seq", "", "position in the recording"),
+    "seq": Numeric("seq", "instances.seq", "", "number in the trajectory"),
     "x": Numeric("x_m", "instances.x", "m", "ground truth"),
     "y": Numeric("y_m", "instances.y", "m", "ground truth"),
     "heading": Numeric(
