@@ -219,8 +219,8 @@ def names_page() -> str:
         [
             "# Names and units\n",
             "The name of a column ends in the unit of its values: `_m` for metres, `_deg` for "
-            "degrees, `_rad` for radians, `_s` for seconds. Rows of `s2r query`, `s2r show` and of "
-            "exported selections have degrees; the index, and so `s2r sql`, has radians. Columns "
+            "degrees, `_rad` for radians, `_s` for seconds. Headings are degrees in rows of `s2r query`, "
+            "`s2r show` and exported selections, radians in the index and so in `s2r sql`. Columns "
             "without such an ending are names, counts, shares, ranks, scores, or coordinates of "
             "the UMAP.\n",
             "Expressions of the [selection language](selection-language.md) take fields with and "
