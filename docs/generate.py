@@ -221,8 +221,8 @@ def names_page() -> str:
             "The name of a column ends in the unit of its values: `_m` for metres, `_deg` for "
             "degrees, `_rad` for radians, `_s` for seconds. Headings are degrees in rows of "
             "`s2r query`, `s2r show` and exported selections, radians in the index and so in "
-            "`s2r sql`. Columns without such an ending are names, counts, shares, ranks, scores, or "
-            "coordinates of the UMAP.\n",
+            "`s2r sql`. Columns without such an ending are names, counts, shares, ranks, scores, "
+            "or coordinates of the UMAP.\n",
             "Expressions of the [selection language](selection-language.md) take fields with and "
             "without the unit: `real.error > 2` and `real.error_m > 2` are the same. `--columns` "
             "prints the names that it was given. Tables of the index other than `pair` keep their "
