@@ -22,6 +22,7 @@ class Glyphs:
     truth: str
     both: str
     selected: str
+    several: str
     unselected: str
     trained: str
     cursor: str
@@ -47,6 +48,7 @@ UNICODE = Glyphs(
     truth="•",
     both="◈",
     selected="●",
+    several="■",
     unselected="·",
     trained="○",
     cursor="◉",
@@ -71,6 +73,7 @@ ASCII = Glyphs(
     truth="o",
     both="B",
     selected="*",
+    several="*",
     unselected=",",
     trained="t",
     cursor="@",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal
 
 from s2rstore.errors import RequestError
@@ -41,6 +42,7 @@ class View:
         counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
         needs_run: whether it shows nothing of a store without a computed run.
+        deprecated: deprecated names of columns of its numbers, and the columns they stand for.
     """
 
     name: str
@@ -56,6 +58,7 @@ class View:
     counts_instances: bool = True
     needs_poses: bool = True
     needs_run: bool = True
+    deprecated: Mapping[str, str] = MappingProxyType({})
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""
@@ -114,7 +117,10 @@ class View:
         return False
 
     def numbers(self, scene: Scene) -> Table:
-        """The figures of the view as a table: column names and rows; None and NaN are empty."""
+        """The figures of the view as a table: column names and rows; None and NaN are empty.
+
+        Names of columns of metres end in `_m`, of degrees in `_deg`.
+        """
         raise NotImplementedError
 
     def summary(self, scene: Scene) -> str:

@@ -21,7 +21,9 @@ from s2rtui.session.state import Aggregate, HeatChoice, State
 
 SIGNED = frozenset(kind for kind, facts in HEATMAPS.items() if facts.is_signed)
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
-_UNITS = {"m degrees": "m", "m m rad loss": ""}
+_UNITS = {"m degrees": "m", "m m rad loss": "", "activation": "arb. units"}
+"""Units of shown values by those of stored arrays. Distances of a network's features have no
+physical unit; `activation` would be mistaken for the heatmap kind of this name."""
 _BLOCK = 32
 MAX_GATHERED = 2000
 """Heat of a larger selection is aggregated over this many instances, evenly spaced."""
@@ -64,7 +66,8 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
     facts = heatmap_facts(heat.kind)
     if facts.planes:
         return facts.planes[heat.mode or facts.modes[0]]
-    record = next((r for r in store.array_kinds(run) if r.kind == heat.kind), None)
+    choice = heat.kind, heat.mode
+    record = next((r for r in store.array_kinds(run) if (r.kind, r.mode) == choice), None)
     return _UNITS.get(record.unit, record.unit) if record else ""
 
 

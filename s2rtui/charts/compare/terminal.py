@@ -29,6 +29,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     map_legend,
     map_panel,
     put_glyphs,
+    several_legend,
     trained_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
@@ -41,10 +42,13 @@ MIN_TABLE = 5
 """Fewest rows of a table of rooms."""
 MIN_TABLE_WIDTH = 64
 
+SEVERAL, ONE = "▼●▲", "▾•▴"
+"""Glyphs of cells with several instances, and of those with one."""
+
 
 def difference_glyphs(options: RenderOptions) -> str:
     """Three glyphs: the change is negative (the second run is better), equal, positive."""
-    return "-=+" if ramp_for_values(options) is not None else "▼●▲"
+    return "-=+" if ramp_for_values(options) is not None else SEVERAL
 
 
 def compare_layout(
@@ -145,14 +149,20 @@ def _table(canvas: Canvas, table: list[tuple[str, ...]], top: int) -> None:
 
 
 def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
-    """A glyph per cell in the colour of its mean; bold above half of the scale."""
-    columns, rows, means = cell_means(data.truth, data.first, data.second, model.selection, frame)
+    """A glyph per cell in the colour of its mean, larger or bold for several instances."""
+    columns, rows, means, counts = cell_means(
+        data.truth, data.first, data.second, model.selection, frame
+    )
     put_glyphs(canvas, columns, rows, " ", canvas.theme.text)
-    canvas.char[rows, columns] = np.array(list(difference_glyphs(canvas.options)))[
-        change_signs(means, data.equal) + 1
-    ]
+    sign = change_signs(means, data.equal) + 1
+    glyphs = difference_glyphs(canvas.options)
+    one = ONE if glyphs == SEVERAL else glyphs
+    many = counts > 1
+    canvas.char[rows, columns] = np.where(
+        many, np.array(list(glyphs))[sign], np.array(list(one))[sign]
+    )
     canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), canvas.theme)
-    canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
+    canvas.bold[rows, columns] = many
 
 
 def _mark_trained(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
@@ -163,8 +173,8 @@ def _mark_trained(canvas: Canvas, data: CompareInput, model: CompareModel, frame
     if ramp_for_values(canvas.options) is not None:
         canvas.char[cells] = canvas.glyphs.trained
         return
-    for filled, outlined in zip(difference_glyphs(canvas.options), OUTLINED, strict=True):
-        canvas.char[cells & (canvas.char == filled)] = outlined
+    for several, one, outlined in zip(SEVERAL, ONE, OUTLINED, strict=True):
+        canvas.char[cells & np.isin(canvas.char, (several, one))] = outlined
 
 
 def _legend(
@@ -186,12 +196,9 @@ def _legend(
         counts = _counts(data, model, None, options)
     outlined = "" if ramp_for_values(options) is not None else "△▽○"
     trained = [] if data.trained is None else [trained_legend(options, outlined)]
-    return [
-        counts,
-        *trained,
-        bar,
-        *map_legend(frame, width, model.others, data.clip is not None, options),
-    ]
+    several = [several_legend(options, SEVERAL)] if model.highlighted > 1 else []
+    rest = map_legend(frame, width, model.others, data.clip is not None, options)
+    return [counts, *trained, bar, *several, *rest]
 
 
 def _counts(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class CompareView(PointsView):
     description = "two runs compared on the selection"
     loads = ("floor plan",)
     figure_size = (2100, 1200)
+    deprecated = MappingProxyType({"first mean": "first_mean_m", "second mean": "second_mean_m"})
 
     def subtitle(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
@@ -186,8 +188,8 @@ class CompareView(PointsView):
 
     def numbers(self, scene: Scene) -> Table:
         names = ("room", "n", "first_median_m", "second_median_m", "median_change_m", "low_m",
-                 "high_m", "evident", "improved", "worse", "equal", "large_share", "first mean",
-                 "second mean")  # fmt: skip
+                 "high_m", "evident", "improved", "worse", "equal", "large_share", "first_mean_m",
+                 "second_mean_m")  # fmt: skip
         other = run_comparison.other_run(scene.state)
         if other is None:
             return names, []

@@ -82,7 +82,7 @@ def _predicted(writer: _Writer, alias: str) -> list[str]:
     """The conditions that both sides of a row have a prediction; none in a data set without."""
     if writer.context.run == NO_RUN:
         return []
-    return [_known(f"{alias}.{side}_error") for side in SIDES]
+    return [_known(f"{alias}.{side}_error_m") for side in SIDES]
 
 
 def _known(column: str) -> str:
@@ -155,7 +155,7 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             return _among(writer, tree.Field("split", run), lambda w: condition)
         case tree.Bend(straight):
             sign = "<" if straight else ">="
-            column = "q.curvature"
+            column = "q.curvature_deg"
             limit = writer.bind(STRAIGHT_BELOW)
             return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
         case _:
