@@ -80,8 +80,7 @@ async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[
         ((120, 40), {"overview", "map", "instance"}),
         (
             (200, 60),
-            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"}
-            | {"list"},
+            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"},
         ),
     ],
 )
