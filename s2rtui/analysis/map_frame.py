@@ -88,30 +88,63 @@ def centred_within(view: Bounds, area: Bounds) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
-def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
-    """Resample an image that covers `bounds` to `frame`: (height, width[, C]) float32.
+def sample(
+    image: ArrayLike,
+    bounds: Bounds,
+    frame: MapFrame,
+    top_is_y0: bool,
+    pixels: tuple[int, int] = (2, 1),
+) -> Floats:
+    """Resample an image that covers `bounds` to `frame`: (rows, columns[, C]) float32.
 
-    Each pixel is the mean of up to 16 samples of the area that it covers, without NaN; NaN outside
-    the image. `top_is_y0`: whether the image's first row lies at bounds.y0.
+    `pixels` are the rows and columns of each cell. Each pixel is the mean over the
+    area that it covers, without NaN; NaN outside the image. `top_is_y0`: whether the image's first
+    row lies at bounds.y0.
     """
     source = np.asarray(image)
     rows, columns = source.shape[:2]
-    per_pixel = frame.pitch / max(bounds.width / max(columns, 1), 1e-9)
-    fine = int(np.clip(np.ceil(per_pixel / 2), 1, 4))
-    across = frame.x0 + (np.arange(frame.width * fine) + 0.5) / fine * frame.pitch
+    high, wide = frame.height * pixels[0] // 2, frame.width * pixels[1]
+    across = frame.x0 + np.arange(wide + 1) / pixels[1] * frame.pitch
     sign = 1 if frame.y_down else -1
-    down = frame.y0 + sign * (np.arange(frame.height * fine) + 0.5) / fine * frame.pitch
-    u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
+    down = frame.y0 + sign * np.arange(high + 1) * 2 / pixels[0] * frame.pitch
+    u = (across - bounds.x0) / bounds.width * columns
     along = (down - bounds.y0) / bounds.height
-    v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
-    inside = ((v >= 0) & (v < rows))[:, None] & ((u >= 0) & (u < columns))[None, :]
-    taken = source[np.clip(v, 0, rows - 1)[:, None], np.clip(u, 0, columns - 1)[None, :]]
-    taken = taken.astype(np.float32)
-    flat = taken.reshape(*taken.shape[:2], -1)
-    good = inside[..., None] & np.isfinite(flat)
-    shape = (frame.height, fine, frame.width, fine, flat.shape[-1])
-    total = np.where(good, flat, 0).reshape(shape).sum(axis=(1, 3))
-    count = good.reshape(shape).sum(axis=(1, 3))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count > 0, total / count, np.nan).astype(np.float32)
-    return mean.reshape(frame.height, frame.width, *source.shape[2:])
+    v = (along if top_is_y0 else 1 - along) * rows
+    flipped = bool(v[0] > v[-1])
+    edges = np.clip(v[::-1] if flipped else v, 0, rows), np.clip(u, 0, columns)
+    flat = source.reshape(rows, columns, -1)
+    if source.dtype.kind == "f":
+        known = np.isfinite(flat)
+        total = _area_sums(np.where(known, flat, 0), *edges)
+        covered = _area_sums(known, *edges)
+    else:
+        total = _area_sums(flat, *edges)
+        covered = np.multiply.outer(*map(np.diff, edges))[..., None]
+    mean = np.where(covered > 0, total / np.where(covered > 0, covered, 1), np.nan)
+    mean = (mean[::-1] if flipped else mean).astype(np.float32)
+    return mean.reshape(high, wide, *source.shape[2:])
+
+
+def _area_sums(
+    image: NDArray[np.generic], rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n, m, C): integrals of an image (H, W, C) between ascending edges (n + 1,) and (m + 1,)."""
+    first, last = int(rows[0]), max(int(np.ceil(rows[-1])), int(rows[0]) + 1)
+    near = image[min(first, len(image) - 1) : last]
+    sums = _interval_sums(near, np.clip(rows - first, 0, len(near)))
+    turned = _interval_sums(sums.swapaxes(0, 1), columns)
+    return turned.swapaxes(0, 1)
+
+
+def _interval_sums(values: NDArray[np.generic], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, ...): integrals of values (N, ...), each one long, between ascending edges 0 .. N."""
+    low = np.floor(edges).astype(np.intp)
+    part = (edges - low).reshape(-1, *(1,) * (values.ndim - 1))
+    held = low[:-1] < low[-1]
+    sums = np.zeros((len(low) - 1, *values.shape[1:]))
+    if held.any():
+        count = int(held.sum())
+        sums[:count] = np.add.reduceat(values[: low[-1]], low[:count], axis=0, dtype=np.float64)
+        sums[low[:-1] == low[1:]] = 0
+    ends = values[np.minimum(low, len(values) - 1)] * part
+    return np.asarray(sums + ends[1:] - ends[:-1], dtype=np.float64)

@@ -15,10 +15,12 @@ from s2rtui.charts.compare.model import (
     compare_model,
     difference_colours,
 )
+from s2rtui.charts.compare.pixels import compare_key, paint_compare
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import default_view
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
+    SelectedMarks,
     draw_point_map,
     draw_pose,
     layout_of_area,
@@ -76,7 +78,10 @@ def draw_compare(
         if model.cursor is not None:
             draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
-    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+    marks = SelectedMarks(
+        draw_selected, lambda picture: paint_compare(picture, data, model), compare_key(data)
+    )
+    return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
 def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:

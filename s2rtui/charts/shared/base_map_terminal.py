@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ from s2rtui.canvas import (
     Canvas,
     Mark,
     Panel,
+    Pixels,
     Point,
     RenderOptions,
     Rgb,
@@ -34,6 +35,13 @@ from s2rtui.charts.shared.base_map_background import (
     draw_room_names,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_pixels import (
+    MapPicture,
+    add_picture,
+    map_picture,
+    paint_cursor,
+    paint_values,
+)
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
@@ -50,6 +58,19 @@ Legend = Callable[[MapFrame, int], list[LegendPart]]
 """Returns the parts of a legend for a frame, each within a width."""
 ModeLegend = Callable[[MapInput, MapModel, RenderOptions, int], list[LegendPart]]
 """The legend parts that explain the selected points of a map, within a width."""
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedMarks:
+    """The marks of the selected points: drawn in cells, and painted in true pixels.
+
+    `key` is equal only for equal maps. Characters of `texts` in cells stay texts in true pixels.
+    """
+
+    draw: Callable[[Canvas], None]
+    paint: Callable[[MapPicture], None]
+    key: tuple[object, ...]
+    texts: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,21 +269,34 @@ def draw_point_map(
     layout: MapLayout,
     size: Size,
     options: RenderOptions,
-    draw_selected: Callable[[Canvas], None],
+    marks: SelectedMarks,
 ) -> Canvas:
     """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
     canvas = Canvas(*size, options)
-    chart = Canvas(layout.width, layout.height, options)
-    draw_background(chart, data.ground, layout.frame)
-    dots = unselected_dots(data.truth, selection, layout.frame)
-    draw_dots(chart, dots, options.theme.unselected)
-    draw_room_names(chart, data.ground.rooms, layout.frame)
-    draw_selected(chart)
+    chart, frame = Canvas(layout.width, layout.height, options), layout.frame
+    ground = data.ground
+    draw_background(chart, ground, frame)
+    draw_dots(chart, unselected_dots(data.truth, selection, frame), options.theme.unselected)
+    unnamed = chart.char.copy()
+    draw_room_names(chart, ground.rooms, frame)
+    named, names = chart.char != unnamed, chart.char.copy()
+    marks.draw(chart)
+    text = (named & (chart.char == names)) | np.isin(chart.char, list(marks.texts))
+    if options.supports_shading:
+
+        def paint(size: Size) -> Pixels:
+            picture = map_picture(ground, frame, options.theme, data.truth, selection, size)
+            marks.paint(picture)
+            return picture.image
+
+        add_picture(chart, (*marks.key, frame, options.theme), paint, text)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
         draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
+    unmarked = canvas.char.copy()
     draw_mark(canvas, map_panel(layout), data.mark)
+    canvas.show_text(canvas.char != unmarked)
     return canvas
 
 
@@ -277,7 +311,12 @@ def draw_value_map(
         draw_values(chart, data, model, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
-    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+    def paint_selected(picture: MapPicture) -> None:
+        paint_values(picture, data, model)
+        paint_cursor(picture, data, model.cursor)
+
+    marks = SelectedMarks(draw_selected, paint_selected, (replace(data, mark=None),))
+    return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
 def draw_cursor(canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame) -> None:
