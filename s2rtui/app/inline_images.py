@@ -16,7 +16,7 @@ from s2rtui.terminal.graphics.probe import Graphics
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     """Show images in true pixels once the application runs, or say why that is impossible."""
     if not graphics.supported:
-        app.session.show_message(f"--graphics: {graphics.reason}; images are drawn in cells")
+        app.session.show_message(f"--graphics: images are drawn in cells: {graphics.reason}")
         return
 
     def attach_all() -> None:
