@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw
 
 from s2rtui.canvas.colour import Pixels, Rgb
 
@@ -111,6 +110,8 @@ def draw_lines(
     image: Pixels, lines: Iterable[tuple[Place, Place]], colour: Rgb, width: int = 1
 ) -> Pixels:
     """Draw lines between places; returns a new image."""
+    from PIL import Image, ImageDraw
+
     picture = Image.fromarray(image)
     pen = ImageDraw.Draw(picture)
     for start, end in lines:
@@ -138,6 +139,8 @@ def arc_pixels(
 
     `middle` is an angle in degrees, clockwise from the right.
     """
+    from PIL import Image, ImageDraw
+
     picture = Image.new("1", (shape[1], shape[0]))
     pen = ImageDraw.Draw(picture)
     for (x, y), middle, degrees in arcs:
@@ -153,6 +156,8 @@ def draw_ring(
 
     Both have an outline of one pixel, which keeps them visible on any ground; returns a new image.
     """
+    from PIL import Image, ImageDraw
+
     picture = Image.fromarray(image)
     pen = ImageDraw.Draw(picture)
     x, y = at

@@ -110,28 +110,26 @@ def _legend(
         room=width,
     )
     counts = _counts(data, model, (first, second), options)
-    if counts.width > width:
-        counts = _counts(data, model, None, options)
     return [counts, bar, *map_legend(frame, width, model.others, data.clip is not None, options)]
 
 
 def _counts(
-    data: CompareInput, model: CompareModel, names: tuple[str, str] | None, options: RenderOptions
+    data: CompareInput, model: CompareModel, names: tuple[str, str], options: RenderOptions
 ) -> LegendPart:
-    """How often each run is better, and the mean difference; with `names` unless None."""
+    """How often each of the runs `names` is better, and the mean difference."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
     lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
     for glyph, colour, number, explanation in (
-        (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
-        (lower, blue, summary.worse, f" better in {names[0]}" if names else ""),
+        (upper, orange, summary.improved, f" better in {names[1]}"),
+        (lower, blue, summary.worse, f" better in {names[0]}"),
         (
             same,
             grey,
             summary.equal,
-            f" within {short_number(data.equal)} {data.unit}" if names else "",
+            f" within {short_number(data.equal)} {data.unit}",
         ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]

@@ -47,6 +47,7 @@ from s2rtui.charts.shared.legend import (
     colour_bar,
     draw_rows,
     fit_rows,
+    legend_rows,
     ramp_for_values,
     scale_bar,
     text_part,
@@ -98,13 +99,13 @@ class PointMap(Protocol):
 
 
 def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
-    """Lay out a map of `area`; larger views have axes and up to two rows of legend."""
+    """Lay out a map of `area`; larger views have axes and more rows of legend."""
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 40 and height >= 12
     left, below = (4, 1) if axes else (0, 0)
     inner = max(1, width - left)
     rough = fit_frame(area, inner, 2 * height, y_down)
-    rows = fit_rows(legend(rough, inner), inner)[: 0 if height < 6 else 1 if height < 18 else 2]
+    rows = fit_rows(legend(rough, inner), inner, most=legend_rows(height))
     rows_high = max(1, height - below - len(rows))
     frame = fit_frame(area, inner, 2 * rows_high, y_down)
     return MapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
