@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, SymbolSet
 from s2rtui.canvas.colour import DARK, ColourMode, Rgb, Theme
 
 DIGITS = "0123456789"
@@ -89,11 +90,20 @@ ASCII = Glyphs(
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
-    """How to draw a plot; with `ascii` only ASCII characters are drawn."""
+    """How to draw a plot; with `ascii` only ASCII characters are drawn.
+
+    `symbols` names the block characters of floor plans.
+    """
 
     theme: Theme = DARK
     mode: ColourMode = ColourMode.TRUECOLOR
     ascii: bool = False
+    symbols: Symbols = "quadrant"
+
+    @property
+    def symbol_set(self) -> SymbolSet:
+        """The block characters of floor plans."""
+        return SYMBOL_SETS[self.symbols]
 
     @property
     def glyphs(self) -> Glyphs:
@@ -109,7 +119,7 @@ class RenderOptions:
 
     @property
     def supports_images(self) -> bool:
-        """Whether half blocks can show images: needs colours and block characters."""
+        """Whether block characters can show images: needs colours and more than ASCII."""
         return self.mode is not ColourMode.NONE and not self.ascii
 
     @property

@@ -16,6 +16,7 @@ from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.overview.translators import translator_rows
 from s2rtui.charts.scene import RunAccuracies
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
+from s2rtui.charts.shared.base_map_floor import plan_tones
 from s2rtui.loaders.loader import Fields, Key, LoadContext
 from s2rtui.session import heatmaps, pending_target
 from s2rtui.session.loaded_data_origin import (
@@ -91,7 +92,11 @@ def floor_plan_key(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, context: LoadContext) -> Fields:
-    return {"floor_plan": floor_plan_pixels(str(store.floor_plan_path()))}
+    """The floor plan, after its walls were found: maps find them in a cache."""
+    plan, width = floor_plan_pixels(str(store.floor_plan_path())), store.dataset.bounds.width
+    if width > 0:
+        plan_tones(plan, width)
+    return {"floor_plan": plan}
 
 
 def pictures_key(store: Store, state: State) -> Key | None:

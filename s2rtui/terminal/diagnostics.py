@@ -9,6 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, symbol_discs
 from s2rtui.terminal.capabilities import Terminal, detect
 from s2rtui.user_data.user_data_dir import user_data_dir
 
@@ -48,11 +49,19 @@ def terminal(detected: Terminal | None = None) -> Rows:
         ("terminal", f"{size.columns}x{size.lines}, {'yes' if sys.stdout.isatty() else 'none'}"),
         ("TERM", os.environ.get("TERM", "unset")),
         ("colours", f"{detected.mode.value}: {detected.reason}"),
+        ("theme", f"{detected.theme.name}: {detected.theme_reason}"),
         ("characters", "ASCII" if detected.ascii else "Unicode"),
+        *([] if detected.ascii else [("symbols", _symbols(detected.symbols))]),
         ("graphics", _graphics(detected)),
         ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
         ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
     ]
+
+
+def _symbols(chosen: Symbols) -> str:
+    """Samples of each set of block characters: discs, which a font without them breaks."""
+    samples = [f"{name} {symbol_discs(symbols, 1)}" for name, symbols in SYMBOL_SETS.items()]
+    return f"{chosen} by option, setting or default; discs: {', '.join(samples)}"
 
 
 def _graphics(detected: Terminal) -> str:

@@ -6,7 +6,7 @@ The image shows what the cells show, from the same arrays; texts stay in cells.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,7 @@ from s2rtui.canvas.pixel_marks import (
 )
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.base_map_background import MapBackground, background_layer
+from s2rtui.charts.shared.base_map_background import MapBackground, background_pixels
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel
 from s2rtui.charts.shared.points import LEVELS, level_of, level_shares
 
@@ -114,11 +114,8 @@ def _ground(ground: MapBackground, frame: MapFrame, theme: Theme, size: Size) ->
     """Floor plan and heat in `size` (height, width), or the page colour without any."""
     if ground.floor_plan is None and ground.heat is None:
         return np.full((*size, 3), theme.background, dtype=np.uint8)
-    fine = max(1, round(size[1] / frame.width))
-    window = replace(
-        frame, pitch=frame.pitch / fine, width=frame.width * fine, height=frame.height * fine
-    )
-    layer = background_layer(ground, window, theme)
+    cell = -(-size[0] * 2 // frame.height), -(-size[1] // frame.width)
+    layer = background_pixels(ground, frame, theme, cell)
     return np.rint(resample(layer, *size)).astype(np.uint8)
 
 

@@ -26,13 +26,12 @@ from s2rtui.canvas import (
     turbo,
 )
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
+from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,
     MapBackground,
     draw_background,
-    draw_room_names,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
 from s2rtui.charts.shared.base_map_pixels import (
@@ -42,6 +41,7 @@ from s2rtui.charts.shared.base_map_pixels import (
     paint_cursor,
     paint_values,
 )
+from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
     colour_bar,
@@ -166,7 +166,6 @@ def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
     """Put a glyph into each of some cells."""
-    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
     canvas.fg[rows, columns] = colour
@@ -272,17 +271,22 @@ def draw_point_map(
     options: RenderOptions,
     marks: SelectedMarks,
 ) -> Canvas:
-    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    """A map in `size` (columns, rows): floor, unselected points, the selected, names of rooms.
+
+    Every glyph gets a ground that it stands out from.
+    """
     canvas = Canvas(*size, options)
     chart, frame = Canvas(layout.width, layout.height, options), layout.frame
     ground = data.ground
     draw_background(chart, ground, frame)
     draw_dots(chart, unselected_dots(data.truth, selection, frame), options.theme.unselected)
-    unnamed = chart.char.copy()
-    draw_room_names(chart, ground.rooms, frame)
-    named, names = chart.char != unnamed, chart.char.copy()
+    before = Canvas(layout.width, layout.height, options)
+    before.paste(chart, 0, 0)
     marks.draw(chart)
-    text = (named & (chart.char == names)) | np.isin(chart.char, list(marks.texts))
+    text = np.isin(chart.char, list(marks.texts))
+    unnamed = chart.char.copy()
+    draw_room_names(chart, ground.rooms, frame, mark_costs(before, chart))
+    text |= chart.char != unnamed
     if options.supports_shading:
 
         def paint(size: Size) -> Pixels:
@@ -298,6 +302,7 @@ def draw_point_map(
     unmarked = canvas.char.copy()
     draw_mark(canvas, map_panel(layout), data.mark)
     canvas.show_text(canvas.char != unmarked)
+    limit_ground(canvas)
     return canvas
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
         help="colours to use (default: detected from the terminal)")  # fmt: skip
+    add_display_options(parser)
     add("--graphics", nargs="?", const="auto", default="off",
         choices=("auto", "kitty", "iterm2", "sixel", "off"),
         help="protocol that draws map and images in true pixels; auto (where no value is given) "
@@ -41,7 +43,7 @@ def execute(options: argparse.Namespace) -> int:
         restrict_process,
         server_process_id,
     )
-    from s2rtui.terminal.capabilities import detect, prepare_environment, refuse_unusable
+    from s2rtui.terminal.capabilities import prepare_environment, refuse_unusable
 
     if options.graphics != "off" and options.ascii:
         raise RequestError("--graphics and --ascii: give one of them")
@@ -58,7 +60,7 @@ def execute(options: argparse.Namespace) -> int:
     permissions = Permissions.for_store(options.store, options.restricted)
     if options.restricted:
         restrict_process(permissions)
-    terminal = detect(options.colour, options.ascii)
+    terminal = detect_display(options, options.colour, options.ascii)
     if options.graphics != "off":
         from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
 
