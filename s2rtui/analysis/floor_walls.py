@@ -22,8 +22,9 @@ EDGE = 0.12
 """Thickness in metres of the walls around areas of the dark colour; what is inside is empty."""
 _DARK = 0.6
 """Largest brightness of the walls' colour, as a share of the brightest parts of the plan."""
-_LEAST_SHARE = 0.005
-"""Smallest share of the plan in the walls' colour; below it the plan has no walls."""
+_LEAST_SHARE, _LEAST_PEAK = 0.005, 0.0005
+"""Smallest share of the plan in the walls' colour, and in its most common shade; below them the
+plan has no walls."""
 _TOLERANCE = 14
 """Difference of a channel from the walls' colour, as that of compressed images."""
 _WINDOW, _LEAST_FILLED = 1.2, 0.08
@@ -61,11 +62,13 @@ def _solid(floor_plan: NDArray[np.uint8]) -> Mask:
     order = np.argsort(bright)
     upper = bright[order][np.searchsorted(np.cumsum(counts[found][order]), 0.98 * codes.size)]
     dark = bright <= _DARK * upper
-    if not dark.any() or counts[found][dark].max() < _LEAST_SHARE * codes.size:
-        return np.zeros(codes.shape, dtype=np.bool_)
+    nothing = np.zeros(codes.shape, dtype=np.bool_)
+    if not dark.any() or counts[found][dark].max() < _LEAST_PEAK * codes.size:
+        return nothing
     colour = colours[dark][counts[found][dark].argmax()]
     low, high = np.clip(colour - _TOLERANCE, 0, 255), np.clip(colour + _TOLERANCE, 0, 255)
-    return np.asarray(((floor_plan >= low) & (floor_plan <= high)).all(axis=-1))
+    solid = np.asarray(((floor_plan >= low) & (floor_plan <= high)).all(axis=-1))
+    return solid if solid.mean() >= _LEAST_SHARE else nothing
 
 
 def _without_specks(solid: Mask, metre: float) -> Mask:

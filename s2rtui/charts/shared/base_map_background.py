@@ -20,6 +20,7 @@ from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
 from s2rtui.canvas.block_symbols import BlockCells, SymbolSet, cells_of, fit_blocks
+from s2rtui.canvas.colour import ANSI_16
 from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, line_dots
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.base_map_floor import (
@@ -80,7 +81,7 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
         bright = luma(floor) if canvas.theme.dark else 1 - luma(floor)
         colours = mix(np.array(canvas.theme.background), np.nan_to_num(floor), 0.6)
         if canvas.options.supports_images:
-            colours[:] = canvas.theme.faint
+            colours[:] = ANSI_16[8 if canvas.theme.dark else 7]
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
         draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(ground, frame)
@@ -117,7 +118,7 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, walls: Bools) -> None:
-    """Dotted outlines of rooms, except in cells with walls; in ASCII only their corners."""
+    """Dotted outlines of rooms, except beside walls; in ASCII only their corners."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
         (x0, y0), (x1, y1) = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]]).tolist()
@@ -128,7 +129,10 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, walls: Boo
             continue
         lines = [(corners[start], corners[end]) for start, end in ((0, 1), (2, 3), (0, 2), (1, 3))]
         dots |= line_dots(lines, canvas.width, canvas.height, every=3)
-    dots &= ~np.repeat(np.repeat(walls, 4, axis=0), 2, axis=1)
+    beside = np.pad(walls, 1)
+    beside[:, 1:-1] |= beside[:, :-2] | beside[:, 2:]
+    beside[1:-1] |= beside[:-2] | beside[2:]
+    dots &= ~np.repeat(np.repeat(beside[1:-1, 1:-1], 4, axis=0), 2, axis=1)
     draw_braille(canvas, dots, canvas.theme.muted)
 
 
