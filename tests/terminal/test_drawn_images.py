@@ -67,6 +67,7 @@ def test_runs_of_every_length_are_decoded(length: int) -> None:
     np.testing.assert_array_equal(decoded(reduced), row)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 256), st.integers(0, 9))
 def test_up_to_256_colours_change_by_the_rounding_to_percent_alone(colours: int, seed: int) -> None:
     image = noise((20, 30), colours, seed)
