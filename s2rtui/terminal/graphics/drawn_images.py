@@ -14,7 +14,7 @@ from hashlib import blake2b
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics.image_strips import Span, uncovered
 from s2rtui.terminal.graphics.iterm2_protocol import inline_file
-from s2rtui.terminal.graphics.png import MAX_BYTES, png_within_limit, reduced_size
+from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
 from s2rtui.terminal.graphics.sixel import BAND, quantised, sixels
 
 _SAVE, _RESTORE = "\x1b7", "\x1b8"
@@ -88,7 +88,7 @@ class Iterm2Images(DrawnImages):
 
     def encode(self, image: InlineImage, size: Size) -> bytes:
         """The sequence with the PNG."""
-        content = png_within_limit(image, size, MAX_BYTES)
+        content = png_within_limit(image, size)
         return inline_file(content, (image.width, image.height)).encode("ascii")
 
 

@@ -9,7 +9,7 @@ from secrets import choice
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics import kitty_protocol
 from s2rtui.terminal.graphics.image_strips import Span, uncovered
-from s2rtui.terminal.graphics.png import MAX_BYTES, png_within_limit, reduced_size
+from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
 
 NUMBERS = 32
 """Images that the terminal holds at most; at most half of them are shown."""
@@ -42,7 +42,7 @@ class KittyImages:
 
     def encode(self, image: InlineImage, size: Size) -> bytes:
         """The image as PNG."""
-        return png_within_limit(image, size, MAX_BYTES)
+        return png_within_limit(image, size)
 
     def show(self, content: bytes, cells: Size, shown: Set[object]) -> int:
         """Send the image under a number that is not shown."""

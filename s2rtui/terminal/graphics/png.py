@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from s2rtui.canvas import InlineImage, Pixels, Size
+from s2rtui.terminal.graphics.sixel import quantised
 
 MOST = 256
 """Colours of a palette at most."""
@@ -19,7 +20,9 @@ MAX_PIXELS = 256 * 256
 MAX_DRAWN_PIXELS = 1 << 20
 """Pixels at most of an image that is drawn for its box."""
 MAX_BYTES = 96 * 1024
-"""Bytes of a PNG at most; base64 makes it a third larger on the wire."""
+"""Bytes of a photograph's PNG at most; base64 makes it a third larger on the wire."""
+MAX_DRAWN_BYTES = 4 * MAX_BYTES
+"""Bytes of a drawing's PNG at most."""
 _HEADER, _END = slice(16, 29), 33
 """The data of the header chunk, and its end."""
 _COLOUR_TYPE, _PALETTE = 9, b"\x03"
@@ -49,14 +52,24 @@ def reduced_size(image: InlineImage, cell: Size) -> Size:
     return max(1, int(rows * share)), max(1, int(columns * share))
 
 
-def png_within_limit(image: InlineImage, size: Size, limit: int) -> bytes:
-    """Encode the image in `size` (height, width), reduced until it has at most `limit` bytes."""
-    encoded = png(image.pixels(size))
-    while len(encoded) > limit:
-        share = 0.98 * (limit / len(encoded)) ** 0.5
+def png_within_limit(image: InlineImage, size: Size) -> bytes:
+    """Encode the image in `size` (height, width), reduced until it has at most `MAX_BYTES`.
+
+    A drawing is quantised to a palette, which makes it four times smaller, and reduced until it
+    has at most `MAX_DRAWN_BYTES`.
+    """
+    limit = MAX_BYTES if image.shape else MAX_DRAWN_BYTES
+
+    def encoded(size: Size) -> bytes:
+        pixels = image.pixels(size)
+        return png(pixels if image.shape else quantised(pixels).pixels)
+
+    content = encoded(size)
+    while len(content) > limit:
+        share = 0.98 * (limit / len(content)) ** 0.5
         size = max(1, int(size[0] * share)), max(1, int(size[1] * share))
-        encoded = png(image.pixels(size))
-    return encoded
+        content = encoded(size)
+    return content
 
 
 def _written(values: NDArray[np.uint8]) -> bytes:
