@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from s2rtui.canvas import InlineImage, Pixels, Size
-from s2rtui.terminal.graphics.sixel import quantised
+from s2rtui.terminal.graphics.sixel import PaletteImage, from_percent, quantised
 
 MOST = 256
 """Colours of a palette at most."""
@@ -39,6 +39,18 @@ def png(pixels: Pixels) -> bytes:
     return _coloured(grey, palette.astype(np.uint8).tobytes())
 
 
+def palette_png(image: PaletteImage) -> bytes:
+    """Encode an image that has a palette."""
+    grey = from_percent(image.palette) @ np.array([2, 5, 1])
+    order = np.argsort(
+        grey, kind="stable"
+    )  # neighbouring numbers look alike, which PNG filters use
+    place = np.empty(len(order), dtype=np.uint8)
+    place[order] = np.arange(len(order))
+    palette = from_percent(image.palette)[order]
+    return _coloured(_written(place[image.indices]), palette.tobytes())
+
+
 def reduced_size(image: InlineImage, cell: Size) -> Size:
     """(height, width) to send to a terminal that scales images.
 
@@ -62,7 +74,7 @@ def png_within_limit(image: InlineImage, size: Size) -> bytes:
 
     def encoded(size: Size) -> bytes:
         pixels = image.pixels(size)
-        return png(pixels if image.shape else quantised(pixels).pixels)
+        return png(pixels) if image.shape else palette_png(quantised(pixels))
 
     content = encoded(size)
     while len(content) > limit:
