@@ -151,7 +151,8 @@ def cells_of(
 ) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
     """The characters (h, w) of a mask (rows h, columns w), and where they are not blank."""
     bits = 1 << np.arange(symbols.pixels)
-    patterns = (_by_cell(mask[..., None], symbols)[..., 0] * bits).sum(axis=-1)
+    inked = _by_cell(mask.astype(np.uint8)[..., None], symbols)[..., 0]
+    patterns = (inked * bits).sum(axis=-1)
     shape = mask.shape[0] // symbols.rows, mask.shape[1] // symbols.columns
     return symbols.characters[patterns].reshape(shape), (patterns > 0).reshape(shape)
 
@@ -179,7 +180,7 @@ def fit_blocks(pixels: Pixels, symbols: SymbolSet, background: Rgb) -> BlockCell
     return BlockCells(char.reshape(shape), fg.reshape(*shape, 3), bg.reshape(*shape, 3))
 
 
-def _by_cell(pixels: NDArray[np.generic], symbols: SymbolSet) -> NDArray[np.generic]:
+def _by_cell(pixels: Pixels, symbols: SymbolSet) -> Pixels:
     """(rows h, columns w, C) to (h * w, pixels of a cell, C)."""
     high, wide = pixels.shape[0] // symbols.rows, pixels.shape[1] // symbols.columns
     parts = pixels[: high * symbols.rows, : wide * symbols.columns].reshape(

@@ -9,7 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, symbol_discs
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_discs
 from s2rtui.terminal.capabilities import Terminal, detect
 from s2rtui.user_data.user_data_dir import user_data_dir
 
@@ -51,17 +51,19 @@ def terminal(detected: Terminal | None = None) -> Rows:
         ("colours", f"{detected.mode.value}: {detected.reason}"),
         ("theme", f"{detected.theme.name}: {detected.theme_reason}"),
         ("characters", "ASCII" if detected.ascii else "Unicode"),
-        *([] if detected.ascii else [("symbols", _symbols(detected.symbols))]),
+        ("symbols", "ASCII" if detected.ascii else detected.symbols),
         ("graphics", _graphics(detected)),
         ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
         ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
     ]
 
 
-def _symbols(chosen: Symbols) -> str:
-    """Samples of each set of block characters: discs, which a font without them breaks."""
-    samples = [f"{name} {symbol_discs(symbols, 1)}" for name, symbols in SYMBOL_SETS.items()]
-    return f"{chosen} by option, setting or default; discs: {', '.join(samples)}"
+def symbol_samples(detected: Terminal) -> Rows:
+    """A disc of each set of block characters, which a font without them breaks."""
+    if detected.ascii:
+        return []
+    discs = (f"{name} {symbol_discs(symbols, 1)}" for name, symbols in SYMBOL_SETS.items())
+    return [("whole discs?", ", ".join(discs))]
 
 
 def _graphics(detected: Terminal) -> str:

@@ -122,7 +122,6 @@ _SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int], None]], ...] = (
     ("sim, real, truth", _roles),
     ("a scale, low to high", _scale),
     ("a picture", _picture),
-    ("half blocks: discs", _symbols("half")),
     ("quadrants: discs", _symbols("quadrant")),
     ("sextants: discs", _symbols("sextant")),
     ("octants: discs", _symbols("octant")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +22,7 @@ from s2rtui.canvas import (
     RenderOptions,
     Rgb,
     Size,
+    Theme,
     heading_arrow,
     legible,
     turbo,
@@ -44,6 +46,7 @@ from s2rtui.charts.shared.base_map_pixels import (
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
+    Scale,
     colour_bar,
     draw_rows,
     fit_rows,
@@ -181,7 +184,7 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
     if (digits := ramp_for_values(canvas.options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
-    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), canvas.theme)
+    canvas.fg[rows[known], columns[known]] = point_colours(canvas.theme)(shares[known])
 
 
 def draw_pose(
@@ -238,8 +241,14 @@ def value_legend(
     """The colour bar of the points' values."""
     ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
     values = data.value_label, data.value_unit, model.value_range
-    clipped = data.value_range is None
-    return [colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)]
+    clipped, colours = data.value_range is None, point_colours(options.theme)
+    return [colour_bar(*values, options, length, colours, ramp, width, clipped)]
+
+
+@lru_cache(4)
+def point_colours(theme: Theme) -> Scale:
+    """The colours of points by value, 0 .. 1, as a theme shows them."""
+    return lambda shares: legible(turbo(shares), theme)
 
 
 def map_legend(

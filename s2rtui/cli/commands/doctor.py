@@ -27,7 +27,8 @@ def execute(options: argparse.Namespace) -> int:
         from s2rtui.terminal.graphics.probe import probe_terminal
 
         terminal = replace(terminal, graphics=probe_terminal(terminal))
-    rows = [*diagnostics.machine(), *diagnostics.terminal(terminal), *diagnostics.packages()]
+    rows = [*diagnostics.machine(), *diagnostics.terminal(terminal)]
+    rows += [*diagnostics.symbol_samples(terminal), *diagnostics.packages()]
     if options.store:
         rows += diagnostics.of_store(options.store)
     output.write(("what", "state"), rows, options)

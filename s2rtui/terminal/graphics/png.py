@@ -40,11 +40,9 @@ def png(pixels: Pixels) -> bytes:
 
 
 def palette_png(image: PaletteImage) -> bytes:
-    """Encode an image that has a palette."""
+    """Encode an image that has a palette, sorted by brightness for PNG's filters."""
     grey = from_percent(image.palette) @ np.array([2, 5, 1])
-    order = np.argsort(
-        grey, kind="stable"
-    )  # neighbouring numbers look alike, which PNG filters use
+    order = np.argsort(grey, kind="stable")
     place = np.empty(len(order), dtype=np.uint8)
     place[order] = np.arange(len(order))
     palette = from_percent(image.palette)[order]
