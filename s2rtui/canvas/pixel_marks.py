@@ -85,8 +85,8 @@ def stamped(top: Levels, shape: Grid) -> Levels:
         values = np.broadcast_to(top[rows, columns][:, None], at.shape)
         np.maximum.at(padded.reshape(-1), at.reshape(-1), values.reshape(-1))
         return padded[size : size + height, size : size + width]
-    for down, across in np.argwhere(shape).tolist():
-        part = padded[down : down + height, across : across + width]
+    for y, x in np.argwhere(shape).tolist():
+        part = padded[y : y + height, x : x + width]
         np.maximum(part, top, out=part)
     return padded[size : size + height, size : size + width]
 

@@ -75,9 +75,10 @@ class MapPicture:
         segments = [((a[0], a[1]), (b[0], b[1])) for a, b in known.tolist()]
         self.image = draw_lines(self.image, segments, colour, max(1, round(self.radius / 3)))
 
-    def pose(self, role: str, point: ArrayLike, heading: float | None) -> None:
+    def pose(self, role: str, point: Sequence[float] | Floats, heading: float | None) -> None:
         """Draw a ring in the colour of a role, with its heading where it is known."""
-        (x, y), down = self.places([point])[0].tolist(), 1 if self.frame.y_down else -1
+        x, y = self.places(np.asarray(point, dtype=np.float64)[None])[0].tolist()
+        down = 1 if self.frame.y_down else -1
         if not np.isfinite([x, y]).all():
             return
         turn = None if heading is None or not np.isfinite(heading) else heading * down
