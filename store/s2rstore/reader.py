@@ -74,10 +74,10 @@ class Store(DatasetReader):
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
 
-        `NO_RUN` gives blank columns where the data set has no poses.
+        `NO_RUN` gives blank columns where no run is computed.
         """
         with self._lock:
-            if run == NO_RUN and not self.has_poses and run not in self._runs_columns:
+            if run == NO_RUN and not self.has_computed_run and run not in self._runs_columns:
                 self._runs_columns[run] = column_loader.unpredicted(len(self.instances))
             if run not in self._runs_columns:
                 if self.run(run).key is None:

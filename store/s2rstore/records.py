@@ -16,6 +16,8 @@ DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
 
+ARCHIVES = ("torchscript", "torch.export")
+"""Architectures whose weights file holds the network, too."""
 NO_RUN = ""
 """Stands for the run in a data set without poses, which has none."""
 
@@ -223,6 +225,11 @@ class Model:
     convention: str
     trained_by: str | None
     input: dict[str, Any] | None = None
+
+    @property
+    def needs_trust(self) -> bool:
+        """Whether loading it executes code that comes with it."""
+        return self.architecture in ARCHIVES or ":" in self.architecture
 
     @property
     def channels(self) -> str:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets.dataset_config import (
+    BoundsTable,
+    DatasetConfig,
+    DatasetTable,
+    DomainTable,
+    FieldOfViewCamera,
+    IntrinsicsCamera,
+    RoomTable,
+)
+from s2rtools.datasets.files.path_containment import PathContainment
 from tests.datasets.helpers import ingest, kinds
 from tests.support import pairs
 
@@ -189,6 +201,12 @@ def test_problems_of_a_manifest_are_reported(tmp_path: Path, old: str, new: str,
         ("[bounds]", "[bounds", "data.toml"),
         ("[domains.real]", "[domains.elsewhere]", "domains.real"),
         ("width = 64", "width = 0", "rgb.width: expected a number > 0, got 0"),
+        ("y_down", "y_donw", "data.toml: y_donw: unknown key; did you mean y_down?"),
+        ("x1 = 8.0", "x1 = 8.0\nxx1 = 1.0", "data.toml: bounds.xx1: unknown key; did you mean x1"),
+        ("[[rooms]]", "[[rooms]]\nnmae = 1", r"rooms\[0\].nmae: unknown key; known: room, rect"),
+        ("camera_height", "camera_hight", "sim.camera_hight: unknown key; did you mean camera_h"),
+        ("hfov = 80.0", "hfov = 80.0, pich = 2", "sim.rgb.pich: unknown key; did you mean pitch"),
+        ("hfov = 80.0", "hfov = 80.0, fx = 20", "sim.rgb.fx: unknown key"),
         ("hfov = 80.0", "hfov = 180.0", "hfov: expected a number <= 179, got 180"),
         ("hfov = 80.0", "fx = 10", "sim.rgb.fy: missing"),
         ("depth = { hfov = 80.0 }", "depth = 3", "sim.depth: expected a table, got 3"),
@@ -202,7 +220,7 @@ def test_problems_of_a_manifest_are_reported(tmp_path: Path, old: str, new: str,
         ("y_down = true", 'y_down = "no"', 'y_down: expected true or false, got "no"'),
         ("accuracy_scale = 10.0", "accuracy_scale = -1.0", "accuracy_scale: expected a number > 0"),
         ("y_down = true", "y_down = true\nrecorded_at = 4", "recorded_at: expected a table"),
-        ('room = "west"', 'title = "west"', r"rooms\[0\].room: missing"),
+        ('room = "west"', "", r"rooms\[0\].room: missing"),
         ("[0.0, 0.0, 4.0, 6.0]", "[0.0, 0.0, 4.0]", "a list of length 4, got 3"),
         (
             "[0.0, 0.0, 4.0, 6.0]",
@@ -227,3 +245,29 @@ def test_a_depth_image_of_another_type_is_skipped(tmp_path: Path) -> None:
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == 11
         assert store.frame(0, "sim").depth.dtype == np.uint8
+
+
+def test_the_example_of_a_header_in_the_documentation_is_valid(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/how-to/your-data.md").read_text()
+    (example,) = (
+        block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[domains.sim]" in block
+    )
+    (tmp_path / "lab.toml").write_text(example)
+    config = DatasetConfig(tmp_path / "lab.toml")
+    assert config.domain("sim", (256, 256)).kind == "sim"
+    assert config.domain("real", (256, 256)).depth_raw_max == 10_000
+    assert config.image_sizes("real") == ((480, 640), (240, 320))
+    scan = config.empty_scan(tmp_path, (256, 256), PathContainment(tmp_path, False))
+    assert [room.room for room in scan.rooms] == ["hall", "hall"]
+    used = set(re.findall(r"^\s*(\w+) =|[{,] (\w+) =", example, re.M))
+    named = {first or second for first, second in used}
+    tables = (
+        DatasetTable,
+        BoundsTable,
+        RoomTable,
+        DomainTable,
+        FieldOfViewCamera,
+        IntrinsicsCamera,
+    )
+    keys = {field.name for table in tables for field in msgspec.structs.fields(table)}
+    assert keys - {"bounds", "recorded_at", "rooms", "domains"} <= named

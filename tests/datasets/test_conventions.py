@@ -27,7 +27,7 @@ from s2rtools.datasets.conventions.convention_check import (
     ConventionCheck,
     check_conventions,
 )
-from s2rtools.datasets.conventions.convention_report import PICTURE, doubts
+from s2rtools.datasets.conventions.convention_report import PICTURE, _moving, doubts
 from s2rtools.datasets.conventions.depth_frames import DepthFrames, DepthPoints
 from s2rtools.datasets.importers import synthetic_world
 from s2rtools.datasets.scan import Scan
@@ -167,7 +167,7 @@ def test_an_append_checks_its_instances_before_it_publishes_them(tmp_path: Path)
     negated = [replace(record, heading=-record.heading) for record in records[first:]]
     scan.trajectories["traj1"] = records[:first] + negated
     before = layout.read_current(path)
-    with pytest.raises(RequestError, match=r"convention doubtful .* with heading negated"):
+    with pytest.raises(RequestError, match=r"convention doubtful: .* with heading negated"):
         append(scan, path, "test", True, lambda count: None)
     assert layout.read_current(path) == before
     scan.issues.clear()
@@ -191,3 +191,10 @@ def test_verify_notes_doubtful_conventions(
     (note,) = verified(store).notes
     assert note.startswith("domain real: depth is sharper")
     assert note.endswith(PICTURE)
+
+
+def test_frames_ten_centimetres_apart_are_compared_despite_rounding() -> None:
+    poses = [(0.1 * number, 0.0, 0.0) for number in range(40)]
+    turns = [(0.0, 0.0, np.radians(5 * number)) for number in range(40)]
+    for each in (poses, turns):
+        assert len(_moving(each, lambda pose: pose)) == 40

@@ -290,9 +290,10 @@ def test_unusable_images_are_reported_and_left_out(
         cv2.imwrite(str(file), np.zeros((24, 32, 3), dtype=np.uint8))
     more = "--tolerance", "0.45m,10deg"
     assert ingest(sim, real, tmp_path / "s.s2r", *more) == 0
-    errors = capsys.readouterr().err
+    out, errors = capsys.readouterr()
     assert f"{kind}: 1" in errors
-    assert "image-0004.png" in errors
+    assert f"  sim: walk/{'depth/' if damage == 'depth' else ''}image-0004.png" in errors
+    assert f"; 1 of {N} pairs left out" in out
     with s2rstore.open(tmp_path / "s.s2r") as store:
         assert len(store.instances) == N - 1
     assert verify(tmp_path / "s.s2r") == []
@@ -322,6 +323,45 @@ def test_unusable_requests_end_in_one_line(
     assert len(errors) == 1
     assert words in errors[0]
     assert not (tmp_path / "s.s2r").exists()
+
+
+def test_a_strict_ingest_lists_all_issues(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = recordings.walk(N)
+    sim = recordings.write(tmp_path / "sim", recordings.side(truth, np.arange(3, N)))
+    real = recordings.write(tmp_path / "real", recordings.side(truth))
+    cut = [f"walk/image-{number:04d}.png" for number in range(6, 16)]
+    for name in cut:
+        (real / name).write_bytes((real / name).read_bytes()[:-400])
+    assert ingest(sim, real, tmp_path / "s.s2r", "--strict", "--match", "name") == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert "truncated image: 10" in lines
+    assert [line.split()[1] for line in lines if line.startswith("  real: ")] == cut
+    assert lines[-1].endswith("; 12 more issues; nothing was ingested")
+    assert not (tmp_path / "s.s2r").exists()
+
+
+def test_recordings_without_times_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    timeless = recordings.side(recordings.walk(N))
+    timeless = replace(timeless, times={"walk": [math.nan] * N})
+    sim = recordings.write(tmp_path / "sim", timeless)
+    real = recordings.write(tmp_path / "real", recordings.side(recordings.walk(N)))
+    assert ingest(sim, real, tmp_path / "s.s2r", "--match", "time") == 2
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert "the sim recording (layout test) has no times; match by pose or name" in line
+
+
+def test_a_description_of_a_camera_is_no_calibration_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sim, real, _ = loose_recordings(tmp_path)
+    (tmp_path / "cam.toml").write_text("[camera]\nwidth = 32\nheight = 24\nhfov = 90\n")
+    more = "--match", "name", "--header", str(tmp_path / "cam.toml")
+    assert ingest(sim, real, tmp_path / "s.s2r", *more) == 2
+    assert "camera=FILE" in capsys.readouterr().err
 
 
 def test_a_calibration_file_gives_bounds_and_rooms(tmp_path: Path) -> None:
@@ -382,7 +422,7 @@ def test_poses_of_different_worlds_are_not_compared(tmp_path: Path) -> None:
     assert names == [(f"b/{i}.png", f"b/{i}.png") for i in range(N - 1)]
     assert {each.nearest[:2] for each in found.unmatched} <= {"", "b/"}
     (issue,) = [each for each in found.scan.issues if each.kind == "several worlds"]
-    assert issue.file == "real"
+    assert issue.file == "real: real"
 
 
 def test_align_refuses_several_worlds(tmp_path: Path) -> None:

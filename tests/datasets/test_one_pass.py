@@ -136,7 +136,8 @@ def test_the_hash_of_a_data_set_is_that_of_one_json_document(tmp_path: Path) -> 
     scan = ingest("csv", pairs.manifest(tmp_path / "data", n=12), tmp_path / "s.s2r")
     rows = []
     for name in sorted(scan.trajectories):
-        for seq, record in enumerate(scan.trajectories[name]):
+        for position, record in enumerate(scan.trajectories[name]):
+            seq = position if record.seq is None else record.seq
             sums = {d: s.checksum(scan, scan.domains[d]) for d, s in record.sources.items()}
             rows.append((name, seq, record.x, record.y, record.heading, sums))
     domains = [asdict(domain) for domain in scan.domains.values()]

@@ -172,3 +172,35 @@ def test_unknown_architectures_list_the_known_ones(tmp_path):
     torch.save({}, tmp_path / "m.pth")
     with pytest.raises(RequestError, match="posest, resposenet"):
         read_weights(tmp_path / "m.pth", "resnet")
+
+
+class Opaque(torch.nn.Module):
+    """Takes RGB images of 8 x 8 and returns 4 numbers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layer = torch.nn.Linear(4 * 64, 4)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.layer(x.flatten(1))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("kind", ["torchscript", "torch.export", "state dict"])
+def test_a_file_of_another_kind_is_recognised(tmp_path: Path, kind: str) -> None:
+    file, module, x = tmp_path / "m.pt", Opaque().eval(), torch.zeros(1, 4, 8, 8)
+    if kind == "torchscript":
+        torch.jit.trace(module, x).save(str(file))
+    elif kind == "torch.export":
+        torch.export.save(torch.export.export(module, (x,)), file)
+    else:
+        torch.save(module.state_dict(), file)
+    for architecture in {"torchscript", "torch.export", "posest"} - {kind}:
+        if kind == "state dict" and architecture == "posest":
+            continue
+        with pytest.raises(RequestError) as error:
+            read_weights(file, architecture, trust=True)
+        expected = (
+            "name its architecture: --arch posest" if kind == "state dict" else f"--arch {kind}"
+        )
+        assert expected in str(error.value)

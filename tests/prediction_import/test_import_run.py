@@ -214,7 +214,7 @@ def test_rows_that_cannot_be_used_are_reported_with_their_lines(
     assert "  p.csv:10 side 'left', not sim or real" in lines
     assert "  p.csv:9 iid 99: the store holds 0 .. 23" in lines
     assert "  ... and 3 more" in lines
-    assert "  p.csv:5 (sim) x, y or heading is not a number" in lines
+    assert "  p.csv:5 (sim) no number in x" in lines
     assert "  p.csv:8 (sim) beyond 1e+06 m or 1e+06 rad" in lines
     assert "  p.csv:50 (sim) repeats instance 0 of p.csv:2 (sim), which is used" in lines
     assert report.counts == {"sim": N - 6, "real": N, "both": N - 6}
@@ -246,7 +246,7 @@ def test_rows_of_a_tum_file_that_cannot_be_used(store: Path, tmp_path: Path) -> 
     text = "\n".join(report.issues.lines())
     assert "s.tum:2 7 values; TUM has 8" in text
     assert "s.tum:3 length 2" in text
-    assert "s.tum:4 (sim) x, y or heading is not a number" in text
+    assert "s.tum:4 (sim) no number in " in text
     assert "s.tum:5 the nearest instance is 67.7 s away" in text
     assert "s.tum:6 another row is nearer to instance 1" in text
     assert report.counts == {"sim": 2, "real": 1, "both": 1}
@@ -449,3 +449,86 @@ def test_what_needs_a_network_says_so(store: Path, tmp_path: Path) -> None:
             opened.array("theirs", "embedding", "sim")
         with pytest.raises(NotComputedError, match="run `s2r precompute`"):
             opened.array("theirs", "pixel_difference", None, "rgb")
+
+
+def _in_unit(store: Path, path: Path, per_metre: float) -> Path:
+    made = make(store)
+    scale = [per_metre, per_metre, 1]
+    return write_csv(path, Made(made.sim * scale, made.real * scale))
+
+
+def test_a_wrong_unit_of_lengths_is_told_with_the_one_that_fits(
+    store: Path, tmp_path: Path
+) -> None:
+    (warning,) = run_import(store, _in_unit(store, tmp_path / "p.csv", 1000), units="m").warnings
+    assert f"positions in m: {2 * N} of {2 * N} predictions lie more than 10 m" in warning
+    assert "with --units mm it would be 0.2" in warning
+
+
+def test_positions_that_all_fall_on_one_point_of_the_map_are_told(
+    store: Path, tmp_path: Path
+) -> None:
+    (warning,) = run_import(store, _in_unit(store, tmp_path / "p.csv", 1), units="mm").warnings
+    assert "positions in mm: the median position error is" in warning
+    assert "off the map" not in warning
+    assert "with --units m it would be 0.2" in warning
+
+
+@pytest.mark.parametrize("per_metre", [1, 100, 1000])
+def test_right_units_of_lengths_give_no_warning(
+    store: Path, tmp_path: Path, per_metre: float
+) -> None:
+    assert run_import(store, _in_unit(store, tmp_path / "p.csv", per_metre)).warnings == ()
+
+
+def test_a_few_predictions_far_off_the_map_are_counted(store: Path, tmp_path: Path) -> None:
+    made = make(store)
+    made.real[3, :2] = 400, -90
+    (warning,) = run_import(store, write_csv(tmp_path / "p.csv", made)).warnings
+    assert f"1 of {2 * N} predictions lie more than 10 m" in warning
+    assert "--units" not in warning
+
+
+@pytest.mark.parametrize("is_wide", [False, True])
+def test_a_side_without_numbers_is_told_with_columns_and_first_line(
+    store: Path, tmp_path: Path, is_wide: bool
+) -> None:
+    made = make(store)
+    made.real[:, 1] = np.nan
+    path = tmp_path / "p.csv"
+    if is_wide:
+        names = ("iid", *(f"{side}_{name}" for side in SIDES for name in ("x", "y", "heading")))
+        write_rows(path, names, [(i, *made.sim[i], *made.real[i]) for i in range(N)])
+    else:
+        write_csv(path, made)
+    column, line = ("real_y", 2) if is_wide else ("y", N + 2)
+    with pytest.raises(RequestError) as error:
+        run_import(store, path)
+    assert str(error.value).endswith(
+        f"(sim {N}, real 0); real: {N} of its {N} rows in p.csv have no number "
+        f"(columns {column}; the first is p.csv:{line})"
+    )
+
+
+def test_sides_of_different_instances_are_told(store: Path, tmp_path: Path) -> None:
+    names = ("iid", "side", "x", "y", "heading")
+    path = write_rows(tmp_path / "p.csv", names, [(0, "sim", 1, 1, 0), (1, "real", 1, 1, 0)])
+    with pytest.raises(RequestError, match="the instances of both sides differ"):
+        run_import(store, path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("iid;side;x;y\n0;sim;1;1\n", "p.csv:1: columns are separated by semicolons; separate"),
+        ("id,a,b\n1,2,3\n", r"add a column side or domain.*\(has: id, a, b\)"),
+        ("side,x,y\nsim,1,1\n", r"add a column iid.*\(has: side, x, y\)"),
+        ("iid,side,a,b\n0,sim,1,1\n", "needs columns x, y and heading.*; has iid, side, a, b"),
+    ],
+)
+def test_other_columns_are_told_with_those_that_are_needed(
+    store: Path, tmp_path: Path, content: str, message: str
+) -> None:
+    (tmp_path / "p.csv").write_text(content)
+    with pytest.raises(RequestError, match=message):
+        run_import(store, tmp_path / "p.csv")

@@ -41,7 +41,9 @@ EXAMPLE = "s2r demo --out demo-out --workers 4"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("demo-out"),
                         help="folder for store and images (default demo-out)")  # fmt: skip
-    parser.add_argument("--workers", type=int, default=1, help="worker processes (default 1)")
+    parser.add_argument(
+        "--workers", type=int, help="worker processes (default: as many as pay off)"
+    )
     parser.add_argument("--no-open", action="store_true", help="do not open the application")
     parser.add_argument("--minutes", type=float,
                         help="time per training (default 2; with --data 1.5)")  # fmt: skip
@@ -98,7 +100,7 @@ def execute(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Raise RequestError for options that a later stage would refuse."""
-    if options.workers < 1:
+    if options.workers is not None and options.workers < 1:
         raise RequestError(f"--workers {options.workers}: must be at least 1")
     if options.minutes is not None and not 0 < options.minutes < 10_000:
         raise RequestError(f"--minutes {options.minutes:g}: must be more than 0")
@@ -124,7 +126,7 @@ def _world_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     if options.retrain or options.seed != _PRETRAINED_SEED:
         yield from _live_training(options, store, world)
     if not _read(store, _is_complete):
-        yield _Stage(("precompute", path, "--workers", str(options.workers)))
+        yield _Stage(("precompute", path, *_workers(options)))
         yield _Stage(("score", path, "--instances", str(_SCORED_INSTANCES), "--quiet"))
 
 
@@ -231,7 +233,12 @@ def _data_stages(options: argparse.Namespace, store: Path) -> Iterator[_Stage]:
     for name, chain in adjustments:
         arguments = ("run", "add", name, "--model", "vanilla", "--adjust", chain, "--store", path)
         yield _Stage(arguments, name)
-    yield _Stage(("precompute", path, "--workers", str(options.workers)))
+    yield _Stage(("precompute", path, *_workers(options)))
+
+
+def _workers(options: argparse.Namespace) -> list[str]:
+    """The option for the number of worker processes, if one was given."""
+    return [] if options.workers is None else ["--workers", str(options.workers)]
 
 
 def _has_run(store: Path, run: str) -> bool:

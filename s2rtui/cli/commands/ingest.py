@@ -17,6 +17,8 @@ from s2rtui.cli import interrupts, pair_arguments
 from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
+_LISTED_STRICT = 100
+"""Issues of a kind that are listed where they are why the input is refused."""
 _DEFAULT_SIZE = 256
 _DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"
@@ -104,7 +106,7 @@ def execute(options: argparse.Namespace) -> int:
     try:
         return _append(scan, options) if options.append else _build(scan, options)
     finally:
-        _print_issues(scan.issues)
+        _print_issues(scan.issues, options.strict)
 
 
 def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
@@ -120,7 +122,7 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
             made.write_report(options.report)
         return _build(made.scan, options)
     finally:
-        _print_issues(made.scan.issues)
+        _print_issues(made.scan.issues, options.strict)
 
 
 def _print_outside_folders(scan: Any) -> None:
@@ -154,7 +156,9 @@ def _build(scan: Any, options: argparse.Namespace) -> int:
         domains = ", ".join(store.domains)
         trajectories = ", ".join(f"{t.trajectory} ({t.instances})" for t in store.trajectories)
         count = len(store.instances)
-    print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}")
+    total = sum(len(records) for records in scan.trajectories.values())
+    left_out = f"; {total - count} of {total} {scan.unit}s left out" if count < total else ""
+    print(f"{options.store}: {count} instances in {domains}; trajectories {trajectories}{left_out}")
     return 0
 
 
@@ -215,13 +219,14 @@ def _command() -> str:
     return shlex.join(["s2r", *sys.argv[1:]])
 
 
-def _print_issues(issues: list[Any]) -> None:
+def _print_issues(issues: list[Any], is_strict: bool) -> None:
+    most = _LISTED_STRICT if is_strict else _LISTED_FILES
     kinds: dict[str, list[Any]] = {}
     for issue in issues:
         kinds.setdefault(issue.kind, []).append(issue)
     for kind, members in kinds.items():
         print(f"{kind}: {len(members)}", file=sys.stderr)
-        for issue in members[:_LISTED_FILES]:
+        for issue in members[:most]:
             print(printable(f"  {issue.file} {issue.detail}".rstrip()), file=sys.stderr)
-        if len(members) > _LISTED_FILES:
-            print(f"  ... and {len(members) - _LISTED_FILES} more", file=sys.stderr)
+        if len(members) > most:
+            print(f"  ... and {len(members) - most} more", file=sys.stderr)

@@ -13,7 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = actions.add_parser("add", help="register a weights file")
     add.add_argument("name", help="name of the model")
     add.add_argument(
-        "file", type=Path, help="state dict (.pt, .pth), .safetensors file or TorchScript module"
+        "file",
+        type=Path,
+        help="state dict (.pt, .pth), .safetensors file, or an archive of "
+        "TorchScript or torch.export (.pt2)",
     )
     add.add_argument("--arch", required=True,
                      help="architecture: posest or resposenet; with --trust also torchscript, "

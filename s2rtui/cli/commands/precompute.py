@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "instances stay where they are")  # fmt: skip
     add("--trust", action="store_true", help="allow model formats that execute code")
     add = parser.add_argument_group("execution").add_argument
-    add("--workers", type=int, default=1, help="worker processes (default 1)")
+    add("--workers", type=int, help="worker processes (default: as many as pay off)")
     add("--backend", default="auto",
         help="what runs the network: torch, torch-bfloat16, openvino, openvino-float32, cuda, "
         "cuda-float16, cuda-bfloat16, or auto (default): that of the run so far, else the fastest "
@@ -37,7 +37,7 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.progress == "json":
         end_with_parent()
-    if options.workers < 1:
+    if options.workers is not None and options.workers < 1:
         raise RequestError(f"--workers {options.workers}: must be at least 1")
     kinds = tuple(options.kinds.split(",")) if options.kinds else None
     with reporter(options.progress) as progress:

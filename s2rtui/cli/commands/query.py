@@ -7,6 +7,7 @@ import sys
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.records import NO_RUN
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 
@@ -17,7 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", help="store folder")
     parser.add_argument("expression", help="selection, for example 'worst15 & room:right - @done'")
     add = parser.add_argument_group("selection").add_argument
-    add("--run", help="run whose errors the expression refers to (default: the first)")
+    add(
+        "--run",
+        help="run whose errors the expression refers to (default: the first that is computed; "
+        "without one, expressions of the ground truth work)",
+    )
     add("--trajectory", action="append", help="select from this trajectory only (repeatable)")
     add("--count", action="store_true", help="print only the number of instances")
     add("--columns", metavar="F,...",
@@ -34,7 +39,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
-        run = store.run_name(options.run)
+        is_without_run = options.run is None and not store.has_computed_run
+        run = NO_RUN if is_without_run else store.run_name(options.run)
         known = [trajectory.trajectory for trajectory in store.trajectories]
         for name in options.trajectory or ():
             if name not in known:

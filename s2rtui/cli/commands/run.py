@@ -7,6 +7,8 @@ import shlex
 import sys
 from pathlib import Path
 
+import s2rstore
+
 EXAMPLE = """s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r
   s2r run import theirs --predictions theirs.csv --store lab.s2r"""
 
@@ -69,7 +71,11 @@ def _add(options: argparse.Namespace) -> int:
             chains[side] += steps
     run = add_run(options.store, options.name, options.model, options.sim, options.real, chains,
                   options.force)  # fmt: skip
-    print(f"{options.store}: run {run} registered; next: `s2r precompute {options.store}`")
+    with s2rstore.open(options.store) as store:
+        trust = " --trust" if store.models[options.model].needs_trust else ""
+    command = f"s2r precompute {shlex.quote(str(options.store))}{trust}"
+    why = ", which executes the code of its model" if trust else ""
+    print(f"{options.store}: run {run} registered; next: `{command}`{why}")
     return 0
 
 

@@ -36,6 +36,8 @@ def execute(options: argparse.Namespace) -> int:
             if run.key is None:
                 figures: list[object] = [None] * 9
                 note = "not computed: s2r precompute"
+                if run.model in store.models and store.models[run.model].needs_trust:
+                    note += " --trust (its model executes code)"
             else:
                 sides = [run_metrics.side_metrics(store, run.run, side) for side in SIDES]
                 baseline = round(100 * run_metrics.baseline_accuracy(store, run.run), 1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.language import evaluation, expand, fields, parse, to_text
 from s2rstore.reader import Store
-from s2rstore.records import SPLITS
+from s2rstore.records import NO_RUN, SPLITS
 from s2rtui.user_data.notebook import Notes, Remark
 
 COLUMNS = (
@@ -21,6 +21,8 @@ COLUMNS = (
     "degrees(real_heading_error) AS real_heading_error",
 )  # fmt: skip
 """Default columns, as SQL on `pair`."""
+TRUTH_COLUMNS = COLUMNS[:7]
+"""Default columns where no run is computed."""
 OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
 """Further default columns where some pairs are loose."""
 IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp")
@@ -86,7 +88,8 @@ def selected_rows(
     """
     notes = notes or Notes()
     name = store.run_name(run)
-    default: tuple[str, ...] = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    default: tuple[str, ...] = COLUMNS if name != NO_RUN else TRUTH_COLUMNS
+    default = default if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
     if columns is None and selected is not None:
         rows = _rows_of(store, name, np.flatnonzero(selected), default)
@@ -131,6 +134,9 @@ def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], 
         return lambda iid: " ".join(notes.remarks.get(iid, Remark()).tags) or None
     if name == "note":
         return lambda iid: notes.remarks.get(iid, Remark()).note or None
+    is_field = name in fields.TEXT or name in fields.NUMERIC
+    if run == NO_RUN and store.has_poses and is_field and not fields.is_truth(name):
+        raise RequestError(f"--columns {name}: needs predictions: {store.no_run}")
     if name in fields.TEXT:
         text = fields.TEXT[name]
         truth = store.instances

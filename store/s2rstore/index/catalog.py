@@ -300,12 +300,28 @@ class IndexCatalog:
         if name is None:
             computed = [run for run in self.runs.values() if run.key]
             if not computed:
-                raise RequestError(f"{self.path}: no computed run; `s2r precompute` makes them")
+                raise RequestError(f"{self.path}: {self.no_run}")
             return computed[0]
         if name not in self.runs:
             known = ", ".join(self.runs) or "none"
             raise RequestError(f"run {name!r}: not in {self.path} (runs: {known})")
         return self.runs[name]
+
+    @property
+    def has_computed_run(self) -> bool:
+        """Whether a run has predictions."""
+        return any(run.key for run in self.runs.values())
+
+    @property
+    def no_run(self) -> str:
+        """What to do about a store without a computed run."""
+        if self.runs:
+            names = ", ".join(self.runs)
+            return f"no run is computed ({names}); `s2r precompute {self.path}` computes them"
+        return (
+            "no run; register one of a model (`s2r run add`, then `s2r precompute`), or import "
+            "predictions (`s2r run import`)"
+        )
 
     def has_table(self, table: str) -> bool:
         """Whether the index has an optional table."""
@@ -313,8 +329,13 @@ class IndexCatalog:
         return self.execute(query, [table]) != [(0,)]
 
     def run_name(self, name: str | None = None) -> str:
-        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name."""
-        return NO_RUN if not name and not self.has_poses else self.run(name).run
+        """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name.
+
+        `NO_RUN` is itself a name where no run is computed: that of instances without predictions.
+        """
+        if not name and not self.has_poses:
+            return NO_RUN
+        return NO_RUN if name == NO_RUN and not self.has_computed_run else self.run(name).run
 
     def missing_columns(self, table: str) -> frozenset[str]:
         """The columns that an index of an earlier release does not have."""

@@ -166,12 +166,20 @@ TABLES: tuple[Table, ...] = (
         "iid",
         ("iid", "INTEGER", "identity, 0 .. N-1"),
         ("trajectory", "VARCHAR", "recording"),
-        ("seq", "INTEGER", "position in the recording"),
+        (
+            "seq",
+            "INTEGER",
+            "number in the trajectory, ascending: that of the manifest, else the position, from 0",
+        ),
         ("x", "DOUBLE", "ground truth, m"),
         ("y", "DOUBLE", "ground truth, m"),
         ("heading", "DOUBLE", "ground truth, rad; forward = (cos, sin)"),
         ("room", "VARCHAR", "room of the ground truth; NULL = none"),
-        ("curvature", "DOUBLE", "heading change from seq - 3 to seq + 3, degrees"),
+        (
+            "curvature",
+            "DOUBLE",
+            "heading change from 3 instances before to 3 after, degrees",
+        ),
         ("odom_x", "DOUBLE", "the robot's own odometry, in its own frame, m"),
         ("odom_y", "DOUBLE", "the robot's own odometry, in its own frame, m"),
         ("odom_heading", "DOUBLE", "the robot's own odometry, in its own frame, rad"),
@@ -427,7 +435,7 @@ def _pair_view(missing: frozenset[str] = frozenset()) -> str:
 def unpredicted(missing: Collection[str] = ()) -> str:
     """A relation with the columns of view `pair` and a row per instance, without predictions.
 
-    It takes the place of that view in a data set without poses; `run` is `records.NO_RUN`.
+    It takes the place of that view where no run is computed; `run` is `records.NO_RUN`.
     `missing` are columns of table `instance` that the index does not have.
     """
     types = {

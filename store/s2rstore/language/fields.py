@@ -54,7 +54,7 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
 
 NUMERIC: dict[str, Numeric] = {
     "iid": Numeric("iid", "iid", "", "the instance's number"),
-    "seq": Numeric("seq", "instances.seq", "", "position in the recording"),
+    "seq": Numeric("seq", "instances.seq", "", "number in the trajectory"),
     "x": Numeric("x", "instances.x", "m", "ground truth"),
     "y": Numeric("y", "instances.y", "m", "ground truth"),
     "heading": Numeric("heading", "instances.heading", "degrees", "ground truth", _DEGREE, True),

@@ -183,7 +183,10 @@ def test_unusable_headings_are_reported(recording, heading: str) -> None:
     ("content", "text"),
     [
         ("", "no rows"),
-        ("rgb,depth,x,y\n", "no rows"),
+        ("rgb,depth,x,y,heading\n", "no rows"),
+        ("rgb;depth;x;y;heading\na;b;1;2;3\n", "separated by semicolons"),
+        ("rgb,depth,x,yy,heading\na,b,1,2,3\n", "no column y (has: rgb, depth, x, yy, heading;"),
+        ("trajectory,seq,domain,rgb,depth,x,y,heading\n", "`s2r ingest csv` reads"),
         ("rgb,depth,x,y\na,b,1,2\n", "no column heading"),
         ("depth,x,y,heading\na,1,2,3\n", "no column rgb"),
         ("rgb,x,y,z,qx,qy,qz\na,1,2,3,0,0,0\n", "no column qw"),
@@ -224,6 +227,7 @@ CAMERA = "[camera]\nwidth = 32\nheight = 24\n"
         ("camera = 3\n", "camera"),
         ("", "camera"),
         ("= x", "TOML"),
+        ("name = 'a'\n[bounds]\nx0 = 1\n", "a configuration of `s2r ingest csv`"),
     ],
 )
 def test_unusable_descriptions_are_refused(recording, text: str, key: str, one_line) -> None:

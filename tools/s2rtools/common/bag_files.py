@@ -45,10 +45,14 @@ def unreadable(path: Path, error: Exception, memory: int = READING_MEMORY) -> Re
     if isinstance(error, MemoryError):
         limit = f"{memory >> 20} MB"
         return RequestError(f"{path}: reading it takes more than {limit}; split it")
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return RequestError(
-        f"{path}: cannot be read as a ROS bag ({reason}); copy it again, or reindex it"
-    )
+    text = " ".join(str(error).split())
+    if "not supported" in text:
+        reason = f"{text.rstrip('.')}; record or convert it in another format"
+    elif "index" in text.lower():
+        reason = "its index is missing or damaged; copy it again, or reindex it"
+    else:
+        reason = "it is damaged, cut short or of another format; copy it again"
+    return RequestError(f"{path}: cannot be read as a ROS bag: {reason}")
 
 
 def _check_tables(path: Path) -> None:

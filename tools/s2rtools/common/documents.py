@@ -99,6 +99,7 @@ def _resolve(
             expected = _TYPES.get(actual_type or "")
             name = next((str(k) for k, v in data.items() if type(v) is expected), next(iter(data)))
         if number:
+            kind = next(iter(typing.get_args(kind)), kind)
             data, key = data[int(number)], f"{key}[{number}]"
         else:
             kind = _field_type(kind, name)

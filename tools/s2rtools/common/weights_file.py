@@ -7,7 +7,7 @@ import pickle
 import re
 import struct
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,14 @@ _COPIES, _EXTRA_BYTES = 4, 16 << 20
 """Copies of the parameters in a file (float64, optimizer moments), and bytes in addition."""
 _UNPICKLING_BYTES = 64 << 20
 """Memory for unpickling, in addition to the tensors."""
+_STATE_DICT = "state dict"
+_ARCHIVE_ENTRIES = {
+    "torch.export": re.compile(r"(.*/)?(models/.*\.json|serialized_exported_program\.(json|pt))"),
+    "torchscript": re.compile(r"[^/]+/(constants\.pkl|code/.*)"),
+    _STATE_DICT: re.compile(r"[^/]+/data\.pkl"),
+}
+"""Entries by which a file of torch is recognised, in this order."""
+_ARCHIVE_NAMES = {"torchscript": "TorchScript archive", "torch.export": "torch.export archive"}
 _WRAPPER_KEYS = ("state_dict", "model", "model_state_dict", "net")
 _DECODING_ERRORS = (
     SafetensorError, RuntimeError, EOFError, MemoryError, ValueError, TypeError, LookupError,
@@ -60,7 +68,10 @@ def read_weights_file(path: Path, max_bytes: int) -> bytes:
 
 
 def check_archive(path: Path, content: bytes) -> None:
-    """Raises RequestError for an archive whose entries are compressed, or larger than itself."""
+    """Raises RequestError for an archive that is no state dict, or whose entries are unusable.
+
+    That is, compressed, or larger than itself.
+    """
     if not content.startswith(b"PK"):
         return
     try:
@@ -68,10 +79,41 @@ def check_archive(path: Path, content: bytes) -> None:
             entries = archive.infolist()
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as error:
         raise RequestError(f"{path}: a damaged archive ({error}); copy it again") from error
+    kind = _kind(entry.filename for entry in entries)
+    if kind in _ARCHIVE_NAMES:
+        raise RequestError(
+            f"{path}: a {_ARCHIVE_NAMES[kind]}, not a state dict; add it with --arch {kind} "
+            "--trust, which executes its code"
+        )
     if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
         raise RequestError(f"{path}: its entries are compressed, which torch never writes")
     if sum(entry.file_size for entry in entries) > len(content):
         raise RequestError(f"{path}: its entries declare more bytes than the file has")
+
+
+def check_archive_kind(path: Path, content: bytes, architecture: str) -> None:
+    """Raise RequestError where a file of torch is recognised as that of another architecture."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            kind = _kind(archive.namelist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError):
+        return
+    if kind == _STATE_DICT:
+        raise RequestError(
+            f"{path}: a state dict, not a {_ARCHIVE_NAMES[architecture]}; name its architecture: "
+            "--arch posest, resposenet or module:factory"
+        )
+    if kind not in (None, architecture):
+        raise RequestError(f"{path}: a {_ARCHIVE_NAMES[kind]}; use --arch {kind}")
+
+
+def _kind(names: Iterable[str]) -> str | None:
+    """What the entries of a file of torch make it: a key of `_ARCHIVE_ENTRIES`."""
+    listed = list(names)
+    for kind, pattern in _ARCHIVE_ENTRIES.items():
+        if any(pattern.fullmatch(name) for name in listed):
+            return kind
+    return None
 
 
 def read_state(path: Path, content: bytes) -> dict[str, Tensor]:

@@ -11,6 +11,8 @@
                                 camera_height, forward_offset, depth_scale, depth_raw_min,
                                 depth_raw_max, source = { ... }  (optional)
 
+`source` in [bounds] and in a domain says where the figures come from. Unknown keys are refused.
+
 Angles in degrees, intrinsics in pixels of the original images with pixel i covering [i, i + 1).
 If depth images have another size than RGB images, set `width` and `height` in `rgb` and `depth`.
 Errors name the file, the key and the allowed values.
@@ -45,20 +47,21 @@ _MIN_EXTENT = 0.01
 _RAW_MAX = 65535
 
 
-class BoundsTable(Struct):
-    """Edges of the map, metres."""
+class BoundsTable(Struct, forbid_unknown_fields=True):
+    """Edges of the map, metres; `source` says where they come from, and is not stored."""
 
     x0: Coordinate
     y0: Coordinate
     x1: Coordinate
     y1: Coordinate
+    source: str = ""
 
     def __post_init__(self) -> None:
         if self.x1 - self.x0 < _MIN_EXTENT or self.y1 - self.y0 < _MIN_EXTENT:
             raise ValueError("x1 and y1 must be larger than x0 and y0, by 1 cm")
 
 
-class RoomTable(Struct):
+class RoomTable(Struct, forbid_unknown_fields=True):
     """A room and the rectangles (x0, y0, x1, y1) that it consists of, metres."""
 
     room: str
@@ -71,7 +74,7 @@ class RoomTable(Struct):
             raise ValueError(f"room {self.room!r}: x1, y1 must be larger than x0, y0")
 
 
-class CameraTable(Struct, kw_only=True):
+class CameraTable(Struct, kw_only=True, forbid_unknown_fields=True):
     """A camera with one field of view, or with intrinsics; pitch in degrees."""
 
     width: Positive
@@ -102,7 +105,7 @@ class CameraTable(Struct, kw_only=True):
         return Intrinsics(fx * columns, fy * rows, cx * columns, cy * rows, pitch)
 
 
-class FieldOfViewCamera(CameraTable, kw_only=True):
+class FieldOfViewCamera(CameraTable, kw_only=True, forbid_unknown_fields=True):
     hfov: Degrees
 
     def intrinsics(self) -> tuple[float, float, float, float]:
@@ -110,7 +113,7 @@ class FieldOfViewCamera(CameraTable, kw_only=True):
         return focal, focal, self.width / 2, self.height / 2
 
 
-class IntrinsicsCamera(CameraTable, kw_only=True):
+class IntrinsicsCamera(CameraTable, kw_only=True, forbid_unknown_fields=True):
     fx: Positive
     fy: Positive
     cx: Coordinate
@@ -120,8 +123,8 @@ class IntrinsicsCamera(CameraTable, kw_only=True):
         return self.fx, self.fy, self.cx, self.cy
 
 
-class DomainTable(Struct):
-    """A domain without its cameras."""
+class DomainTable(Struct, forbid_unknown_fields=True):
+    """A domain; its cameras are converted from `width`, `height`, `rgb` and `depth`."""
 
     kind: str
     camera_height: Coordinate
@@ -130,6 +133,10 @@ class DomainTable(Struct):
     depth_raw_min: Coordinate = 1
     depth_raw_max: Coordinate = _RAW_MAX - 1
     source: dict[str, str] = {}
+    width: Any = None
+    height: Any = None
+    rgb: Any = None
+    depth: Any = None
 
     def __post_init__(self) -> None:
         if self.kind not in ("sim", "real"):
@@ -138,7 +145,7 @@ class DomainTable(Struct):
             raise ValueError(f"0 <= depth_raw_min <= depth_raw_max <= {_RAW_MAX}")
 
 
-class DatasetTable(Struct):
+class DatasetTable(Struct, forbid_unknown_fields=True):
     """The keys of the file; `domains` are converted when they are needed."""
 
     name: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +26,10 @@ class InputIssue:
     kind: str
     file: str
     detail: str = ""
+
+    def of_side(self, side: str) -> InputIssue:
+        """The same issue of one of two recordings, which may have files of equal names."""
+        return replace(self, file=f"{side}: {self.file}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,8 @@ class InstanceRecord:
     In a data set without poses x, y and heading are NaN, and only some domains have a frame: the
     same ones in all instances of a trajectory. `frame_poses` are given by domain where the images
     of an instance come from recordings; without them every frame has the pose of the instance.
+    `seq` is the number that the source gives the instance within its trajectory, ascending; None
+    where the source gives none.
     """
 
     x: float
@@ -122,6 +128,7 @@ class InstanceRecord:
     odometry: tuple[float, float, float] | None = None
     timestamp: float | None = None
     frame_poses: Mapping[str, FramePose] = field(default_factory=dict)
+    seq: int | None = None
 
     @property
     def pair_offset(self) -> tuple[float, float]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from torch.nn import functional
+import math
+
+import torch
+from torch import Tensor
 
 from s2rtools.heatmaps.heatmap_method import (
     HeatArrays,
@@ -30,6 +33,14 @@ class FeatureDistance(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> HeatArrays:
         sim, real = pair.features("sim"), pair.features("real")
-        cosine = functional.cosine_similarity(sim, real, dim=1, eps=1e-8).clamp(-1, 1)
-        distance = (1 - cosine) * (sim - real).abs().mean(dim=1)
-        return {(None, None): distance.cpu().numpy()}
+        return {(None, None): feature_difference(sim, real).cpu().numpy()}
+
+
+def feature_difference(sim: Tensor, real: Tensor) -> Tensor:
+    """(1 - cosine) * mean |sim - real| over the channels of features (B, F, h, w), (B, h, w).
+
+    Norms are at least 1e-8. The fastest with channels last in memory.
+    """
+    norms = (torch.linalg.vector_norm(x, dim=1).clamp_min(1e-8) for x in (sim, real))
+    cosine = torch.einsum("bfhw,bfhw->bhw", sim, real) / math.prod(norms)
+    return (1 - cosine.clamp(-1, 1)) * (sim - real).abs().mean(dim=1)

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from s2rstore.records import SIDES
+from s2rtools.heatmaps.feature_distance import feature_difference
 from s2rtools.heatmaps.harmonization import COLOUR_FLOOR
 from s2rtools.heatmaps.heatmap_method import (
     HeatArrays,
@@ -108,8 +108,7 @@ class HarmonisedDistance(_HarmonisedKind):
         sim, real = (preprocess(rgb, depth, 1.0, contract, depth > 0) for rgb, depth in images)
         with torch.inference_mode():
             a, b = (_early_features(pair.model, torch.from_numpy(x)) for x in (sim, real))
-            cosine = functional.cosine_similarity(a, b, dim=1, eps=1e-8).clamp(-1, 1)
-            distance = (1 - cosine) * (a - b).abs().mean(dim=1)
+            distance = feature_difference(a, b)
         return np.asarray(distance.cpu().numpy(), dtype=np.float32)
 
 
@@ -143,7 +142,8 @@ class HarmonisedDifference(_HarmonisedKind, ImageHeatmapKind):
 def _early_features(model: LoadedModel, x: Tensor) -> Tensor:
     assert model.network.early is not None
     device = next(model.network.parameters()).device
-    features: Tensor = model.network.early(x.to(device))
+    images = x.to(device).contiguous(memory_format=torch.channels_last)
+    features: Tensor = model.network.early(images)
     return features
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from s2rstore.geometry import angles
 from s2rstore.records import SIDES
@@ -25,7 +26,7 @@ from s2rtools.incremental_inference import (
 )
 from s2rtools.inference import Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
-from s2rtools.models.pose_network import LoadedModel
+from s2rtools.models.pose_network import LoadedModel, PoseNetwork
 
 _MODES: dict[str, tuple[Mode, ...]] = {
     "rgb": ("rgb",), "depth": ("depth",), "rgbd": ("rgb", "depth", "rgbd"),
@@ -208,7 +209,8 @@ def _recompute_differences(
     """Like `_recompute_locally`, by differences in the precision of the graph."""
     base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     output = graph.graph.output
-    features = base.outputs[output]
+    features, network = base.outputs[output], backend.model.network
+    embed = _embedding_of_changes(network, features)
     modes = len(occlusion_modes(backend.model))
     poses = np.empty((len(inputs), len(patches), modes, 3))
     regions = [graph.graph.affected_regions(patch, base) for patch in patches]
@@ -223,12 +225,47 @@ def _recompute_differences(
             base, torch.stack(content, dim=1), [regions[number] for number in numbers]
         )
         for position, number in enumerate(numbers):
-            target = regions[number][output]
-            full = features[:, None].repeat(1, modes, 1, 1, 1)
-            full[..., target.r0 : target.r1, target.c0 : target.c1] += changes[:, position]
-            changed_poses = _poses(backend, full.flatten(0, 1))
-            poses[:, number] = changed_poses.reshape(len(inputs), modes, 3)
+            raw = network.head(embed(changes[:, position], regions[number][output]).flatten(0, 1))
+            poses[:, number] = backend.pose(raw).reshape(len(inputs), modes, 3)
     return _poses(backend, features), poses
+
+
+Embed = Callable[[Tensor, PixelRegion], Tensor]
+
+
+def _embedding_of_changes(network: PoseNetwork, features: Tensor) -> Embed:
+    """Function (N, M, C, h, w), region -> (N, M, D): embeddings of the changed features.
+
+    It takes changes of a region of `features` (N, C, fh, fw). Where the embedding is an average
+    pool, only the change is pooled.
+    """
+    pool = network.average_pool
+
+    def embed(changes: Tensor, region: PixelRegion) -> Tensor:
+        full = features[:, None].repeat(1, changes.shape[1], 1, 1, 1)
+        full[..., region.r0 : region.r1, region.c0 : region.c1] += changes
+        return network.embed(full.flatten(0, 1)).unflatten(0, changes.shape[:2])
+
+    if pool is None:
+        return embed
+    unchanged = network.embed(features)
+    sides = pool.output_size if isinstance(pool.output_size, tuple) else (pool.output_size,) * 2
+    lengths = zip(features.shape[-2:], sides, strict=True)
+    rows, columns = (_pool_weights(n, n if side is None else side, features) for n, side in lengths)
+
+    def pooled(changes: Tensor, region: PixelRegion) -> Tensor:
+        vertical, horizontal = rows[:, region.r0 : region.r1], columns[:, region.c0 : region.c1]
+        means = torch.einsum("nmchw,ih,jw->nmcij", changes, vertical, horizontal)
+        return unchanged[:, None] + means.flatten(2)
+
+    return pooled
+
+
+def _pool_weights(length: int, outputs: int, like: Tensor) -> Tensor:
+    """Weights (outputs, length) of an adaptive average pool along one axis."""
+    return functional.adaptive_avg_pool1d(
+        torch.eye(length, dtype=like.dtype, device=like.device)[None], outputs
+    )[0].T
 
 
 def _batches(graph: LocalGraph, regions: list[dict[str, PixelRegion]]) -> list[list[int]]:

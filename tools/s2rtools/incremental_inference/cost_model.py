@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import torch
 
-from s2rtools.incremental_inference.graph import LocalGraph, Operation
+from s2rtools.incremental_inference.graph import LocalGraph, Operation, convolve_directly
 from s2rtools.incremental_inference.regions import PixelRegion
 
 ELEMENT = 20.0
@@ -29,7 +29,7 @@ def local_cost(
     `image` is the shape of the image: channels, rows and columns.
     """
     with torch.inference_mode():
-        base = graph.compute_base(torch.zeros(1, *image), sums=True)
+        base = graph.compute_base(torch.zeros(1, *image), convolve_directly)
     regions = [graph.affected_regions(patch, base) for patch in patches]
     batches = len({graph.batch_signature(affected) for affected in regions})
     full = local = 0.0

@@ -15,7 +15,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from s2rtools.incremental_inference.graph import BaseOutputs, Convolution, LocalGraph, Operation
+from s2rtools.incremental_inference.graph import (
+    BaseOutputs,
+    LocalGraph,
+    Operation,
+    convolve_directly,
+)
 from s2rtools.incremental_inference.regions import PixelRegion
 from s2rtools.incremental_inference.winograd import KERNEL, WinogradConvolution
 
@@ -35,19 +40,19 @@ class DifferenceGraph:
 
     def compute_base(self, x: Tensor) -> BaseOutputs:
         """Run the trunk on unchanged images in float32, as the base of later calls."""
-        base = self.graph.compute_base(x, sums=True)
         if not self._weights:
-            self._weights = self._converted_weights(base)
+            self._weights = self._converted_weights(
+                self.graph.compute_base(x[:1], convolve_directly)
+            )
             if x.device.type == "cpu":
                 self._winograd = {
-                    step.name: WinogradConvolution(self._weights[step.name])
+                    step.name: WinogradConvolution(step.convolution.weight)
                     for step in self.graph.steps
                     if step.convolution is not None
                     and step.convolution.is_dense
                     and step.convolution.weight.shape[2:] == (KERNEL, KERNEL)
-                    and self._weights[step.name].dtype == torch.float32
                 }
-        return base
+        return self.graph.compute_base(x, self._convolve)
 
     def _converted_weights(self, base: BaseOutputs) -> dict[str, Tensor]:
         """The weights of every convolution in the precision in which it is computed."""
@@ -92,7 +97,7 @@ class DifferenceGraph:
         canvas = self._canvas(step, step.inputs[0], parts[step.inputs[0]], regions, weight.dtype)
         assert part is not None
         assert step.windows is not None
-        change = self._linear(step.name, part, canvas, weight).float()
+        change = self._linear(step, canvas, weight).float()
         strides = [w.stride // s for w, s in zip(step.windows, part.strides, strict=True)]
         height, width = change.shape[-2:]
         corners = [(r[step.name].r0 * strides[0], r[step.name].c0 * strides[1]) for r in regions]
@@ -102,13 +107,20 @@ class DifferenceGraph:
         after = part.after(_channels_second(changed.flatten(0, 2)))
         return _minus(after, base.outputs[step.name], [r[step.name] for r in regions], lead)
 
-    def _linear(self, name: str, part: Convolution, canvas: Tensor, weight: Tensor) -> Tensor:
-        """The convolution of differences without bias."""
-        if winograd := self._winograd.get(name):
-            height, width = (side - KERNEL + 1 for side in canvas.shape[-2:])
+    def _convolve(self, step: Operation, x: Tensor) -> Tensor:
+        """The convolution of unchanged values (N, C, h, w) in float32, without bias."""
+        assert step.convolution is not None
+        return self._linear(step, x, step.convolution.weight)
+
+    def _linear(self, step: Operation, x: Tensor, weight: Tensor) -> Tensor:
+        """A convolution without padding and bias, in the precision of `weight`."""
+        assert step.convolution is not None
+        winograd = self._winograd.get(step.name)
+        if winograd is not None and weight.dtype == torch.float32:
+            height, width = (side - KERNEL + 1 for side in x.shape[-2:])
             if (tile := winograd.tile((height, width))) is not None:
-                return winograd(canvas, tile)
-        return part.linear(canvas, weight)
+                return winograd(x, tile)
+        return step.convolution.linear(x, weight)
 
     def _pointwise(
         self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,

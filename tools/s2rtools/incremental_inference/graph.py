@@ -96,6 +96,16 @@ class BaseOutputs:
     sums: dict[str, Tensor]
 
 
+Convolve = Callable[[Operation, Tensor], Tensor]
+"""Convolution of an operation's padded input (N, C, h, w), without bias."""
+
+
+def convolve_directly(step: Operation, x: Tensor) -> Tensor:
+    """The convolution of an operation by its own function."""
+    assert step.convolution is not None
+    return step.convolution.linear(x, step.convolution.weight)
+
+
 class LocalGraph:
     """A traced trunk in evaluation mode for incremental recomputation."""
 
@@ -139,10 +149,10 @@ class LocalGraph:
         """Name under which the input image stands among the outputs of operations."""
         return self._input
 
-    def compute_base(self, x: Tensor, sums: bool = False) -> BaseOutputs:
+    def compute_base(self, x: Tensor, convolve: Convolve | None = None) -> BaseOutputs:
         """Run the trunk on unchanged images, as the base of later calls.
 
-        With `sums`, the outputs of the convolutions are kept for `recompute_differences`.
+        With `convolve`, which computes the convolutions without bias, their outputs are kept.
         """
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
@@ -152,10 +162,12 @@ class LocalGraph:
             if step.windows is not None:
                 values = [_pad(values[0], *step.windows, step.fill)]
                 padded[step.name] = values[0]
-            if sums and step.convolution is not None:
-                part = step.convolution
-                kept[step.name] = part.linear(values[0], part.weight, part.bias)
-                outputs[step.name] = part.after(kept[step.name])
+            if convolve is not None and step.convolution is not None:
+                part, result = step.convolution, convolve(step, values[0])
+                if part.bias is not None:
+                    result = result + part.bias[:, None, None]
+                kept[step.name] = result
+                outputs[step.name] = part.after(result)
             else:
                 outputs[step.name] = step.call(*values)
         return BaseOutputs(outputs, padded, kept)

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from s2rstore.errors import RequestError
 from s2rstore.files import layout, safe_files
 from s2rstore.reader import Store
+from s2rstore.records import ARCHIVES
 from s2rtools.common.weights_file import (
     MAX_TORCHSCRIPT_BYTES,
     check_archive,
@@ -23,7 +24,7 @@ from s2rtools.models import ARCHITECTURES, build_network
 from s2rtools.models.conventions import parse_convention
 from s2rtools.models.input_contract import InputContract, InputOverride, contract_of
 from s2rtools.models.pose_network import LoadedModel, PoseNetwork
-from s2rtools.models.torchscript import ARCHIVES, OpaqueNetwork
+from s2rtools.models.torchscript import OpaqueNetwork
 
 
 def load_model(store: Store, name: str, trust: bool = False) -> LoadedModel:

@@ -14,7 +14,13 @@ from s2rstore.files import atomic_writes, layout
 from s2rstore.files.input_files import check_regular, read_bytes
 from s2rstore.files.ledger import Ledger
 from s2rstore.index.transaction import IndexTransaction, edit
-from s2rtools.common.weights_file import MAX_TORCHSCRIPT_BYTES, read_state, read_weights_file
+from s2rstore.records import ARCHIVES
+from s2rtools.common.weights_file import (
+    MAX_TORCHSCRIPT_BYTES,
+    check_archive_kind,
+    read_state,
+    read_weights_file,
+)
 from s2rtools.models import ARCHITECTURES
 from s2rtools.models.conventions import OutputConvention, parse_convention
 from s2rtools.models.input_check import output_width
@@ -27,7 +33,7 @@ from s2rtools.models.load_model import (
     stored_module,
 )
 from s2rtools.models.pose_network import PoseNetwork
-from s2rtools.models.torchscript import ARCHIVES, EXPORTED, TORCHSCRIPT, OpaqueNetwork
+from s2rtools.models.torchscript import EXPORTED, TORCHSCRIPT, OpaqueNetwork
 
 _SUFFIXES = {TORCHSCRIPT: ".torchscript", EXPORTED: ".pt2"}
 DEFAULT_CONVENTIONS = {name: network.convention for name, network in ARCHITECTURES.items()}
@@ -92,6 +98,7 @@ def read_weights(
     if architecture in ARCHIVES:
         require_trust(trust, architecture)
         content = read_bytes(path, MAX_TORCHSCRIPT_BYTES)
+        check_archive_kind(path, content, architecture)
         digest = hashlib.sha256(content).hexdigest()
         opaque = OpaqueNetwork.from_archive(architecture, content, str(path), None, override)
         suffix, outputs = _SUFFIXES[architecture], opaque.embedding_size

@@ -45,6 +45,11 @@ class PoseNetwork(nn.Module):
         """First convolution and activation, (B, C, h, w) -> (B, C', eh, ew); None if unknown."""
         return None
 
+    @property
+    def average_pool(self) -> nn.AdaptiveAvgPool2d | None:
+        """The layer whose flattened output `embed` returns, where it does nothing else."""
+        return None
+
     def embed(self, features: Tensor) -> Tensor:
         """(B, C, fh, fw) -> (B, embedding_size)."""
         raise NotImplementedError(f"{type(self).__name__}.embed")

@@ -58,6 +58,10 @@ class PosEst(PoseNetwork):
     def early(self) -> nn.Module:
         return self.conv_head[:3]
 
+    @property
+    def average_pool(self) -> nn.AdaptiveAvgPool2d:
+        return self.avgpool
+
     def embed(self, features: Tensor) -> Tensor:
         return torch.flatten(self.avgpool(features), 1)
 

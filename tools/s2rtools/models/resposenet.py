@@ -78,6 +78,10 @@ class ResPoseNet(PoseNetwork):
     def early(self) -> nn.Module:
         return self.backbone[:3]
 
+    @property
+    def average_pool(self) -> nn.AdaptiveAvgPool2d:
+        return self.pool
+
     def embed(self, features: Tensor) -> Tensor:
         return torch.flatten(self.pool(features), 1)
 

@@ -10,15 +10,13 @@ import torch
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
+from s2rstore.records import ARCHIVES
 from s2rtools.models.conventions import OutputConvention
 from s2rtools.models.input_check import last_line, output_width
 from s2rtools.models.input_contract import MAX_SIDE, InputContract, InputOverride
 from s2rtools.models.pose_network import PoseNetwork
 
-TORCHSCRIPT = "torchscript"
-EXPORTED = "torch.export"
-ARCHIVES = (TORCHSCRIPT, EXPORTED)
-"""Architectures whose weights file holds the network, too."""
+TORCHSCRIPT, EXPORTED = ARCHIVES
 DEFAULT_INPUT_SIZE = (256, 256)
 
 

@@ -54,18 +54,19 @@ def run_backends(
     requested: str,
     report_line: Callable[[str], None],
     check: Callable[[], None] = lambda: None,
+    threads: int = 0,
 ) -> RunBackends:
     """The recorded backends of a run; chosen, reported and recorded where there are none yet.
 
     A recorded choice is kept unless `requested` names another backend than that of the
-    predictions. `check` is called before it is recorded. Raises RequestError
-    for an unknown or inaccurate backend.
+    predictions. `check` is called before it is recorded. Backends are measured with `threads`, by
+    default torch's setting. Raises RequestError for an unknown or inaccurate backend.
     """
     requested = (os.environ.get(DEFAULT_VARIABLE) or AUTO) if requested == AUTO else requested
     inputs = _input_key(store, run)
     kept = _kept(store, run, requested, inputs)
-    sample = _Sample(store, run, trust)
-    chosen = kept or _choose(sample, requested, inputs)
+    sample = _Sample(store, run, trust, threads)
+    chosen = kept or _choose(sample, requested, inputs, kinds)
     if Occlusion.name in kinds and chosen.differences is None:
         named = str(chosen.facts.get("requested", requested))
         chosen = _with_differences(chosen, sample, named)
@@ -116,8 +117,10 @@ def _input_key(store: Store, run: Run) -> str:
 class _Sample:
     """The calibration batch: image pairs from places spread evenly over the data set."""
 
-    def __init__(self, store: Store, run: Run, trust: bool) -> None:
+    def __init__(self, store: Store, run: Run, trust: bool, threads: int) -> None:
+        """`threads` are those of the backends that are measured on it."""
         self._store, self._run, self._trust = store, run, trust
+        self.threads = threads
         self.instances = len(store.instances)
         self._frames: list[tuple[int, PairFrames]] | None = None
 
@@ -154,22 +157,31 @@ class _Sample:
             yield PairBatch(backend.model, backend, sim, real)
 
 
-def _choose(sample: _Sample, requested: str, inputs: str) -> RunBackends:
-    """Measure the backends, and the heatmaps that the chosen one gives, on the sample."""
+def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) -> RunBackends:
+    """Measure the backends, and the heatmaps that the chosen one gives, on the sample.
+
+    Where heatmaps of `kinds` need the passes of another backend than the fastest, `auto` takes the
+    predictions from these passes.
+    """
     if requested == Backend.name:
-        backend = open_backend(sample.model, requested)
+        backend = open_backend(sample.model, requested, sample.threads)
         return _backends(
             MeasuredBackend(backend, 1.0, 0.0, 0.0),
             backend,
             {"inputs": inputs, "requested": requested},
         )
-    measured = choose_backend(sample.model, sample.inputs(), requested)
+    measured = choose_backend(sample.model, sample.inputs(), requested, sample.threads)
     heat, facts = measured.backend, {"inputs": inputs, "requested": requested}
     if heat.precision not in (FLOAT32, "openvino f32"):
-        exact = open_float32(sample.model)
+        exact = open_float32(sample.model, sample.threads)
         error = _heatmap_error(sample, heat, exact)
         if error > HEATMAP_ERROR:
             heat = exact
+            uses_passes = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
+            if requested == AUTO and uses_passes and exact.device.type == "cpu":
+                facts["faster"] = BackendIdentity.of(measured.backend).label
+                facts["faster_speed"] = f"{measured.speed:.3g}"
+                measured = MeasuredBackend(exact, 1.0, 0.0, 0.0)
         else:
             facts["heatmap_error"] = f"{error:.2g}"
     return _backends(measured, heat, facts)
@@ -231,7 +243,9 @@ def _with_differences(backends: RunBackends, sample: _Sample, requested: str) ->
     kind, model = Occlusion(), sample.model
     enough = sample.instances >= _FEWEST_INSTANCES
     if requested == AUTO and enough and kind.suits(model) and kind.is_local(model):
-        error, speed = _reduced_differences(kind, sample, backends.heatmaps.open(model, 0))
+        error, speed = _reduced_differences(
+            kind, sample, backends.heatmaps.open(model, sample.threads)
+        )
         if error <= HEATMAP_ERROR and speed > SPEED_MARGIN:
             precision = BFLOAT16
             facts["occlusion_error"] = f"{error:.2g}"
@@ -298,7 +312,12 @@ def _summary(backends: RunBackends) -> str:
             f"at most {1000 * float(facts['metres']):.1g} mm and {degrees:.1g} degrees off"
         )
     text = ", ".join(parts)
-    if backends.heatmaps != backends.predictions:
+    if "faster" in facts:
+        text += (
+            f" (the heatmaps need its passes; {facts['faster']} is {facts['faster_speed']} x as "
+            "fast without them)"
+        )
+    elif backends.heatmaps != backends.predictions:
         text += f"; heatmaps in {backends.heatmaps.label}"
     elif "heatmap_error" in facts:
         text += f"; heatmaps {float(facts['heatmap_error']):.1%} off"

@@ -16,14 +16,41 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
-from s2rtools.common.processors import available_processors
+from s2rtools.common.processors import available_memory, available_processors
+from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.work_units import WorkUnit
 
 ComputeUnit = Callable[[WorkUnit], None]
 OpenWorker = Callable[[Path, int], ComputeUnit]
 
 _PR_SET_PDEATHSIG = 1
+_INSTANCES_PER_WORKER = 256
+"""Instances from which a further worker, which starts for some seconds, pays off."""
+_WORKER_BYTES = 2 * 2**30
 _compute_unit: ComputeUnit | None = None
+
+
+def usual_workers(instances: int) -> int:
+    """How many processes compute the units of some instances the fastest.
+
+    One thread in each of several processes computes networks faster than several threads in one
+    process. Limited by the processors, and by the available memory at 2 GB a process.
+    """
+    memory = available_memory()
+    limits = [available_processors(), instances // _INSTANCES_PER_WORKER]
+    if memory is not None:
+        limits.append(memory // _WORKER_BYTES)
+    return max(1, min(limits))
+
+
+def largest_first(units: Iterable[WorkUnit]) -> list[WorkUnit]:
+    """Units in the order in which several processes finish them the earliest."""
+
+    def key(unit: WorkUnit) -> tuple[bool, int]:
+        kind = HEATMAP_KINDS.get(unit.stage.name)
+        return kind is None or kind.cost != "many", -len(unit.instances)
+
+    return sorted(units, key=key)
 
 
 def run_units(

@@ -21,7 +21,7 @@ from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
-from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.executors import largest_first, run_units, usual_workers
 from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
@@ -50,12 +50,13 @@ class ProgressReporter(Protocol):
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
 
-    `refit` fits projections on all instances again. `backend` names that of the
+    `workers` is the number of processes, by default as many as pay off. `refit` fits projections on
+    all instances again. `backend` names that of the
     predictions; `auto` keeps the recorded one of a run, else it measures which is the fastest.
     """
 
     kinds: tuple[str, ...] | None = None
-    workers: int = 1
+    workers: int | None = None
     backend: str = "auto"
     trust: bool = False
     refit: bool = False
@@ -70,7 +71,8 @@ def precompute(
     """Compute and publish the named runs (all by default); return those that were published.
 
     Arrays that are published or that the ledger records are not computed again. Raises
-    StoreBusyError if another process computes, RequestError for unknown runs or kinds.
+    StoreBusyError if another process computes, RequestError for unknown runs or kinds, and after
+    the other runs for those whose model needs `options.trust`.
     """
     options = options or PrecomputeOptions()
     for kind in options.kinds or ():
@@ -85,11 +87,24 @@ def precompute(
         store.require_poses("precompute")
         names = [store.run(name).run for name in runs] or list(store.runs)
         if not names:
-            raise RequestError(f"{root}: no run to compute; `s2r run add` registers one")
-        return [
+            raise RequestError(f"{root}: {store.no_run}")
+        untrusted = [name for name in names if not options.trust and _needs_trust(store, name)]
+        published = [
             name for name in names
-            if _compute_run(current, name, kinds, options, reporter, lease)
+            if name not in untrusted
+            and _compute_run(current, name, kinds, options, reporter, lease)
         ]  # fmt: skip
+        if untrusted:
+            raise RequestError(
+                f"{root}: not computed: {', '.join(untrusted)}; loading the model executes code: "
+                "add --trust if you trust it"
+            )
+        return published
+
+
+def _needs_trust(store: Store, name: str) -> bool:
+    model = store.models.get(store.run(name).model or "")
+    return model is not None and model.needs_trust
 
 
 def _compute_run(
@@ -117,8 +132,16 @@ def _compute_run(
         return _compute_imported(current, run, kinds, options, reporter, lease)
     model = model_outline(current.get(), run.model, options.trust)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+    workers = options.workers or usual_workers(len(current.get().instances))
     backends = run_backends(
-        current.get(), run, options.trust, allowed, options.backend, reporter.say, lease.check
+        current.get(),
+        run,
+        options.trust,
+        allowed,
+        options.backend,
+        reporter.say,
+        lease.check,
+        max(1, available_processors() // workers),
     )
     store = current.get()
     planned = store.parts
@@ -252,11 +275,11 @@ def _compute_stages(
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
         total = sum(len(unit.instances) for unit in units)
         reporter.begin(f"{units[0].stage.run}: {label}", total)
-        workers = min(options.workers, len(units), available_processors())
+        workers = min(options.workers or usual_workers(total), len(units), available_processors())
         if backends is not None and any(unit.stage.is_network for unit in units):
             workers = backends.limit_workers(workers)
         opener = partial(UnitComputer, backends, options.trust)
-        for unit in run_units(root, units, opener, workers):
+        for unit in run_units(root, largest_first(units), opener, workers):
             lease.raise_if_lost()
             plan.finish(unit)
             reporter.advance(len(unit.instances))

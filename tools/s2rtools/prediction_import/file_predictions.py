@@ -48,6 +48,7 @@ class FilePredictions:
 
     `iids`, `sides` (indexes into `SIDES`), `rows` of the table and `splits` (indexes into
     `SPLITS`), each (n,); `poses` (n, 3): x, y in metres, heading in radians on the map.
+    `without_numbers` says of a side how many of its predictions have no number, and where.
     `row_sides` are those of all rows, None where a row has both. `facts` describe how the file was
     read, `summary` in one line.
     """
@@ -59,6 +60,7 @@ class FilePredictions:
     poses: Floats
     splits: NDArray[np.int8]
     row_sides: NDArray[np.int8] | None
+    without_numbers: dict[Side, str]
     facts: dict[str, Any]
     summary: str
     warnings: tuple[str, ...]
@@ -106,13 +108,19 @@ def read_predictions(
         options.tolerance, pose_units.TIMES[options.units.time], trajectory,
     )  # fmt: skip
     row_sides = None if is_wide else sides_found
-    entries = _usable(table, _entries(table, matches, row_sides))
+    found = _entries(table, matches, row_sides)
+    without_numbers = _without_numbers(table, found, is_wide)
+    entries = _usable(table, found, is_wide)
     length, angle = _units(table, entries, options.units, target)
     scale = np.array([length.scale, length.scale, angle.scale])
     entries = _first_of_each(table, _in_range(table, entries, entries.numbers * scale))
     poses = entries.numbers * scale
     convention, error, warnings = _convention(table, entries, poses[:, 2], angle, target, options)
     poses[:, 2] = pose_units.to_map(poses[:, 2], convention)
+    warnings += pose_units.length_warnings(
+        entries.numbers[:, :2], length.name, _truth(entries, target)[:, :2],
+        target.store.dataset.bounds, str(table.path),
+    )  # fmt: skip
     if matches.offsets is not None:
         named += f" (largest difference {np.nanmax(matches.offsets):.2g} s)"
     facts = {
@@ -132,8 +140,8 @@ def read_predictions(
         f"{_median_errors(entries, poses, target)}, heading {math.degrees(error):.3g} deg"
     )
     return FilePredictions(
-        table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides, facts,
-        summary, warnings,
+        table, entries.iids, entries.sides, entries.rows, poses, entries.splits, row_sides,
+        without_numbers, facts, summary, warnings,
     )  # fmt: skip
 
 
@@ -215,8 +223,7 @@ def _columns(table: PredictionTable, prefix: str) -> tuple[Floats, str]:
 
 
 def _missing(table: PredictionTable) -> RequestError:
-    has = ", ".join(table.columns) or "no known column"
-    return RequestError(f"{table.path}: needs columns {_REQUIRED}; has {has}")
+    return RequestError(f"{table.path}: needs columns {_REQUIRED}; has {table.found_text}")
 
 
 def _yaw(table: PredictionTable) -> Floats:
@@ -249,7 +256,37 @@ def _splits(table: PredictionTable, column: str) -> NDArray[np.int8]:
     return np.array([known[value] for value in values], dtype=np.int8)
 
 
-def _usable(table: PredictionTable, entries: _Entries) -> _Entries:
+def _number_columns(entries: _Entries, entry: int, is_wide: bool) -> list[str]:
+    """The columns of an entry that hold no number."""
+    heading = (
+        ", ".join(_QUATERNION) if entries.heading_from == "quaternion" else entries.heading_from
+    )
+    names = ("x", "y", heading)
+    prefix = f"{SIDES[entries.sides[entry]]}_" if is_wide else ""
+    is_finite = np.isfinite(entries.numbers[entry])
+    return [prefix + name for name, known in zip(names, is_finite, strict=True) if not known]
+
+
+def _without_numbers(table: PredictionTable, entries: _Entries, is_wide: bool) -> dict[Side, str]:
+    """How many predictions of a side have no number, in which columns, and the first one."""
+    found: dict[Side, str] = {}
+    is_finite = np.isfinite(entries.numbers).all(axis=1)
+    for code, side in enumerate(SIDES):
+        of_side = (entries.iids != NONE) & (entries.sides == code)
+        bad = np.flatnonzero(of_side & ~is_finite).tolist()
+        if bad:
+            columns = dict.fromkeys(
+                name for entry in bad for name in _number_columns(entries, entry, is_wide)
+            )
+            first = table.place(int(entries.rows[bad[0]]))
+            found[side] = (
+                f"{len(bad)} of its {int(of_side.sum())} rows in {table.path.name} have no number "
+                f"(columns {', '.join(columns)}; the first is {first})"
+            )
+    return found
+
+
+def _usable(table: PredictionTable, entries: _Entries, is_wide: bool) -> _Entries:
     """The entries with instance, side and numbers; reports those without numbers.
 
     Raises RequestError where there is none.
@@ -259,7 +296,10 @@ def _usable(table: PredictionTable, entries: _Entries) -> _Entries:
     table.issues.add_rows(
         "no number",
         np.flatnonzero(is_named & ~is_finite),
-        lambda k: f"{_place(table, entries, k)} x, y or heading is not a number",
+        lambda k: (
+            f"{_place(table, entries, k)} no number in "
+            f"{', '.join(_number_columns(entries, k, is_wide))}"
+        ),
     )
     if not (is_named & is_finite).any():
         raise _unusable(table)

@@ -97,11 +97,7 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
         issues, poses, splits = _combined(files, len(store.instances))
         counts = _counts(poses)
         if not counts["both"]:
-            found = ", ".join(f"{side} {counts[side]}" for side in SIDES)
-            raise RequestError(
-                f"--predictions: no instance has a prediction on both sides ({found}); add the "
-                "file of the other side as sim:FILE or real:FILE"
-            )
+            raise _no_pairs(files, counts)
         embeddings = read_embeddings(request.embeddings, files, len(store.instances))
         facts = _facts(request, files, counts, len(store.instances))
         is_new = _publish(root, name, target, poses, splits, embeddings, facts)
@@ -113,6 +109,24 @@ def import_run(root: Path, name: str, request: ImportRequest) -> ImportReport:
         len(poses["sim"]),
         embeddings["sim"].shape[1] if embeddings else None,
         is_new,
+    )
+
+
+def _no_pairs(files: Sequence[PredictionFile], counts: Mapping[str, int]) -> RequestError:
+    """Why no instance has a prediction on both sides."""
+    found = ", ".join(f"{side} {counts[side]}" for side in SIDES)
+    missing = [side for side in SIDES if not counts[side]]
+    reasons = [
+        f"{side}: {each.predictions.without_numbers[side]}"
+        for side in missing
+        for each in files
+        if side in each.predictions.without_numbers
+    ]
+    if not reasons:
+        advice = " and ".join(f"add the file of that side as {side}:FILE" for side in missing)
+        reasons = [advice or "the instances of both sides differ"]
+    return RequestError(
+        f"--predictions: no instance has a prediction on both sides ({found}); {'; '.join(reasons)}"
     )
 
 

@@ -66,7 +66,8 @@ def row_sides(table: PredictionTable, side: Side | None, target: ImportTarget) -
             return np.full(count, UNKNOWN, dtype=np.int8)  # `match_rows` finds it by the image
         raise RequestError(
             f"{table.path}: sim or real? add a column side or domain, or name the file by "
-            f"--predictions sim:{table.path.name} or real:{table.path.name}"
+            f"--predictions sim:{table.path.name} or real:{table.path.name} (has: "
+            f"{table.found_text})"
         )
     values = table.texts[column]
     sides = np.array([codes.get(text, UNKNOWN) for text in values], dtype=np.int8)
@@ -109,7 +110,7 @@ def match_rows(
     else:
         raise RequestError(
             f"{table.path}: which instances? add a column iid, image or timestamp, or the columns "
-            "trajectory and seq"
+            f"trajectory and seq (has: {table.found_text})"
         )
     if trajectory is not None and named in ("iid", "image"):
         raise RequestError(f"{table.path}: rows are matched by {named}; do not name a trajectory")

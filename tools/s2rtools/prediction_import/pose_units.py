@@ -38,7 +38,9 @@ _FARTHEST = 2.0
 _FULL_SHARE = 0.5
 """Share of headings beyond a turn from which they are taken for degrees."""
 _FEWEST = 10
-"""Rows that a comparison of conventions needs."""
+"""Rows that a comparison of conventions or units needs."""
+_CLEAR_RATIO = 4
+"""Ratio of median position errors by which a unit is clearly better than another."""
 _CLEAR = math.radians(10)
 """Median heading error by which a convention is clearly better than another, radians."""
 
@@ -107,6 +109,49 @@ def length_unit(
         f"{where}: positions around ({x:.6g}, {y:.6g}) are far off the map in m, cm and mm; "
         "declare --units, or bring them into the frame of the map"
     )
+
+
+def length_warnings(
+    positions: NDArray[np.float64],
+    unit: str,
+    truth: NDArray[np.float64],
+    bounds: Bounds,
+    where: str,
+) -> tuple[str, ...]:
+    """Whether positions lie far off the map, or another unit fits clearly better, in one line.
+
+    `positions` (n, 2) are the numbers of the file, `truth` (n, 2) the true ones in metres. Far off
+    is farther from the bounds than their diagonal. Clearly better is at most a quarter of the
+    median error, in at least 10 rows.
+    """
+    errors = {
+        name: float(np.median(np.linalg.norm(positions * metres - truth, axis=1)))
+        for name, metres in LENGTHS.items()
+    }
+    far = int((_off_map(positions * LENGTHS[unit], bounds) > bounds.diagonal).sum())
+    best = min(errors, key=errors.__getitem__)
+    is_better = len(positions) >= _FEWEST and errors[best] * _CLEAR_RATIO <= errors[unit]
+    if not far and not is_better:
+        return ()
+    text = f"{where}: positions in {unit}"
+    if far:
+        text += (
+            f": {far} of {len(positions)} predictions lie more than {bounds.diagonal:.3g} m (the "
+            "diagonal of the map) off the map"
+        )
+    if is_better:
+        text += (
+            f"{';' if far else ':'} the median position error is {errors[unit]:.3g} m, with "
+            f"--units {best} it would be {errors[best]:.3g} m; add that if the file is so"
+        )
+    return (text,)
+
+
+def _off_map(positions: NDArray[np.float64], bounds: Bounds) -> NDArray[np.float64]:
+    """The distance of positions (n, 2) from the bounds, 0 inside; metres."""
+    low, high = np.array([bounds.x0, bounds.y0]), np.array([bounds.x1, bounds.y1])
+    outside = np.maximum(np.maximum(low - positions, positions - high), 0)
+    return np.asarray(np.linalg.norm(outside, axis=1))
 
 
 def angle_unit(declared: str | None, headings: NDArray[np.float64], where: str) -> Unit:

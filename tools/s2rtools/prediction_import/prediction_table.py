@@ -7,7 +7,7 @@ other columns are ignored. A row of a TUM file is `timestamp tx ty tz qx qy qz q
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index import parquet_table
+from s2rstore.security.printable_text import printable
 from s2rtools.datasets.files.csv_rows import parse_float, read_rows
 from s2rtools.motion_logs import row_checks
 from s2rtools.prediction_import.row_issues import RowIssues
@@ -38,6 +39,7 @@ TEXTS: dict[str, str] = {
 """Columns of texts and what they mean."""
 COLUMNS = {**NUMBERS, **TEXTS}
 """All columns that are read; several names may mean the same."""
+_MAX_LISTED = 20
 _TUM = ("timestamp", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -46,7 +48,8 @@ class PredictionTable:
     """The rows of a file: `numbers` float64 (n,), NaN where there is none, and `texts` (n,).
 
     Both are by the names of `COLUMNS`'s values. `lines` (n,) are those of the file, `lines_are`
-    says what they count.
+    says what they count. `columns` are the names of those that are read, `found` of all that the
+    file has.
     """
 
     path: Path
@@ -56,6 +59,14 @@ class PredictionTable:
     columns: tuple[str, ...]
     lines_are: str = "line"
     issues: RowIssues = field(default_factory=RowIssues)
+    found: tuple[str, ...] = ()
+
+    @property
+    def found_text(self) -> str:
+        """The columns that the file has, for messages."""
+        names = self.found or self.columns
+        more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
+        return printable(", ".join(names[:_MAX_LISTED])) + more
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -80,7 +91,8 @@ def read_table(path: Path) -> PredictionTable:
 def _read_csv(path: Path) -> PredictionTable:
     lines = array("q")
     columns: dict[str, array[float] | list[str]] = {}
-    for line, row in read_rows(path, COLUMNS):
+    found: list[str] = []
+    for line, row in read_rows(path, COLUMNS, found.extend):
         if not columns:
             columns = {name: array("d") if name in NUMBERS else [] for name in row}
         lines.append(line)
@@ -93,7 +105,7 @@ def _read_csv(path: Path) -> PredictionTable:
         name: np.array(values, dtype=object if isinstance(values, list) else np.float64)
         for name, values in columns.items()
     }
-    return _table(path, np.array(lines, dtype=np.int64), arrays, "line")
+    return _table(path, np.array(lines, dtype=np.int64), arrays, "line", found)
 
 
 def _read_parquet(path: Path) -> PredictionTable:
@@ -112,6 +124,7 @@ def _table(
     lines: NDArray[np.int64],
     columns: Mapping[str, NDArray[Any]],
     lines_are: str,
+    found: Sequence[str] = (),
 ) -> PredictionTable:
     """The table with the names of `COLUMNS`'s values. Raises RequestError for repeated ones."""
     by_meaning: dict[str, str] = {}
@@ -126,6 +139,7 @@ def _table(
         {TEXTS[name]: values for name, values in columns.items() if name in TEXTS},
         tuple(columns),
         lines_are,
+        found=tuple(found),
     )
 
 

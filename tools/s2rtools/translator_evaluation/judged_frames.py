@@ -103,7 +103,10 @@ def instance_blocks(store: Store, iids: Iids) -> Blocks:
 def runs_of_neighbours(store: Store, iids: Iids) -> NDArray[np.int64]:
     """Codes (N,), equal for instances that follow one another in a recording."""
     truth = store.instances
-    breaks = (np.diff(truth.seq[iids]) != 1) | (np.diff(truth.trajectory[iids]) != 0)
+    position = np.empty(len(truth), dtype=np.int64)
+    order = store.in_recording_order(np.ones(len(truth), dtype=np.bool_))
+    position[order] = np.arange(order.size)
+    breaks = (np.diff(position[iids]) != 1) | (np.diff(truth.trajectory[iids]) != 0)
     return np.concatenate([[0], np.cumsum(breaks)]).astype(np.int64)
 
 

@@ -114,6 +114,11 @@ def append(
         for name in found.rows:
             further = "; its further instances are added" if name in found.continued else ""
             report_line(f"trajectory {name}: already in the store{further}")
+            if name in found.renumbered & found.continued.keys():
+                report_line(
+                    f"trajectory {name}: stored instances have another seq than the source; added "
+                    "ones are numbered on from the last stored one"
+                )
         if found.unchanged and found.is_empty:
             if strict:
                 refuse_unusable(scan, strict)
@@ -165,7 +170,11 @@ def _write(
         types = stored_depth_types(store, name) | depth_types(folder, added_domains, name)
         places[name] = FramePlace(TrajectoryPart.later_folder(name, part), types)
     stored = write_frames(added, folder, progress, places) if added.trajectories else {}
-    ends = {name: TrajectoryEnd.of(store, name) for name in found.continued if name in stored}
+    ends = {
+        name: TrajectoryEnd.of(store, name, name in found.renumbered)
+        for name in found.continued
+        if name in stored
+    }
     folders = {name: place.folder for name, place in places.items()}
     checks = convention_report.check_appended(added, stored, folder, folders)
     return _Written(stored, found.domains, domain_frames, ends, checks)

@@ -31,6 +31,7 @@ class Additions:
 
     `new` and `unchanged` are names of trajectories. `continued` has the number of the first record
     behind the stored instances of a trajectory, `rows` the numbers of the records of these.
+    `renumbered` are the trajectories whose stored instances have another `seq` than their source.
     `domains` are added to all stored instances.
     """
 
@@ -39,6 +40,7 @@ class Additions:
     unchanged: list[str] = field(default_factory=list)
     continued: dict[str, int] = field(default_factory=dict)
     rows: dict[str, array[int]] = field(default_factory=dict)
+    renumbered: set[str] = field(default_factory=set)
 
     @property
     def is_empty(self) -> bool:
@@ -47,6 +49,7 @@ class Additions:
 
 @dataclass(frozen=True, slots=True)
 class _StoredInstance:
+    seq: int
     pose: tuple[float, float, float]
     checksums: dict[str, str]
 
@@ -73,7 +76,7 @@ def additions(scan: Scan, store: Store, progress: Callable[[int], None]) -> Addi
     found = Additions(tuple(sorted(scan.trajectories.keys() - stored)), domains)
     for name in sorted(stored & scan.trajectories.keys()):
         try:
-            first = _compare(scan, store, name, found.rows.setdefault(name, array("i")), progress)
+            first = _compare(scan, store, name, found, progress)
         except _DifferenceError as difference:
             raise _refusal(store, name, difference, domains) from None
         if first is None:
@@ -115,7 +118,8 @@ def _names(domains: tuple[str, ...]) -> str:
 def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance]:
     """The instances of a trajectory in recording order."""
     query = """
-        SELECT iid, any_value(x), any_value(y), any_value(heading), list(domain), list(sha256)
+        SELECT iid, any_value(seq), any_value(x), any_value(y), any_value(heading), list(domain),
+               list(sha256)
         FROM instance JOIN frame USING (iid)
         WHERE iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
     """
@@ -124,22 +128,24 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
             continue
         for start in range(part.first_iid, part.stop, _BLOCK):
             stop = min(start + _BLOCK, part.stop)
-            for _, x, y, heading, domains, sums in store.execute(query, [start, stop]):
+            for _, seq, x, y, heading, domains, sums in store.execute(query, [start, stop]):
                 known = None not in (x, y, heading)
                 pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
-                yield _StoredInstance(pose, dict(zip(domains, sums, strict=True)))
+                yield _StoredInstance(seq, pose, dict(zip(domains, sums, strict=True)))
 
 
 def _compare(
-    scan: Scan, store: Store, name: str, rows: array[int], progress: Callable[[int], None]
+    scan: Scan, store: Store, name: str, found: Additions, progress: Callable[[int], None]
 ) -> int | None:
     """Compare a trajectory's usable records with the stored instances, up to the first further one.
 
-    Adds the numbers of the records of stored instances to `rows`; gives that of the first further
-    record, None without one. Records whose images cannot be decoded, or have another depth type,
+    Adds the numbers of the records of stored instances to `found.rows`, and the trajectory to
+    `found.renumbered` where their `seq` differs; gives the number of the first further record,
+    None without one. Records whose images cannot be decoded, or have another depth type,
     were left out when the trajectory was ingested. Raises _DifferenceError.
     """
     types, kept = stored_depth_types(store, name), frozenset(store.domains)
+    rows = found.rows.setdefault(name, array("i"))
     stored = _stored_instances(store, name)
     expected = next(stored, None)
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -150,6 +156,8 @@ def _compare(
                 if not all(map(is_close, pose, expected.pose)):
                     file = _file(scan, record, next(iter(checksums)), len(rows))
                     raise _DifferenceError(f"the pose of {file}")
+                if record.seq not in (None, expected.seq):
+                    found.renumbered.add(name)
                 rows.append(number)
                 expected = next(stored, None)
             elif all(_is_usable(scan, record, domain, types) for domain in checksums):

@@ -36,8 +36,9 @@ Image = NDArray[np.uint8]
 Row = TypeVar("Row")
 
 PICTURE = f"{layout.ASSETS}/conventions.png"
-_MOVED, _TURNED = 0.1, np.radians(5)
-"""Metres or radians between two frames that are compared: a slow video shows nothing new."""
+_ROUNDING = 1e-6
+_MOVED, _TURNED = 0.1 - _ROUNDING, np.radians(5) - _ROUNDING
+"""Least metres or radians between two frames that are compared: a slow video shows nothing new."""
 _MAX_SEARCHED = 5000
 """Instances among which these frames are chosen."""
 _PANEL, _CAPTION = 480, 22

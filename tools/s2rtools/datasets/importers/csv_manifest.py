@@ -3,10 +3,11 @@
     trajectory,seq,domain,rgb,depth,x,y,heading[,timestamp,odom_x,odom_y,odom_heading]
 
 `rgb` and `depth` are files relative to the manifest, inside its folder; x and y in metres and
-headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. Rows of one
-(trajectory, seq) must agree on the pose. The configuration (bounds, rooms, cameras: see
-`dataset_config`) is the TOML or JSON file with the manifest's name, or the file that `--header`
-names; its floor plan lies in the configuration's folder.
+headings in degrees in map coordinates (forward = (cos, sin)); `timestamp` in seconds. `seq` orders
+the instances of a trajectory and is kept. Rows of one (trajectory, seq) must agree on the pose.
+The configuration (bounds, rooms, cameras: see `dataset_config`) is the TOML or JSON file with the
+manifest's name, or the file that `--header` names; its floor plan lies in the configuration's
+folder.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from s2rstore.errors import RequestError
 from s2rstore.geometry import angles
 from s2rstore.records import Side
 from s2rtools.datasets.dataset_config import DatasetConfig, Size
-from s2rtools.datasets.files.csv_rows import parse_float, read_rows
+from s2rtools.datasets.files.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.files.image_decoding import ImageFiles
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.lazy_sequence import LazySequence, RowFile
@@ -35,6 +36,9 @@ _OPTIONAL = ("timestamp", "odom_x", "odom_y", "odom_heading")
 _IDENTIFYING = REQUIRED[:5]
 _POSE_TOLERANCE = 1e-6
 _POSE_LIMIT = 1e6
+_MAX_SHOWN = 40
+_MAX_SEQ = 2**31 - 1
+"""Largest number of an instance that the index holds."""
 
 Row = dict[str, str]
 NumberedRow = tuple[int, Row]
@@ -49,7 +53,10 @@ def scan(path: Path, options: ScanOptions) -> Scan:
         (path.with_suffix(s) for s in (".toml", ".json") if path.with_suffix(s).is_file()), None
     )
     if header is None:
-        raise RequestError(f"{path.with_suffix('.toml')}: missing; name the file by --header FILE")
+        raise RequestError(
+            f"{path.with_suffix('.toml')}: missing; it states bounds, rooms and cameras; name "
+            "another file by --header FILE"
+        )
     config = DatasetConfig(header, name=path.stem, y_down=False)
     containment = PathContainment(path.parent, options.allow_outside)
     result = config.empty_scan(path.parent, options.frame, containment)
@@ -97,14 +104,15 @@ class _Rows:
         self._bad_seq: list[tuple[int, InputIssue]] = []
         self._keys = tuple(array(kind) for kind in ("i", "q", "i"))
         empty = True
-        for number, row in read_rows(path, (*REQUIRED, *_OPTIONAL)):
-            if empty and (missing := [name for name in REQUIRED if name not in row]):
-                needed = ", ".join(REQUIRED)
-                raise RequestError(f"{path}: no column {missing[0]} (needs: {needed})")
+        for number, row in read_rows(path, (*REQUIRED, *_OPTIONAL), self._check_names):
             empty = False
             self._add(number, row)
         if empty:
             raise RequestError(f"{path}: no rows; the first line names {', '.join(REQUIRED)}")
+
+    def _check_names(self, names: list[str]) -> None:
+        if missing := [name for name in REQUIRED if name not in names]:
+            raise missing_column(self.path, missing[0], names, ", ".join(REQUIRED))
 
     def _add(self, number: int, row: Row) -> None:
         where = f"{self.path.name}:{number}"
@@ -114,10 +122,11 @@ class _Rows:
         domain = self.domains.setdefault(row["domain"], len(self.domains))
         try:
             seq = int(row["seq"])
-            if not -(2**63) <= seq < 2**63:
-                raise ValueError(f"{seq} does not fit into 64 bits")
+            if not 0 <= seq <= _MAX_SEQ:
+                raise ValueError(f"{seq} is out of range")
         except ValueError:
-            self._bad_seq.append((len(self.file), InputIssue("bad seq", where, row["seq"])))
+            detail = f"{row['seq'][:_MAX_SHOWN]}: not a whole number from 0 to {_MAX_SEQ}"
+            self._bad_seq.append((len(self.file), InputIssue("bad seq", where, detail)))
             return
         trajectory = self._trajectories.setdefault(row["trajectory"], len(self._trajectories))
         for column, value in zip(self._keys, (trajectory, seq, domain), strict=True):
@@ -223,7 +232,8 @@ def _record(
     by_domain: dict[str, NumberedRow], sizes: Sizes, kinds: dict[str, Side], folder: Path
 ) -> InstanceRecord:
     """The record of a usable instance."""
-    pose = _pose(next(iter(by_domain.values()))[1])
+    first = next(iter(by_domain.values()))[1]
+    pose = _pose(first)
     sources = {}
     for domain in sizes:
         _, row = by_domain[domain]
@@ -240,6 +250,7 @@ def _record(
         sources=sources,
         odometry=(x, y, _heading(heading)) if has_odometry else None,
         timestamp=timestamp if math.isfinite(timestamp) else None,
+        seq=int(first["seq"]),
     )
 
 

@@ -29,6 +29,8 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -47,7 +49,7 @@ from s2rtools.datasets.dataset_config import (
     IntrinsicsCamera,
     Positive,
 )
-from s2rtools.datasets.files.csv_rows import parse_float, read_rows
+from s2rtools.datasets.files.csv_rows import missing_column, parse_float, read_rows
 from s2rtools.datasets.files.numeric_rows import report_unusable
 from s2rtools.datasets.files.path_containment import PathContainment
 from s2rtools.datasets.recording import (
@@ -70,6 +72,8 @@ from s2rtools.datasets.scan import InputIssue, choose_trajectories
 _POSITION = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _COLUMNS = ("rgb", "depth", *_POSITION, *_QUATERNION, "heading", "timestamp", "trajectory")
+_OF_MANIFEST = "domain"
+"""A column that only the manifest of `s2r ingest csv` has."""
 _FULL = ("rgb", *_POSITION, *_QUATERNION)
 _ON_FLOOR = ("rgb", "x", "y", "heading")
 
@@ -105,9 +109,9 @@ class _Rows:
         self._values, self._times = array("d"), array("d")
         self._lines, self._numbers = array("i"), array("i")
         has_depth = False
-        for line, row in read_rows(path, _COLUMNS):
+        for line, row in read_rows(path, _COLUMNS, partial(_check_columns, path)):
             if not self.columns:
-                self.columns = _pose_columns(path, row)
+                self.columns = _pose_columns(row)
                 has_depth = bool(row.get("depth"))
             if _has_images(row, has_depth, path, line, containment, issues):
                 self._add(line, row, has_depth)
@@ -153,7 +157,14 @@ def read(path: Path, options: ReadOptions) -> Recording:
         raise RequestError(f"{path}: no such file")
     containment = PathContainment(path.parent, options.allow_outside)
     description = _description_path(path, options, containment)
-    table = convert(read_document(description), _Description, str(description))
+    document = read_document(description)
+    if isinstance(document, dict) and {"bounds", "domains"} & document.keys():
+        raise RequestError(
+            f"{description}: a configuration of `s2r ingest csv` (bounds, domains); layout csv "
+            "takes a file with a table [camera], which --sim-option or --real-option camera=FILE "
+            "may name"
+        )
+    table = convert(document, _Description, str(description))
     issues: list[InputIssue] = []
     rows = _Rows(path, containment, issues)
     poses = _poses(rows, table, issues)
@@ -213,14 +224,26 @@ def _has_images(
     return all(found)
 
 
-def _pose_columns(path: Path, row: dict[str, str]) -> tuple[str, ...]:
-    """The columns of the pose. Raises RequestError if one is missing."""
-    full = any(name in row for name in _QUATERNION)
-    needed = _FULL if full else _ON_FLOOR
-    if missing := [name for name in needed if name not in row]:
+def _check_columns(path: Path, names: Collection[str]) -> None:
+    """Raises RequestError for a manifest of pairs, and if a column is missing."""
+    if _OF_MANIFEST in names:
+        raise RequestError(
+            f"{path}: a manifest of both sides (column {_OF_MANIFEST}), which `s2r ingest csv` "
+            "reads; layout csv takes a file for each side"
+        )
+    needed = _needed_columns(names)
+    if missing := [name for name in needed if name not in names]:
         other = f"{', '.join(_FULL)}; or {', '.join(_ON_FLOOR)}"
-        raise RequestError(f"{path}: no column {missing[0]} (needs: {other})")
-    return needed[1:]
+        raise missing_column(path, missing[0], names, other)
+
+
+def _needed_columns(names: Collection[str]) -> tuple[str, ...]:
+    return _FULL if any(name in names for name in _QUATERNION) else _ON_FLOOR
+
+
+def _pose_columns(names: Collection[str]) -> tuple[str, ...]:
+    """The columns of the pose."""
+    return _needed_columns(names)[1:]
 
 
 def _description_path(path: Path, options: ReadOptions, containment: PathContainment) -> Path:
@@ -230,7 +253,10 @@ def _description_path(path: Path, options: ReadOptions, containment: PathContain
         beside = path.with_suffix(suffix)
         if beside.is_file():
             return containment.check(beside, str(path))
-    raise RequestError(f"{path.with_suffix('.toml')}: missing; it describes the camera")
+    raise RequestError(
+        f"{path.with_suffix('.toml')}: missing; it describes the camera, unless --sim-option or "
+        "--real-option camera=FILE names another file"
+    )
 
 
 def _poses(rows: _Rows, table: _Description, issues: list[InputIssue]) -> NDArray[np.float64]:

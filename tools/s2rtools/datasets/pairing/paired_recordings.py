@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
+from s2rstore.files.input_files import read_document
 from s2rstore.files.layout import checked_name
 from s2rstore.records import SIDES, Bounds, Domain, Intrinsics, Side
 from s2rtools.datasets.dataset_config import DatasetConfig
@@ -141,14 +142,16 @@ def scan_pairs(
         pairing = paired(*sides, pairing.sim, pairing.real, pairing.issues)
     unmatched = list(unmatched_images(*sides, pairing, options.match))
     if not pairing.sim.size:
-        raise RequestError(_no_pairs(sim, real, options, unmatched))
+        raise RequestError(_no_pairs(*sides, options, unmatched))
     scan = _empty_scan(*sides, pairing, options)
-    for each in (sim, real):
-        scan.issues += each.issues
-        for folder, count in each.outside_folders.items():
+    for side in sides:
+        scan.issues += [issue.of_side(side.side) for issue in side.recording.issues]
+        for folder, count in side.recording.outside_folders.items():
             counts = dict(scan.outside_folders)
             scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
-    scan.issues += [*worlds, *floors["real"].issues, *floors["sim"].issues, *pairing.issues]
+    scan.issues += worlds
+    scan.issues += [each.of_side(side) for side in SIDES for each in floors[side].issues]
+    scan.issues += pairing.issues
     scan.issues += [each.issue() for each in unmatched]
     cameras = {each.side: _Cameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
@@ -166,8 +169,8 @@ def _several_worlds(sim: Recording, real: Recording) -> list[InputIssue]:
             each.name,
             f"each of {len(each.trajectories)} trajectories has its own; their poses are not "
             "comparable with each other",
-        )
-        for each in (sim, real)
+        ).of_side(side)
+        for side, each in (("sim", sim), ("real", real))
         if not each.has_one_world
     ]
 
@@ -187,8 +190,16 @@ def _floors(sim: Recording, real: Recording, options: PairOptions) -> dict[Side,
 
 
 def _no_pairs(
-    sim: Recording, real: Recording, options: PairOptions, unmatched: list[UnmatchedImage]
+    sim: RecordedSide, real: RecordedSide, options: PairOptions, unmatched: list[UnmatchedImage]
 ) -> str:
+    start = f"{sim.recording.name}, {real.recording.name}: no pairs by --match {options.match}"
+    timeless = [
+        f"the {side.side} recording (layout {side.recording.layout}) has no times"
+        for side in (sim, real)
+        if not np.isfinite(side.times).any()
+    ]
+    if options.match == "time" and timeless:
+        return f"{start}: {' and '.join(timeless)}; match by pose or name"
     near = [each for each in unmatched if math.isfinite(each.metres) or math.isfinite(each.seconds)]
     best = min(
         near,
@@ -196,7 +207,7 @@ def _no_pairs(
         default=None,
     )
     found = f"; the nearest: {best.issue().file}, {best.issue().detail}" if best else ""
-    return f"{sim.name}, {real.name}: no pairs by --match {options.match}{found}"
+    return f"{start}{found}"
 
 
 def _empty_scan(
@@ -205,6 +216,7 @@ def _empty_scan(
     """The data set without domains and trajectories; bounds are the file's or the poses'."""
     root = real.recording.root
     if options.calibration is not None:
+        _refuse_camera(options.calibration)
         config = DatasetConfig(options.calibration, name=real.recording.name, y_down=False)
         containment = PathContainment(config.path.parent, options.allow_outside)
         if config.table.y_down:
@@ -217,6 +229,17 @@ def _empty_scan(
     bounds = Bounds(float(x0), float(y0), float(x1), float(y1))
     name = real.recording.name
     return Scan(name, root, options.frame, False, bounds, bounds.diagonal, ())
+
+
+def _refuse_camera(path: Path) -> None:
+    """Raise RequestError for a file that describes a camera, as layout csv takes it."""
+    document = read_document(path)
+    if isinstance(document, dict) and "camera" in document:
+        raise RequestError(
+            f"{path}: describes a camera, but --calibration (--header) names a file with bounds, "
+            "rooms and floor plan; name that of a camera by --sim-option or --real-option "
+            "camera=FILE"
+        )
 
 
 class _Cameras:

@@ -203,7 +203,9 @@ def _match_names(
         counts = Counter(stems)
         places.append({stem: place for place, stem in enumerate(stems) if counts[stem] == 1})
         issues += [
-            InputIssue("name not unique", side.image(int(number)), f"{counts[stem]} images {stem}")
+            InputIssue(
+                "name not unique", side.image(int(number)), f"{counts[stem]} images {stem}"
+            ).of_side(side.side)
             for number, stem in zip(numbers, stems, strict=True)
             if counts[stem] > 1
         ]
@@ -220,7 +222,8 @@ def _timeless(sim: RecordedSide, real: RecordedSide) -> list[InputIssue]:
         count = int(np.count_nonzero(~np.isfinite(side.times)))
         if count:
             detail = f"{count} of {len(side)} images; they cannot be matched by time"
-            issues.append(InputIssue("no time", side.recording.name, detail))
+            issue = InputIssue("no time", side.recording.name, detail)
+            issues.append(issue.of_side(side.side))
     return issues
 
 

@@ -123,7 +123,14 @@ class RecordedFrameSource:
         """Read both images, undistort and resize them; an InputIssue names the unusable one.
 
         Depth takes the nearest pixel in both steps, so that every value occurs in the source.
+        Issues name the domain, which is the side of the recording.
         """
+        frame = self._decode(scan, domain)
+        if isinstance(frame, InputIssue):
+            return frame.of_side(domain.domain)
+        return replace(frame, issues=tuple(each.of_side(domain.domain) for each in frame.issues))
+
+    def _decode(self, scan: Scan, domain: Domain) -> DecodedFrame | InputIssue:
         rgb = self.rgb.read(self.frame.rgb, cv2.INTER_LINEAR)
         if isinstance(rgb, InputIssue):
             return rgb

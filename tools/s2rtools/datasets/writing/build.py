@@ -17,6 +17,7 @@ from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
+from s2rtools.common.count_text import count_text
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
 from s2rtools.datasets.floor.floor_plans import plan_from_depth
@@ -46,15 +47,15 @@ def build(
     called with the number of finished frames, `report_line` with a line about the remains of an
     interrupted ingest of the same store. What an interrupted ingest of the same frames has written
     is taken over. Raises RequestError if `target` exists, if nothing is usable, or with `strict` if
-    there is any issue; then, and where files cannot be written, nothing is left. An interrupt
-    leaves the folder in which the store is built.
+    there is any issue, which is known when all images are decoded; then, and where files cannot be
+    written, nothing is left. An interrupt leaves the folder in which the store is built.
     """
     if target.exists():
         raise RequestError(
             f"{target}: exists; choose another --store, remove it, or add to it with --append"
         )
     report_outside_bounds(scan)
-    refuse_unusable(scan, strict)
+    refuse_unusable(scan, strict=False)
     folder, journal = _open_folder(scan, target, progress, report_line)
     try:
         stored = write_frames(scan, folder, progress, journal=journal)
@@ -191,10 +192,10 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
     issues = scan.issues or [InputIssue("empty data set", str(scan.root))]
     fatal = not scan.trajectories or any(i.kind == "empty data set" for i in scan.issues)
     if fatal or (strict and scan.issues):
-        first, more = issues[0], f" and {len(issues) - 1} more" if len(issues) > 1 else ""
-        raise RequestError(
-            f"{first.file}: {first.kind} {first.detail}".rstrip() + f"{more}; nothing was ingested"
-        )
+        first = issues[0]
+        reason = ": ".join(text for text in (first.file, first.kind, first.detail) if text)
+        more = f"; {count_text(len(issues) - 1, 'more issue')}" if len(issues) > 1 else ""
+        raise RequestError(f"{reason}{more}; nothing was ingested")
 
 
 def _write_floor_plan(image: NDArray[np.uint8], root: Path) -> str:

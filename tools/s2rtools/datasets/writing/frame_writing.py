@@ -159,7 +159,7 @@ class _TrajectoryWriter:
             if source_arrays.sizes(images) != usual:
                 source = self._scan.trajectories[self._name][row].sources[domain]
                 file = source.file_names(self._scan)[0] or domain
-                detail = "not the size of the trajectory's first image"
+                detail = f"not the size of the trajectory's first image in {domain}"
                 self.leave_out(row, [InputIssue("wrong size", file, detail)])
                 return
         types = tuple(depth_type(frame) for frame in frames.values())
@@ -261,7 +261,7 @@ class _TrajectoryWriter:
             ):
                 if found != usual:
                     file = source.file_names(self._scan)[1] or domain
-                    detail = f"{found}, the others are {usual}"
+                    detail = f"{found}, the others in {domain} are {usual}"
                     self._scan.issues.append(InputIssue("mixed depth types", file, detail))
 
 

@@ -68,7 +68,8 @@ def insert_domain(
 class TrajectoryEnd:
     """The end of a stored trajectory, behind which further instances are inserted.
 
-    `instances` is their number and `seq` the position of the next one. `iids` and `headings` (k,)
+    `instances` is their number. `seq` is the number of the next one where `counts_on`, else it is
+    that of its source; sources without numbers count on as well. `iids` and `headings` (k,)
     are those of the last instances: all whose curvature depends on the next ones, and all on which
     the curvature of these and of the next ones depends.
     """
@@ -77,12 +78,13 @@ class TrajectoryEnd:
     seq: int
     iids: NDArray[np.int64]
     headings: NDArray[np.float64]
+    counts_on: bool = False
 
     @classmethod
-    def of(cls, store: Store, trajectory: str) -> TrajectoryEnd:
+    def of(cls, store: Store, trajectory: str, counts_on: bool = False) -> TrajectoryEnd:
         iids, truth = store.iids_of(trajectory), store.instances
         last = iids[-2 * REACH :]
-        return cls(iids.size, int(truth.seq[last[-1]]) + 1, last, truth.heading[last])
+        return cls(iids.size, int(truth.seq[last[-1]]) + 1, last, truth.heading[last], counts_on)
 
     def insert_behind(self, draft: IndexTransaction, name: str, added: StoredTrajectory) -> None:
         """Count the instances of the trajectory, and correct the curvature of its last ones."""
@@ -125,9 +127,9 @@ def insert_instances(
     for name, trajectory in sorted(stored.items()):
         end = ends.get(name)
         if end is None:
-            first_seq, curvatures = 0, curvature(trajectory.headings())
+            curvatures = curvature(trajectory.headings())
         else:
-            first_seq, curvatures = end.seq, end.curvatures(trajectory)[end.iids.size :]
+            curvatures = end.curvatures(trajectory)[end.iids.size :]
         for start in range(0, len(trajectory), _BLOCK):
             records = trajectory.records(start, start + _BLOCK)
             columns = _instance_columns(scan, records, room_names)
@@ -137,7 +139,9 @@ def insert_instances(
                 {
                     "iid": iid + rows,
                     "trajectory": np.full(len(records), name, dtype=object),
-                    "seq": first_seq + rows,
+                    "seq": np.array(
+                        [_seq(r, row, end) for row, r in enumerate(records, start)], dtype=np.int32
+                    ),
                     **columns,
                     "curvature": curvatures[start : start + _BLOCK],
                 },
@@ -154,6 +158,16 @@ def insert_instances(
         for _, trajectory in sorted(stored.items()):
             insert_frames(draft, scan, trajectory, domain, iid)
             iid += len(trajectory)
+
+
+def _seq(record: InstanceRecord, position: int, end: TrajectoryEnd | None) -> int:
+    """The number of an instance in its trajectory: that of its source, else its position.
+
+    `position` counts from 0, behind `end` where the trajectory has instances already.
+    """
+    if record.seq is None or (end is not None and end.counts_on):
+        return position if end is None else end.seq + position
+    return record.seq
 
 
 def add_image_sizes(
@@ -238,8 +252,9 @@ def part_hash(
     digest = hashlib.sha256(f'{before}"rows": ['.encode())
     separator = ""
     for name in sorted(stored):
-        first_seq = ends[name].seq if ends and name in ends else 0
-        for seq, (r, checksums) in enumerate(stored[name], first_seq):
+        end = ends.get(name) if ends else None
+        for position, (r, checksums) in enumerate(stored[name]):
+            seq = _seq(r, position, end)
             row = [name, seq, r.x, r.y, r.heading, {d: c.sha256 for d, c in checksums.items()}]
             if r.frame_poses:
                 row.append({d: (p.x, p.y, p.heading) for d, p in r.frame_poses.items()})

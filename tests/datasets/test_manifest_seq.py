@@ -1,0 +1,115 @@
+"""The `seq` of a manifest is that of the store, with its gaps."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import verify
+from tests.datasets.helpers import add, ingest, kinds, scan_of
+from tests.support import pairs
+
+
+def renumber(path: Path, number: Callable[[int], int], stop: int | None = None) -> None:
+    """Change the seq of all rows, and keep those with a former seq below `stop`."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        for row in rows:
+            if stop is None or int(row["seq"]) < stop:
+                writer.writerow(row | {"seq": str(number(int(row["seq"])))})
+
+
+def stored(store: Path) -> dict[str, list[tuple[int, str]]]:
+    """seq and file of the real images by trajectory, in order of iids."""
+    with s2rstore.open(store) as opened:
+        rows = opened.execute(
+            "SELECT trajectory, seq, rgb_path FROM instance JOIN frame USING (iid) "
+            "WHERE domain = 'real' ORDER BY iid"
+        )
+    found: dict[str, list[tuple[int, str]]] = {}
+    for trajectory, seq, path in rows:
+        found.setdefault(trajectory, []).append((seq, path))
+    return found
+
+
+def of_manifest(path: Path) -> dict[str, list[tuple[int, str]]]:
+    found: dict[str, list[tuple[int, str]]] = {}
+    with path.open(newline="") as file:
+        for row in csv.DictReader(file):
+            if row["domain"] == "real":
+                found.setdefault(row["trajectory"], []).append((int(row["seq"]), row["rgb"]))
+    return {name: sorted(rows) for name, rows in found.items()}
+
+
+def test_the_store_has_the_seq_of_the_manifest(tmp_path: Path) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    renumber(path, lambda seq: 100 + 5 * seq)
+    ingest("csv", path, store, strict=True)
+    assert stored(store) == of_manifest(path)
+    assert verify(store) == []
+
+
+def test_instances_keep_their_seq_where_others_are_left_out(tmp_path: Path) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    rows = of_manifest(path)
+    name = next(iter(rows))
+    (path.parent / rows[name][2][1]).unlink()
+    scan = ingest("csv", path, store)
+    assert kinds(scan) == {"missing image": 1}
+    expected = rows | {name: [row for row in rows[name] if row != rows[name][2]]}
+    assert stored(store) == expected
+    assert verify(store) == []
+
+
+@pytest.mark.parametrize("seq", ["-1", "2147483648", "1700000000000000000"])
+def test_rows_with_a_seq_that_the_index_cannot_hold_are_reported(tmp_path: Path, seq: str) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    path.write_text(path.read_text().replace("a,0,real", f"a,{seq},real", 1))
+    scan = ingest("csv", path, store)
+    (issue,) = (issue for issue in scan.issues if issue.kind == "bad seq")
+    assert seq in issue.detail
+    assert "0 to 2147483647" in issue.detail
+
+
+def test_appended_instances_have_the_seq_of_the_manifest(tmp_path: Path) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    renumber(path, lambda seq: 10 * seq + 3)
+    whole = path.read_text()
+    renumber(path, lambda seq: seq, stop=23)
+    ingest("csv", path, store)
+    path.write_text(whole)
+    lines: list[str] = []
+    assert sum(add(scan_of("csv", path), store, strict=True, lines=lines).values()) > 0
+    assert stored(store) == of_manifest(path)
+    assert not any("another seq" in line for line in lines)
+    assert verify(store) == []
+
+
+def test_a_store_that_counts_its_instances_goes_on_counting(tmp_path: Path) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    renumber(path, lambda seq: 10 * seq + 3)
+    whole = path.read_text()
+    renumber(path, lambda seq: seq, stop=23)
+    ingest("csv", path, store)
+    with edit(store) as draft:  # as releases up to 0.2.0 wrote it
+        for trajectory, rows in stored(store).items():
+            for position, (seq, _) in enumerate(rows):
+                key = {"trajectory": trajectory, "seq": seq}
+                draft.update("instance", key, {"seq": position})
+    path.write_text(whole)
+    lines: list[str] = []
+    added = add(scan_of("csv", path), store, strict=True, lines=lines)
+    assert any("another seq" in line for line in lines)
+    rows, expected = stored(store), of_manifest(path)
+    assert rows["a"] == [(n, file) for n, (_, file) in enumerate(expected["a"])]
+    assert rows["b"] == expected["b"]
+    assert set(added) == {"a", "b"}
+    assert verify(store) == []
