@@ -28,7 +28,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     map_panel,
     put_glyphs,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 
 
 def difference_glyphs(options: RenderOptions) -> str:
@@ -129,12 +129,12 @@ def _counts(
             same,
             grey,
             summary.equal,
-            f" within {short_number(data.equal)} {data.unit}",
+            f" within {short_number(data.equal)}{NO_BREAK}{data.unit}",
         ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]
     if summary.improved + summary.worse + summary.equal:
-        pieces.append((f"mean {summary.mean:+.2f} {data.unit}", theme.muted))
+        pieces.append((f"mean {summary.mean:+.2f}{NO_BREAK}{data.unit}", theme.muted))
     return text_part(pieces)
 
 

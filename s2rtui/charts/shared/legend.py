@@ -14,6 +14,8 @@ from rich.cells import cell_len, set_cell_size
 from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
 from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
+NO_BREAK = "\u00a0"
+"""A blank at which texts are not wrapped, as between a number and its unit."""
 _SHORTEST_BAR = 4
 """Cells of a colour bar beside its label at least."""
 Scale = Callable[[NDArray[np.float64]], Pixels]
@@ -53,11 +55,12 @@ def _text_line(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
 def _wrapped(pieces: Sequence[tuple[str, Rgb]], width: int) -> list[list[tuple[str, Rgb]]]:
     """Distribute texts over lines of at most `width` cells; only a longer word is cut.
 
-    A single character, such as a glyph, stays before the word that it explains.
+    A single character, such as a glyph, stays before the word that it explains, and `NO_BREAK`
+    joins two words.
     """
     words: list[list[tuple[str, Rgb]]] = [[]]
     for text, colour in pieces:
-        for word in re.findall(r"\s*\S+\s*|\s+", text):
+        for word in re.findall(" *[^ ]+ *| +", text):
             words[-1].append((word, colour))
             if cell_len(word.strip()) != 1:
                 words.append([])
