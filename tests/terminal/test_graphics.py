@@ -239,6 +239,11 @@ def test_ascii_and_graphics_exclude_each_other(
     assert "--ascii" in capsys.readouterr().err
 
 
+def test_a_cell_size_needs_graphics(tiny_store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tui", str(tiny_store), "--cell-size", "10x20"]) == 2
+    assert "--graphics" in capsys.readouterr().err
+
+
 # --- strips --------------------------------------------------------------------------------------
 
 

@@ -47,6 +47,8 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.graphics != "off" and options.ascii:
         raise RequestError("--graphics and --ascii: give one of them")
+    if options.graphics == "off" and options.cell_size:
+        raise RequestError("--cell-size: give --graphics with a protocol, too")
     if options.restricted and options.history is not None:
         raise RequestError("--history: a restricted session shows only the history of the store")
     if options.restricted:
@@ -67,8 +69,6 @@ def execute(options: argparse.Namespace) -> int:
         cell = parse_cell_size(options.cell_size) if options.cell_size else None
         graphics = choose_graphics(options.graphics, terminal, cell)
         terminal = replace(terminal, graphics=graphics)
-    elif options.cell_size:
-        raise RequestError("--cell-size: give --graphics too")
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
 
