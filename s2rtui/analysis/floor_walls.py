@@ -18,6 +18,8 @@ WALL, EMPTY = 0, 1
 THINNEST_WALL, USUAL_WALL = 0.06, 0.1
 """Metres; thinner lines are noise, and lines below the usual thickness are walls only where they
 continue one of it."""
+NARROWEST_FLOOR = 0.2
+"""Metres; narrower stripes of other colours belong to the walls and empty areas around them."""
 EDGE = 0.12
 """Thickness in metres of the walls around areas of the dark colour; what is inside is empty."""
 _DARK = 0.6
@@ -44,7 +46,7 @@ def plan_parts(floor_plan: NDArray[np.uint8], width: float) -> NDArray[np.uint8]
     shrink = max(1, int(_FINEST / (width / floor_plan.shape[1])))
     solid = _solid(floor_plan[shrink // 2 :: shrink, shrink // 2 :: shrink])
     metre = solid.shape[1] / width
-    solid = _without_specks(solid, metre)
+    solid = ~_opened(~_without_specks(solid, metre), NARROWEST_FLOOR * metre)
     empty = solid & ~_dilated(~solid, max(1, round(EDGE * metre)))
     parts = np.stack([solid & ~empty, empty], axis=-1).astype(np.uint8)
     parts.setflags(write=False)
@@ -118,7 +120,7 @@ def _opened(mask: Mask, size: float) -> Mask:
     return _dilated(~_dilated(~mask, reach), reach) & mask
 
 
-def thin_lines(coverage: NDArray[np.floating], least: float = 0.12) -> Mask:
+def thin_lines(coverage: NDArray[np.floating], least: float = 0.08) -> Mask:
     """Which pixels (h, w) are drawn for a mask, by the share of each that it covers.
 
     Those that are mostly covered, and, so that lines thinner than a pixel stay whole and one pixel

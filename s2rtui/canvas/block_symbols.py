@@ -104,11 +104,10 @@ SYMBOL_SETS: dict[str, SymbolSet] = {
 in few."""
 
 
-def symbol_discs(symbols: SymbolSet, count: int) -> str:
-    """A sample of one line: discs of four cells, which a font without the characters breaks."""
-    across = (np.arange(4 * count * symbols.columns) + 0.5) / symbols.columns % 4 - 2
-    down = (np.arange(symbols.rows) + 0.5) / symbols.rows * 4 - 2
-    char, _ = cells_of(np.hypot(across, down[:, None]) < 2, symbols)
+def symbol_stripes(symbols: SymbolSet, width: int) -> str:
+    """A sample of `width` cells: slanted stripes, which a font without the characters breaks."""
+    down, across = np.mgrid[0 : symbols.rows, 0 : width * symbols.columns]
+    char, _ = cells_of((across + down) % 5 < 2, symbols)
     return "".join(char[0].tolist())
 
 

@@ -48,8 +48,14 @@ def detect(
     theme: str = "auto",
     symbols: Symbols = "quadrant",
 ) -> Terminal:
-    """Detect the capabilities; options override the environment."""
+    """Detect the capabilities; options override the environment.
+
+    Inside tmux octants become sextants: versions that do not know octants drop them, and the rest
+    of the line moves.
+    """
     env = os.environ if environment is None else environment
+    if symbols == "octant" and env.get("TMUX"):
+        symbols = "sextant"
     mode, reason = _mode(colour, env)
     chosen, why = _theme(theme, env)
     if not ascii and not _unicode(env):

@@ -9,7 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_discs
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_stripes
 from s2rtui.terminal.capabilities import Terminal, detect
 from s2rtui.user_data.user_data_dir import user_data_dir
 
@@ -59,11 +59,16 @@ def terminal(detected: Terminal | None = None) -> Rows:
 
 
 def symbol_samples(detected: Terminal) -> Rows:
-    """A disc of each set of block characters, which a font without them breaks."""
+    """Slanted stripes of each set of block characters, which a font without them breaks."""
     if detected.ascii:
         return []
-    discs = (f"{name} {symbol_discs(symbols, 1)}" for name, symbols in SYMBOL_SETS.items())
-    return [("whole discs?", ", ".join(discs))]
+    samples = {name: symbol_stripes(symbols, 5) for name, symbols in SYMBOL_SETS.items()}
+    shown = [
+        # Python before 3.14 does not know octants, and such characters are escaped in output.
+        f"{name} {sample if sample.isprintable() else '(key D in the application)'}"
+        for name, sample in samples.items()
+    ]
+    return [("stripes", ", ".join(shown))]
 
 
 def _graphics(detected: Terminal) -> str:

@@ -43,7 +43,7 @@ def test_a_slanted_wall_is_found_in_a_compressed_image(noise: int) -> None:
     walls = parts_of(image)[..., WALL].astype(bool)
     inner = np.abs(rows - 0.6 * columns - 40) < 3
     assert walls[inner].mean() > 0.97
-    assert not walls[~band].any()
+    assert walls[~band].mean() < 0.005
 
 
 def test_dark_furniture_away_from_walls_is_no_wall() -> None:
@@ -62,6 +62,13 @@ def test_the_surroundings_of_a_building_are_empty_and_have_a_wall_along_their_ed
     assert parts[:, 302:305, WALL].all()
     assert parts[:, 312:, EMPTY].all()
     assert not parts[..., EMPTY].astype(bool)[:, :300].any()
+
+
+def test_a_stripe_in_an_empty_area_is_empty() -> None:
+    image = plan()
+    image[:, 200:] = INK
+    image[150:154, 200:] = 200
+    assert parts_of(image)[140:165, 212:490, EMPTY].all()
 
 
 @pytest.mark.parametrize("colour", [None, (230, 230, 230)])

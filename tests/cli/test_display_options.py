@@ -29,6 +29,7 @@ from s2rtui.user_data.display_settings import (
 def own_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     monkeypatch.delenv("COLORFGBG", raising=False)
+    monkeypatch.delenv("TMUX", raising=False)
     return tmp_path
 
 
@@ -51,6 +52,11 @@ def test_an_option_overrides_the_environment() -> None:
     environment = {"TERM": "xterm", "COLORFGBG": "0;15"}
     assert detect(environment=environment, theme="dark").theme is DARK
     assert detect(environment={}, theme="light").theme is LIGHT
+
+
+def test_tmux_gets_no_octants() -> None:
+    assert detect(environment={"TMUX": "/tmp/tmux,1,0"}, symbols="octant").symbols == "sextant"
+    assert detect(environment={}, symbols="octant").symbols == "octant"
 
 
 def test_options_name_all_themes_and_symbols() -> None:
