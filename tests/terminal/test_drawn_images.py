@@ -23,6 +23,7 @@ from s2rtui.app.pilot import settle
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Pixels, RenderOptions, Size
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session import Session
+from s2rtui.terminal.graphics.drawn_images import SixelImages
 from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol
 from s2rtui.terminal.graphics.sixel import MOST_COLUMNS, PaletteImage, quantised, sixels
@@ -167,6 +168,17 @@ def test_the_last_rows_that_fill_no_band_are_left_out() -> None:
     box = terminal.screen.box(2, 1, 6, 1)
     assert (box[:18] >= 0).all()
     assert (box[18:] == -1).all()
+
+
+def test_an_image_over_a_huge_screen_stays_in_cells() -> None:
+    image = InlineImage(0, 0, 1000, 500, None, noise, "huge")
+    assert not SixelImages().fits(image)
+
+
+def test_columns_that_sixels_cannot_count_are_left_out() -> None:
+    image = InlineImage(0, 0, 1000, 1, None, noise, "wide")
+    written = SixelImages().encode(image, (20, 10_000)).decode()
+    assert decode_sixels(written[2:-2]).shape == (18, MOST_COLUMNS, 3)
 
 
 # --- the application -----------------------------------------------------------------------------

@@ -11,11 +11,16 @@ from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
 
+import numpy as np
+
 from s2rtui.canvas import InlineImage, Size
 from s2rtui.terminal.graphics.image_strips import Span, uncovered
 from s2rtui.terminal.graphics.iterm2_protocol import inline_file
 from s2rtui.terminal.graphics.png import png_within_limit, reduced_size
-from s2rtui.terminal.graphics.sixel import BAND, quantised, sixels
+from s2rtui.terminal.graphics.sixel import BAND, MOST_COLUMNS, quantised, sixels
+
+MOST_CELLS = 1 << 16
+"""Cells of an image at most; larger ones are drawn in cells."""
 
 _SAVE, _RESTORE = "\x1b7", "\x1b8"
 """Save and restore the position of the cursor."""
@@ -45,7 +50,9 @@ class DrawnImages:
         self._keeps_text = keeps_text
 
     def fits(self, image: InlineImage) -> bool:
-        """Whether the image can be drawn."""
+        """Whether the image can be drawn in reasonable time, with its text."""
+        if image.width * image.height > MOST_CELLS:
+            return False
         return self._keeps_text or image.text is None or not image.text.any()
 
     def show(self, content: bytes, cells: Size, shown: Set[object]) -> object:
@@ -74,9 +81,13 @@ class SixelImages(DrawnImages):
         return image.height * cell[1], image.width * cell[0]
 
     def encode(self, image: InlineImage, size: Size) -> bytes:
-        """The image without the last rows that fill no band, which would reach below its box."""
+        """The image without the last rows that fill no band, which would reach below its box.
+
+        Columns beyond `MOST_COLUMNS` are left out, too.
+        """
         rows = max(BAND, size[0] // BAND * BAND)
-        return sixels(quantised(image.pixels(size)[:rows])).encode("ascii")
+        pixels = np.ascontiguousarray(image.pixels(size)[:rows, :MOST_COLUMNS])
+        return sixels(quantised(pixels)).encode("ascii")
 
 
 class Iterm2Images(DrawnImages):
