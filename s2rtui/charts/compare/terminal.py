@@ -34,7 +34,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     several_legend,
     trained_legend,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.shared.points import marked_cells
 
 OUTLINED = "▽○△"

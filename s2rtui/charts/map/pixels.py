@@ -22,6 +22,7 @@ from s2rtui.charts.shared.base_map_pixels import (
     MapPicture,
     dot_radius,
     paint_cursor,
+    paint_trained,
     paint_values,
 )
 
@@ -36,6 +37,7 @@ COUNTS = "23456789+"
 def paint_map(picture: MapPicture, data: MapInput, model: MapModel) -> None:
     """Paint the selected in the map's mode, live predictions and the cursor."""
     PAINTINGS[data.mode](picture, data, model)
+    paint_trained(picture, data, model)
     for pose in data.live:
         picture.pose(pose.side, (pose.x, pose.y), pose.heading)
     if data.mode == "full" and model.cursor is not None:

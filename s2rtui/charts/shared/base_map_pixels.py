@@ -146,6 +146,18 @@ def paint_values(picture: MapPicture, data: MapInput, model: MapModel) -> None:
     picture.dots(np.asarray(data.truth)[members], levels, colours, radius)
 
 
+def paint_trained(picture: MapPicture, data: MapInput, model: MapModel) -> None:
+    """Draw a hole into the dots of selected instances that the model was trained on."""
+    if data.trained is None:
+        return
+    members = model.selection.members
+    places = picture.places(np.asarray(data.truth)[members[data.trained[members]]])
+    top = highest_at(places, 0, picture.image.shape[:2])
+    hole = disc(max(0.5, dot_radius(picture, model.highlighted) / 2))
+    colour = np.array([picture.theme.background], dtype=np.uint8)
+    draw_dots_by_level(picture.image, top, colour, hole)
+
+
 def paint_cursor(picture: MapPicture, data: MapInput, cursor: int | None) -> None:
     """Draw the true pose of the cursor's instance."""
     if cursor is not None:

@@ -41,6 +41,7 @@ from s2rtui.charts.shared.base_map_pixels import (
     add_picture,
     map_picture,
     paint_cursor,
+    paint_trained,
     paint_values,
 )
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
@@ -381,6 +382,7 @@ def draw_value_map(
 
     def paint_selected(picture: MapPicture) -> None:
         paint_values(picture, data, model)
+        paint_trained(picture, data, model)
         paint_cursor(picture, data, model.cursor)
 
     marks = SelectedMarks(draw_selected, paint_selected, (replace(data, mark=None),))
