@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.map_frame import MapFrame
@@ -52,6 +53,24 @@ SINGLE = 8
 """Up to this number of instances a cell shows each as a braille dot, above it a shade."""
 SHADE_STEPS = (SINGLE + 1, 65, 513, 4097)
 """Numbers of instances from which a cell has each shade."""
+
+
+def _dots_of_counts() -> NDArray[np.uint8]:
+    """(256, SINGLE + 1): the bits of a cell with as many dots as instances.
+
+    Instances in one place of the cell take free places from the first on.
+    """
+    table = np.zeros((256, SINGLE + 1), dtype=np.uint8)
+    for bits in range(256):
+        for count in range(SINGLE + 1):
+            filled = bits
+            while filled.bit_count() < count:
+                filled |= ~filled & (filled + 1)
+            table[bits, count] = filled
+    return table
+
+
+_DOTS = _dots_of_counts()
 _GROUND = 0.3
 """Opacity of the colour behind shades, and behind the dots of selected instances."""
 AXES = 5
@@ -149,7 +168,7 @@ def _points(chart: Canvas, layer: UmapLayer) -> None:
         chart.char[cells_with_dots(layer.grey)] = chart.glyphs.unselected
     else:
         single = held & (layer.count <= SINGLE)
-        bits = braille_bits(layer.dots)[single]
+        bits = _DOTS[braille_bits(layer.dots)[single], layer.count[single]]
         chart.char[single] = (0x2800 + bits).astype(np.uint32).view("<U1")
         steps = np.digitize(layer.count, SHADE_STEPS)
         many = held & ~single
