@@ -55,12 +55,12 @@ SHADE_STEPS = (SINGLE + 1, 65, 513, 4097)
 """Numbers of instances from which a cell has each shade."""
 
 
-def _dots_of_counts() -> NDArray[np.uint8]:
+def _dots_of_counts() -> NDArray[np.uint32]:
     """(256, SINGLE + 1): the bits of a cell with as many dots as instances.
 
     Instances in one place of the cell take free places from the first on.
     """
-    table = np.zeros((256, SINGLE + 1), dtype=np.uint8)
+    table = np.zeros((256, SINGLE + 1), dtype=np.uint32)
     for bits in range(256):
         for count in range(SINGLE + 1):
             filled = bits
