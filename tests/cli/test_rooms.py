@@ -48,7 +48,8 @@ def test_renaming_a_room_computes_nothing_again(
     with s2rstore.open(path) as store:
         assert store.generation == generation + 1
     assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(())) == []
-    X
+    expression = ['room:"tea kitchen"', "--with-trained"]
+    assert main(["query", str(path), *expression, "--format", "csv"]) == 0
     assert len(capsys.readouterr().out.splitlines()) > 1
     assert verify(path) == []
 
