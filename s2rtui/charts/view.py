@@ -35,6 +35,7 @@ class View:
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
+        narrow_ratio: height over width of its figure on a narrow page of paper.
         needs_poses: whether it shows nothing of a data set without poses.
     """
 
@@ -48,6 +49,7 @@ class View:
     single_instance: bool = False
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
+    narrow_ratio: float = 1.0
     needs_poses: bool = True
 
     def unavailable(self, store: Store) -> str:

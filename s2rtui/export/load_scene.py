@@ -45,12 +45,16 @@ class SceneOptions:
 
 
 @contextmanager
-def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scene]:
-    """Open a store and load the scene of some views. Raises RequestError.
+def open_scene(
+    path: Path, options: SceneOptions, *views: View, generation: int | None = None
+) -> Iterator[Scene]:
+    """Open a store, by default the published generation, and load the scene of some views.
+
+    Raises RequestError.
 
     The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, options.run, ReadNotebook, options.history)
+    session = Session(path, options.run, ReadNotebook, options.history, generation)
     try:
         for view in views:
             view.require_available(session.store)

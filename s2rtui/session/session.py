@@ -39,19 +39,21 @@ class Session:
         run: str | None = None,
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
+        generation: int | None = None,
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst region.
 
         A data set without poses has no runs: all its images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
-        `gap_history` overrides the history file of the store. Set `defers_loading` if background
+        `gap_history` overrides the history file of the store, `generation` the published one. Set
+        `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, a computed run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
-        self.store: Store = s2rstore.open(path, INDEX_MEMORY)
+        self.store: Store = s2rstore.open(path, INDEX_MEMORY, generation)
         self.notebook = notebooks(self.store.identity) if notebooks else None
         if self.notebook:
             self.notebook.use_parts(self.store.parts)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.records import Bounds
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,
@@ -38,6 +38,7 @@ from s2rtui.charts.shared.paper import (
     draw_ring,
     new_page,
     set_panel_title,
+    value_colours,
 )
 
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
@@ -90,7 +91,7 @@ def compare_figure(
         high = min(1.3, max(0.3, (top - below - KEYS - 0.25) / bars))
         bottom = top - 0.52 - high
         span, label = map_model(maps[0]).value_range, f"error ({maps[0].value_unit})"
-        draw_colour_bar(page, left, bottom, high, span, label, turbo)
+        draw_colour_bar(page, left, bottom, high, span, label, value_colours)
         corner = (left, bottom) if plan.row else (left + 1.2, top)
         _legend(page, difference, compared, corner, high, left)
     return page.encoded()

@@ -24,6 +24,7 @@ from s2rtui.charts.shared.paper import (
     draw_colour_bar,
     label_with_unit,
     new_page,
+    value_colours,
 )
 
 SIDE = 2.9
@@ -81,7 +82,7 @@ def _draw_image(
         axes.text(0.5, 0.5, text, ha="center", va="center", color=page.inks.muted)
         return
     rows, columns = side.rgb.shape[:2]
-    pixels = panel_pixels(side, what, model, data, (rows, columns))
+    pixels = panel_pixels(side, what, model, data, (rows, columns), unsigned_colours=value_colours)
     axes.imshow(pixels, interpolation="antialiased", aspect="auto")
 
 
@@ -92,7 +93,9 @@ def _draw_scales(
     bottom = top - high - 0.2
     if model.heat_range is not None:
         name = label_with_unit("heat", data.unit)
-        draw_colour_bar(page, left, bottom, high, model.heat_range, name, heat_ramp(data.signed))
+        draw_colour_bar(
+            page, left, bottom, high, model.heat_range, name, heat_ramp(data.signed, value_colours)
+        )
         left += 1.3
     if model.depth_range is not None:
         draw_colour_bar(page, left, bottom, high, model.depth_range, "depth (m)", depth_tint)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.map.model import (
     LARGEST,
     ErrorGlyphs,
@@ -36,6 +36,7 @@ from s2rtui.charts.shared.paper import (
     draw_colour_bar,
     label_with_unit,
     new_page,
+    value_colours,
     wrapped_label,
 )
 
@@ -83,12 +84,12 @@ def _draw_side(
     gap = 0.32
     if data.mode == "colour":
         label = label_with_unit(data.value_label, data.value_unit)
-        draw_colour_bar(page, left, top - gap - high, high, model.value_range, label, turbo)
+        draw_colour_bar(page, left, top - gap - high, high, model.value_range, label, value_colours)
         top -= high + gap + 0.25
     if model.heat_range is not None:
         label = wrapped_label(label_with_unit(data.heat_label, data.heat_unit))
         gap += 0.17 * label.count("\n")
-        draw_colour_bar(page, left, top - gap - high, high, model.heat_range, label, turbo)
+        draw_colour_bar(page, left, top - gap - high, high, model.heat_range, label, value_colours)
         top -= high + gap + 0.25
     marker_legend(page, _marks(data, model, page.inks), (left, top))
 

@@ -11,12 +11,20 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas import luma, mix, turbo
+from s2rtui.canvas import luma, mix
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
-from s2rtui.charts.shared.paper import Box, Ink, Page, draw_ring, style_plane, wrapped_label
+from s2rtui.charts.shared.paper import (
+    Box,
+    Ink,
+    Page,
+    draw_ring,
+    style_plane,
+    value_colours,
+    wrapped_label,
+)
 from s2rtui.charts.shared.points import point_dots
 
 if TYPE_CHECKING:
@@ -142,7 +150,7 @@ def _draw_background(axes: Axes, ground: MapBackground, page: Page, inches: floa
     if ground.heat is not None and (scale := heat_scale(ground)) is not None:
         shares = scale_fraction(ground.heat, scale)
         opacity = np.where(np.isfinite(shares), 0.15 + 0.7 * np.nan_to_num(shares) ** 0.7, 0.0)
-        show(np.dstack([turbo(shares) / 255.0, opacity]))
+        show(np.dstack([value_colours(shares) / 255.0, opacity]))
     if ground.clip is not None:
         hidden = DIMMED * (1 - seen_cells(np.asarray(ground.clip)))
         show(np.dstack([np.broadcast_to(page.inks.background, (*hidden.shape, 3)), hidden]))
@@ -207,7 +215,7 @@ def draw_values(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
     ids, shares = sorted_by_value(data, model)
     held = sheet.last_per_spot(data.truth, ids)
     points, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
-    colours = turbo(shares) / 255.0
+    colours = value_colours(shares) / 255.0
     colours[~np.isfinite(shares)] = sheet.page.inks.muted
     size, width = (5, 0.0) if len(points) > MANY else (26, 0.6)
     edge = [sheet.page.inks.background]

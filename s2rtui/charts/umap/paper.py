@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction
 from s2rtui.charts.shared.paper import (
     Ink,
@@ -20,6 +20,7 @@ from s2rtui.charts.shared.paper import (
     new_page,
     set_panel_title,
     style_plane,
+    value_colours,
 )
 from s2rtui.charts.umap.model import (
     UmapInput,
@@ -72,7 +73,7 @@ def _draw_side(page: Page, data: UmapInput, model: UmapModel, corner: tuple[floa
     (left, top), inks, (wide, high) = corner, page.inks, page.inches
     bar = min(2.0, top * 0.45)
     label = label_with_unit(data.value_label, data.value_unit)
-    draw_colour_bar(page, left, top - bar - 0.15, bar, model.value_range, label, turbo)
+    draw_colour_bar(page, left, top - bar - 0.15, bar, model.value_range, label, value_colours)
     y = top - bar - 0.5
     dots: list[tuple[str, Ink, float, Ink | str, float]] = []
     if model.sim.selected < model.sim.total:
@@ -124,7 +125,7 @@ def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, 
     shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     shares = shares[order]
-    colours = turbo(shares) / 255.0
+    colours = value_colours(shares) / 255.0
     colours[~np.isfinite(shares)] = inks.muted
     (x, y), edge = points[highlighted[order]].T, [inks.background]
     axes.scatter(x, y, s=24, c=colours, edgecolors=edge, linewidths=0.5, zorder=4)
@@ -136,7 +137,7 @@ def _draw_cells(axes: Axes, model: UmapModel, layer: UmapLayer, inks: Inks) -> N
     image = np.zeros((rows, columns, 4))
     grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
     image[grey] = (*inks.unselected, 0.6)
-    colours = np.vstack([np.array([inks.muted]), turbo(level_shares()) / 255.0])
+    colours = np.vstack([np.array([inks.muted]), value_colours(level_shares()) / 255.0])
     highlighted = layer.level >= 0
     image[highlighted, :3] = colours[layer.level[highlighted]]
     image[highlighted, 3] = 1.0
