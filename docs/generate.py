@@ -168,7 +168,12 @@ def language_page() -> str:
     from s2rstore.language import fields
 
     numeric = (
-        (code(name), cell(field.unit), cell(field.description))
+        (
+            code(name),
+            code(fields.with_unit(name)) if fields.with_unit(name) != name else "",
+            cell(field.unit),
+            cell(field.description),
+        )
         for name, field in fields.NUMERIC.items()
     )
     text = ((code(name), cell(field.description)) for name, field in fields.TEXT.items())
@@ -182,9 +187,58 @@ def language_page() -> str:
             "## Functions\n",
             table(("function", "meaning"), functions),
             "## Fields of numbers\n",
-            table(("field", "unit", "meaning"), numeric),
+            table(("field", "also", "unit", "meaning"), numeric),
             "## Fields of names\n",
             table(("field", "meaning"), text),
+        ]
+    )
+
+
+def names_page() -> str:
+    """Names of columns with their units, and the deprecated names without."""
+    from s2rstore.index import schema
+    from s2rstore.language import fields
+    from s2rtui.charts.registry import STORED
+    from s2rtui.export.rows.selected_instances import DEPRECATED
+
+    renamed = [name for name in fields.NUMERIC if fields.with_unit(name) != name]
+    numbers = (
+        (
+            code(name),
+            code(fields.with_unit(name)),
+            code(fields.NUMERIC[name].column),
+            cell(fields.NUMERIC[name].description),
+        )
+        for name in renamed
+    )
+    old = [("view `pair`", name, schema.pair_column(name)) for name in schema.pair_comments()]
+    old += [("`s2r query`, rows of `s2r tui`", *names) for names in DEPRECATED.items()]
+    for view in STORED.values():
+        old += [(f"`s2r show STORE {view.name}`", *names) for names in view.deprecated.items()]
+    return "\n".join(
+        [
+            "# Names and units\n",
+            "The name of a column ends in the unit of its values: `_m` for metres, `_deg` for "
+            "degrees, `_rad` for radians, `_s` for seconds. Rows of `s2r query`, `s2r show` and of "
+            "exported selections have degrees; the index, and so `s2r sql`, has radians. Columns "
+            "without such an ending are names, counts, shares, ranks, scores, or coordinates of "
+            "the UMAP.\n",
+            "Expressions of the [selection language](selection-language.md) take fields with and "
+            "without the unit: `real.error > 2` and `real.error_m > 2` are the same. `--columns` "
+            "prints the names that it was given. Tables of the index other than `pair` keep their "
+            "names; [their comments](index-schema.md) state the units.\n",
+            "## Numbers of an instance\n",
+            table(("field", "with its unit", "column of `pair`", "meaning"), numbers),
+            "## Deprecated names\n",
+            "The names without units keep their values in this version. View `pair` has them, too, "
+            "also in stores of earlier versions that this version opens. In CSV, JSON and Parquet "
+            "of `s2r query` and `s2r show` they follow the other columns; `--column-names new` "
+            "leaves them out, `--column-names old` prints them in place of the others. A later "
+            "version removes them.\n",
+            table(
+                ("where", "deprecated", "use"),
+                ((where, code(name), code(new)) for where, name, new in old if name != new),
+            ),
         ]
     )
 
@@ -304,6 +358,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/keys.md": keys_page,
     "cheat-sheet.md": cheat_sheet_page,
     "reference/selection-language.md": language_page,
+    "reference/names-and-units.md": names_page,
     "reference/index-schema.md": schema_page,
     "reference/registries.md": registries_page,
     "changelog.md": changelog_page,

@@ -21,6 +21,7 @@ class Glyphs:
     truth: str
     both: str
     selected: str
+    several: str
     unselected: str
     cursor: str
     baseline: str
@@ -45,6 +46,7 @@ UNICODE = Glyphs(
     truth="•",
     both="◈",
     selected="●",
+    several="■",
     unselected="·",
     cursor="◉",
     baseline="┊",
@@ -68,6 +70,7 @@ ASCII = Glyphs(
     truth="o",
     both="B",
     selected="*",
+    several="*",
     unselected=",",
     cursor="@",
     baseline=":",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal
 
 from s2rstore.errors import RequestError
@@ -37,6 +38,7 @@ class View:
         figure_size: default size of its figure, pixels.
         narrow_ratio: height over width of its figure on a narrow page of paper.
         needs_poses: whether it shows nothing of a data set without poses.
+        deprecated: deprecated names of columns of its numbers, and the columns they stand for.
     """
 
     name: str
@@ -51,6 +53,7 @@ class View:
     figure_size: Pixels = (1600, 900)
     narrow_ratio: float = 1.0
     needs_poses: bool = True
+    deprecated: Mapping[str, str] = MappingProxyType({})
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""
@@ -99,7 +102,10 @@ class View:
         return False
 
     def numbers(self, scene: Scene) -> Table:
-        """The figures of the view as a table: column names and rows; None and NaN are empty."""
+        """The figures of the view as a table: column names and rows; None and NaN are empty.
+
+        Names of columns of metres end in `_m`, of degrees in `_deg`.
+        """
         raise NotImplementedError
 
     def summary(self, scene: Scene) -> str:

@@ -20,7 +20,9 @@ from s2rtui.session.state import Aggregate, HeatChoice, State
 SIGNED = ("activation", "occlusion")
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
 _PLANES = {"activation": ("loss", "x", "y", "heading")}
-_UNITS = {"m degrees": "m", "m m rad loss": ""}
+_UNITS = {"m degrees": "m", "m m rad loss": "", "activation": "arb. units"}
+"""Units of shown values by those of stored arrays. Distances of a network's features have no
+physical unit; `activation` would be mistaken for the heatmap kind of this name."""
 _BLOCK = 32
 MAX_GATHERED = 2000
 """Heat of a larger selection is aggregated over this many instances, evenly spaced."""
@@ -55,7 +57,8 @@ def unit(store: Store, run: str, heat: HeatChoice) -> str:
     """The unit of the shown values."""
     if heat.kind in _PLANES:
         return _PLANE_UNITS[heat.mode or "loss"]
-    record = next((r for r in store.array_kinds(run) if r.kind == heat.kind), None)
+    choice = heat.kind, heat.mode
+    record = next((r for r in store.array_kinds(run) if (r.kind, r.mode) == choice), None)
     return _UNITS.get(record.unit, record.unit) if record else ""
 
 

@@ -42,7 +42,7 @@ def test_a_cell_shows_the_mean_of_its_selected_instances(
 ) -> None:
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     frame = compare_layout(view, (30, 8)).frame
-    columns, rows, means = cell_means(
+    columns, rows, means, counts = cell_means(
         view.truth, first, second, selection_indices(selected, valid), frame
     )
     differences = first - second
@@ -50,8 +50,9 @@ def test_a_cell_shows_the_mean_of_its_selected_instances(
     known = selected & valid & np.isfinite(differences)
     inside = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1)
     assert len(means) == len(np.unique(cells[known & inside], axis=0))
-    for column, row, mean in zip(columns, rows, means, strict=True):
+    for column, row, mean, count in zip(columns, rows, means, counts, strict=True):
         in_cell = known & (cells == (column, row)).all(axis=1)
+        assert count == in_cell.sum()
         assert mean == pytest.approx(differences[in_cell].mean(), abs=1e-9)
 
 
@@ -72,8 +73,8 @@ def three_points() -> CompareInput:
 @pytest.mark.parametrize(
     ("options", "glyphs"),
     [
-        (RenderOptions(), "▲▼●"),
-        (RenderOptions(mode=ColourMode.ANSI), "▲▼●"),
+        (RenderOptions(), "▴▾•"),
+        (RenderOptions(mode=ColourMode.ANSI), "▴▾•"),
         (RenderOptions(mode=ColourMode.NONE), "+-="),
         (RenderOptions(ascii=True), "+-="),
     ],

@@ -119,3 +119,14 @@ def test_a_pending_range_is_marked_only_on_its_side() -> None:
     ground = (canvas.bg == DARK.highlight).all(axis=-1)
     assert ground[row, first : last + 1].all()
     assert not ground[sim.y : sim.y + sim.height].any()
+
+
+def test_both_sides_share_one_scale_of_counts() -> None:
+    ones = np.ones(30, dtype=np.bool_)
+    real = np.repeat([0.5, 1.5, 2.5], 10)
+    view = errors_input(sim=np.full(30, 0.5), real=real, selected=ones, valid=ones, upper=3.0)
+    assert errors_model(view, 3).peak == 30
+    panels = errors_panels(view, (3, 4))
+    assert [panel.to_data(0, panel.y)[1] for panel in panels] == [30.0, 30.0]
+    canvas = draw_errors(view, (3, 4))
+    assert canvas.char[2:, ::2].tolist() == [[" ", " "], ["▆", "▆"]]

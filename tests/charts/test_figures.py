@@ -18,6 +18,7 @@ from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
 from s2rtui.charts.rooms.paper import rooms_figure
+from s2rtui.charts.shared.paper import colour_bar_ticks
 from s2rtui.charts.umap.paper import umap_figure
 from tests.charts.examples import (
     ROWS,
@@ -121,3 +122,18 @@ def test_many_points_are_drawn_as_cells(monkeypatch: pytest.MonkeyPatch) -> None
     many = umap_figure(umap_input(cursor=None), (600, 300))
     assert few != many
     assert decode(many).size == (600, 300)
+
+
+@pytest.mark.parametrize(
+    "scale", [(0.13, 7.83), (-4.2, 4.2), (0.0, 0.0031), (12345.0, 67890.0), (2.0, 2.002)]
+)
+@pytest.mark.parametrize("height", [0.1, 0.5, 1.3, 2.1])
+def test_a_colour_bar_has_labels_at_both_ends(scale: tuple[float, float], height: float) -> None:
+    places, labels = colour_bar_ticks(scale, height)
+    assert (places[0], places[-1]) == scale
+    assert places == sorted(set(places))
+    assert len(labels) == len(places)
+    low, high = (float(labels[end].replace("−", "-")) for end in (0, -1))
+    assert (low, high) == pytest.approx(scale, rel=0.006)
+    apart = np.diff(places) / (scale[1] - scale[0]) * height
+    assert len(places) == 2 or (apart >= 0.15).all()

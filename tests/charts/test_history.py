@@ -177,3 +177,63 @@ def test_the_figure_marks_failed_nights(theme: Theme) -> None:
     red = (np.abs(pixels - theme.real).sum(axis=2) < 20).any(axis=0)
     groups = np.count_nonzero(np.diff(red.astype(int)) == 1)
     assert groups == 3
+
+
+CUT = (
+    gaps.night(1, {"task": 20.0}),
+    gaps.night(2, {"task": 159.8}),
+    gaps.night(3, {"task": 14.0}),
+    gaps.night(4, {"task": 118.0}, half_width=6.0),
+    gaps.night(5, {"task": -33.5}),
+)
+
+
+@pytest.mark.parametrize("size", [(100, 50), (60, 16), (30, 10)])
+@pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
+def test_what_lies_beyond_the_scale_is_marked(
+    size: tuple[int, int], options: RenderOptions
+) -> None:
+    canvas = draw_history(CUT, size, options)
+    model = history_model(CUT, 90)
+    layout = history_layout(model, size)
+    up, down = options.glyphs.arrows[6], options.glyphs.arrows[2]
+    assert model.is_cut
+    fail = status_glyph("FAIL", options)
+    for _, _, top, rows in layout.charts:
+        columns = [layout.column(day, model) for day in model.days.tolist()]
+        drawn = [str(canvas.char[top, column]) for column in columns]
+        assert drawn[1] == up
+        assert (drawn[3], canvas.char[top, columns[3] + 1]) == (fail, up)
+        assert up not in (drawn[0], drawn[2], drawn[4])
+        bottom = [canvas.char[top + rows - 1, column] == down for column in columns]
+        assert bottom == [False] * 4 + [True]
+
+
+@pytest.mark.parametrize("width", [60, 100, 200])
+def test_the_value_of_a_cut_gap_is_printed(width: int) -> None:
+    canvas = draw_history(CUT, (width, 40))
+    layout = history_layout(history_model(CUT, 90), (width, 40))
+    for _, _, top, rows in layout.charts:
+        assert "159.8" in canvas.lines()[top]
+        assert "118" not in canvas.lines()[top]
+        assert "-33.5" in canvas.lines()[top + rows - 1]
+    assert "↑↓ off scale" in canvas.lines()[-1]
+
+
+def test_gaps_within_the_scale_have_no_marks() -> None:
+    assert not history_model(WEEK, 90).is_cut
+    text = "\n".join(draw_history(WEEK, SIZE).lines())
+    assert "↑" not in text
+    assert "off scale" not in text
+
+
+def test_the_figure_marks_and_prints_a_cut_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    from matplotlib.axes import Axes
+
+    written: list[str] = []
+    monkeypatch.setattr(Axes, "annotate", lambda self, text, *a, **k: written.append(text))
+    history_figure(CUT, (900, 700))
+    assert written == ["↑ 159.8", "↑", "↓ −33.5"] * 2
+    written.clear()
+    history_figure(WEEK, (900, 700))
+    assert not written

@@ -118,8 +118,8 @@ def test_tables_and_subtitles_name_the_poses_of_the_images(loose: Path, tiny_sto
         session = Session(path)
         scene = Scene(session.store, session.state, Resources())
         names, rows = BY_NAME["map"].numbers(scene)
-        assert ("sim true x" in names) == is_loose
-        assert "real true x" not in names
+        assert ("sim_true_x_m" in names) == is_loose
+        assert "real_true_x_m" not in names
         assert {len(row) for row in rows} == {len(names)}
         subtitle = BY_NAME["orientation"].subtitle(scene)
         assert ("sim images have true headings" in subtitle) == is_loose

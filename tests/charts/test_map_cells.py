@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,7 +18,7 @@ from s2rtui.charts.shared.points import (
     level_shares,
     point_cells,
     point_dots,
-    selected_cells,
+    selected_counts,
     unselected_dots,
 )
 
@@ -68,30 +70,35 @@ def test_dots_lie_in_the_cell_of_their_point(points: np.ndarray, frame: MapFrame
 def test_a_cell_shows_its_largest_value(
     points: np.ndarray, column: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
-    levels = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
+    shown = highest_levels(points, column, (0.0, 2.0), selection_indices(selected, valid), frame)
     expected = np.full((frame.height // 2, frame.width), -1)
+    counts = np.zeros_like(expected)
     for index, cell in enumerate(cells_of_points(frame, points)):
         if cell is not None and selected[index] and valid[index]:
             share = np.clip(column[index] / 2, 0, 1)
             level = 0 if np.isnan(share) else min(LEVELS - 1, int(share * LEVELS)) + 1
             expected[cell] = max(expected[cell], level)
-    assert (levels == expected).all()
+            counts[cell] += 1
+    assert (shown.level == expected).all()
+    assert (shown.count == counts).all()
 
 
 @given(positions, masks, masks, frames)
-def test_selected_cells_and_unselected_dots_match_the_points(
+def test_counts_and_unselected_dots_match_the_points(
     points: np.ndarray, selected: np.ndarray, valid: np.ndarray, frame: MapFrame
 ) -> None:
     selection = selection_indices(selected, valid)
     highlighted, others = (
-        selected_cells(points, selection, frame),
+        selected_counts(points, selection, frame),
         unselected_dots(points, selection, frame),
     )
     cells = cells_of_points(frame, points)
     member = selected & valid
-    assert set(zip(*np.nonzero(highlighted), strict=True)) == {
+    expected = Counter(
         cell for index, cell in enumerate(cells) if cell is not None and member[index]
-    }
+    )
+    places = zip(*np.nonzero(highlighted), strict=True)
+    assert {place: highlighted[place] for place in places} == expected
     cells_with_dots = others.reshape(frame.height // 2, 4, frame.width, 2).any(axis=(1, 3))
     assert set(zip(*np.nonzero(cells_with_dots), strict=True)) == {
         cell for index, cell in enumerate(cells) if cell is not None and (valid & ~member)[index]

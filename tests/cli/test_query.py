@@ -17,8 +17,8 @@ from s2rtui.export.rows.formats import write_rows
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 
 DEFAULT_HEADER = (
-    "iid,trajectory,seq,x,y,heading,room,sim_error,real_error,gap,sim_heading_error,"
-    "real_heading_error"
+    "iid,trajectory,seq,x_m,y_m,heading_deg,room,sim_error_m,real_error_m,gap_m,"
+    "sim_heading_error_deg,real_heading_error_deg"
 )
 
 
@@ -38,7 +38,8 @@ def query(store: Path, capsys, *arguments: str) -> str:
 
 
 def test_plain_output_contains_only_rows(tiny_store: Path, capsys) -> None:
-    lines = query(tiny_store, capsys, "ids(2..4)", "--format", "csv").splitlines()
+    arguments = ("ids(2..4)", "--format", "csv", "--column-names", "new")
+    lines = query(tiny_store, capsys, *arguments).splitlines()
     assert lines[0] == DEFAULT_HEADER
     assert [line.split(",")[0] for line in lines[1:]] == ["2", "3", "4"]
     assert len(json.loads(query(tiny_store, capsys, "ids(2..4)", "--json"))) == 3

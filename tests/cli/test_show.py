@@ -47,7 +47,7 @@ def test_map_and_umap_list_the_selection(query) -> None:
     poses = query("sql", "SELECT iid, x, y, degrees(heading), sim_x, sim_y, degrees(sim_heading), "
                          "real_x, real_y, degrees(real_heading), shift "
                          f"FROM pair WHERE {where}")  # fmt: skip
-    arguments = ("--select", "real.error > 0.5", "--run", "dataaug")
+    arguments = ("--select", "real.error > 0.5", "--run", "dataaug", "--column-names", "new")
     assert _values(query("show", "map", *arguments)) == _approximately(poses)
     apart = "sqrt((real_u - sim_u) ** 2 + (real_v - sim_v) ** 2)"
     points = query("sql", f"SELECT iid, sim_u, sim_v, real_u, real_v, {apart} FROM pair "

@@ -29,17 +29,17 @@ def store(trained_store: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def bfloat16_is_fastest(monkeypatch: pytest.MonkeyPatch) -> None:
-    def choose(model: LoadedModel, sample: object, name: str) -> MeasuredBackend:
+    def choose(model: LoadedModel, sample: object, name: str, threads: int) -> MeasuredBackend:
         name = "torch-bfloat16" if name == "auto" else name
-        return MeasuredBackend(open_backend(model, name), 3.1, 0.0004, 0.00035)
+        return MeasuredBackend(open_backend(model, name, threads), 3.1, 0.0004, 0.00035)
 
     monkeypatch.setenv(backend_choice.DEFAULT_VARIABLE, "auto")
     monkeypatch.setattr(backend_choice, "choose_backend", choose)
 
 
-def compute(path: Path, backend: str = "auto") -> list[str]:
+def compute(path: Path, backend: str = "auto", kinds: tuple[str, ...] = KINDS) -> list[str]:
     reporter = SilentReporter()
-    precompute(path, reporter, ["vanilla"], PrecomputeOptions(KINDS, backend=backend))
+    precompute(path, reporter, ["vanilla"], PrecomputeOptions(kinds, backend=backend))
     return reporter.lines
 
 
@@ -52,6 +52,7 @@ def record(path: Path) -> dict[str, object]:
 def test_the_choice_is_reported_recorded_and_kept(
     store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 1.0)
     lines = compute(store)
     assert lines[0].startswith(
         "vanilla: torch bfloat16, 3.1 x torch float32, at most 0.4 mm and 0.02 degrees off"
@@ -95,6 +96,26 @@ def test_heatmaps_stay_in_float32_where_reduced_precision_changes_them(
     monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
     compute(store, "torch-bfloat16")
     assert record(store)["heatmaps"] == {"name": "torch", "precision": "float32"}
+    assert record(store)["name"] == "torch-bfloat16"
+
+
+@pytest.mark.usefixtures("bfloat16_is_fastest")
+def test_predictions_come_from_the_passes_that_heatmaps_need(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
+    lines = compute(store)
+    assert record(store)["name"] == "torch"
+    assert lines[0].startswith("vanilla: torch float32 (the heatmaps need its passes; torch ")
+    assert "bfloat16 is 3.1 x as fast without them" in lines[0]
+
+
+@pytest.mark.usefixtures("bfloat16_is_fastest")
+def test_predictions_use_the_fastest_backend_where_no_heatmap_needs_passes(
+    store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backend_choice, "HEATMAP_ERROR", 0.0)
+    compute(store, kinds=("pixel_difference",))
     assert record(store)["name"] == "torch-bfloat16"
 
 

@@ -100,7 +100,8 @@ def test_queries_give_the_recorded_output(
 ) -> None:
     text = "worst(25%, real.error)"
     assert (
-        _json_output(capsys, "query", "demo.s2r", text, "--run", "tiny") == expected_output["query"]
+        _json_output(capsys, "query", "demo.s2r", text, "--run", "tiny", "--column-names", "old")
+        == expected_output["query"]
     )
     sql = (
         "SELECT side, count(*) AS n, avg(error) AS error FROM prediction "
@@ -108,7 +109,8 @@ def test_queries_give_the_recorded_output(
     )
     assert _json_output(capsys, "sql", "demo.s2r", sql) == expected_output["sql"]
     assert (
-        _json_output(capsys, "show", "demo.s2r", "list", "--run", "tiny") == expected_output["list"]
+        _json_output(capsys, "show", "demo.s2r", "list", "--run", "tiny", "--column-names", "old")
+        == expected_output["list"]
     )
 
 

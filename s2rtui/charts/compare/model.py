@@ -118,13 +118,13 @@ def _summary(
 @cached_by_identity(4)
 def cell_means(
     truth: Floats, first: Floats, second: Floats, selection: SelectionIndices, frame: MapFrame
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Means]:
-    """Columns, rows and mean differences (k,) of the cells with a selected instance."""
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Means, NDArray[np.intp]]:
+    """Columns, rows, mean differences and numbers (k,) of the cells with a selected instance."""
     column = _known_cells(truth, first, second, frame)
     counts, _ = count_selected(column, selection)
     held = np.flatnonzero(counts)
     means = sum_selected(column, differences(first, second), selection)[held] / counts[held]
-    return held % frame.width, held // frame.width, means
+    return held % frame.width, held // frame.width, means, counts[held]
 
 
 def better_run(means: Means, equal: float) -> NDArray[np.intp]:

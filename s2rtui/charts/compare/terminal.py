@@ -25,13 +25,17 @@ from s2rtui.charts.shared.base_map_terminal import (
     map_legend,
     map_panel,
     put_glyphs,
+    several_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+
+SEVERAL, ONE = "▼●▲", "▾•▴"
+"""Glyphs of cells with several instances, and of those with one."""
 
 
 def difference_glyphs(options: RenderOptions) -> str:
     """Three glyphs: the first run is better, equal, the second is better."""
-    return "-=+" if ramp_for_values(options) is not None else "▼●▲"
+    return "-=+" if ramp_for_values(options) is not None else SEVERAL
 
 
 def compare_layout(
@@ -80,14 +84,20 @@ def draw_compare(
 
 
 def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
-    """A glyph per cell in the colour of its mean; bold above half of the scale."""
-    columns, rows, means = cell_means(data.truth, data.first, data.second, model.selection, frame)
+    """A glyph per cell in the colour of its mean, larger or bold for several instances."""
+    columns, rows, means, counts = cell_means(
+        data.truth, data.first, data.second, model.selection, frame
+    )
     put_glyphs(canvas, columns, rows, " ", canvas.theme.text)
-    canvas.char[rows, columns] = np.array(list(difference_glyphs(canvas.options)))[
-        better_run(means, data.equal) + 1
-    ]
+    verdict = better_run(means, data.equal) + 1
+    glyphs = difference_glyphs(canvas.options)
+    one = ONE if glyphs == SEVERAL else glyphs
+    many = counts > 1
+    canvas.char[rows, columns] = np.where(
+        many, np.array(list(glyphs))[verdict], np.array(list(one))[verdict]
+    )
     canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), canvas.theme)
-    canvas.bold[rows, columns] = np.abs(means) > model.scale / 2
+    canvas.bold[rows, columns] = many
 
 
 def _legend(
@@ -107,7 +117,10 @@ def _legend(
     counts = _counts(data, model, (first, second), options)
     if counts.width > width:
         counts = _counts(data, model, None, options)
-    return [counts, bar, *map_legend(frame, width, model.others, data.clip is not None, options)]
+    rest = map_legend(frame, width, model.others, data.clip is not None, options)
+    if model.highlighted > 1:
+        rest.insert(0, several_legend(options, SEVERAL))
+    return [counts, bar, *rest]
 
 
 def _counts(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -33,6 +34,13 @@ class CompareView(PointsView):
     description = "two runs compared on the selection"
     loads = ("floor plan",)
     figure_size = (2100, 900)
+    deprecated = MappingProxyType(
+        {
+            "first mean": "first_mean_m",
+            "second mean": "second_mean_m",
+            "difference": "difference_m",
+        }
+    )
 
     def subtitle(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
@@ -144,8 +152,7 @@ class CompareView(PointsView):
         return [panel.moved_down(top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("room", "n", "first mean", "second mean", "difference", "improved", "worse",
-                 "equal")  # fmt: skip
+        names = ("room", "n", *self.deprecated.values(), "improved", "worse", "equal")
         other = run_comparison.other_run(scene.state)
         if other is None:
             return names, []

@@ -54,7 +54,7 @@ class SideErrors:
 
     @property
     def peak(self) -> int:
-        """The count of a bar of full height: the largest of this side."""
+        """The largest count of this side."""
         return int(max(self.total.max(), 1))
 
 
@@ -69,6 +69,11 @@ class ErrorsModel:
     @property
     def upper(self) -> float:
         return float(self.edges[-1])
+
+    @property
+    def peak(self) -> int:
+        """The count of a bar of full height, on both sides."""
+        return max(self.sim.peak, self.real.peak)
 
 
 def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:

@@ -27,7 +27,7 @@ BINS = 60
 def errors_figure(
     data: ErrorsInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
 ) -> bytes:
-    """Draw the figure in `size` pixels; each side has its own scale of counts."""
+    """Draw the figure in `size` pixels; both sides share one scale of counts."""
     page = new_page(size, theme, title, subtitle)
     model = errors_model(data, BINS)
     width, height = page.inches[0] - 1.0, max(0.2, (page.top - 0.6 - 0.75) / 2)
@@ -62,7 +62,7 @@ def _draw_bars(axes: Axes, model: ErrorsModel, errors: SideErrors, page: Page, i
     axes.bar(middles, errors.total, width=wide, color=page.inks.faint, linewidth=0)
     axes.bar(middles, errors.highlighted, width=wide, color=ink, linewidth=0, zorder=3)
     axes.set_xlim(0, model.upper)
-    axes.set_ylim(0, errors.peak * 1.08)
+    axes.set_ylim(0, model.peak * 1.08)
     axes.set_ylabel("instances")
     axes.yaxis.set_label_coords(-0.48 / (page.inches[0] - 1.0), 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))

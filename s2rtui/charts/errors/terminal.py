@@ -42,16 +42,15 @@ def errors_layout(size: Size) -> ErrorsLayout:
 def errors_panels(
     data: ErrorsInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
-    """Ranges "sim" and "real": x is the error, y a count on the side's scale.
+    """Ranges "sim" and "real": x is the error, y a count on the scale that both share.
 
     The last column includes all larger errors.
     """
     layout = errors_layout(size)
     model = errors_model(data, layout.width)
     panels = []
-    sides = (model.sim, model.real)
-    for name, errors, (top, rows) in zip(NAMES, sides, layout.sides, strict=False):
-        corner, scale = (layout.left, top + rows), (model.upper / layout.width, errors.peak / rows)
+    for name, (top, rows) in zip(NAMES, layout.sides, strict=False):
+        corner, scale = (layout.left, top + rows), (model.upper / layout.width, model.peak / rows)
         to_data = partial(_to_data, corner, scale)
         to_cells = partial(_to_cells, corner, scale)
         panels.append(Panel(name, "range", layout.left, top, layout.width, rows, to_data, to_cells))
@@ -81,7 +80,7 @@ def draw_errors(data: ErrorsInput, size: Size, options: RenderOptions = DEFAULT_
         strict=False,
     ):
         mark = mark_on_panel(data.mark, panel.name)
-        _side(canvas, panel, errors, mark, colour)
+        _side(canvas, panel, errors, model.peak, mark, colour)
         if layout.left:
             _labels(canvas, panel, errors, f"{glyph} {panel.name}", colour)
     if layout.axis is not None:
@@ -100,15 +99,20 @@ def _most(count: int) -> str:
     return f"peak {count}" if count < 100_000 else f"peak {count // 1000}k"
 
 
-def _side(canvas: Canvas, panel: Panel, errors: SideErrors, mark: Mark | None, colour: Rgb) -> None:
-    """Bars, brush mark, the median as a line, and the cursor at the bottom."""
+def _side(
+    canvas: Canvas, panel: Panel, errors: SideErrors, peak: int, mark: Mark | None, colour: Rgb
+) -> None:
+    """Bars, brush mark, the median as a line, and the cursor at the bottom.
+
+    peak: the count of a bar of full height.
+    """
     theme, bottom = canvas.theme, panel.y + panel.height - 1
     ends: list[int] = []
     if mark is not None:
         ends = [_column(panel, x) for x in mark_range(mark)]
         wide = ends[1] - ends[0] + 1
         canvas.fill(ends[0], panel.y, wide, panel.height, theme.highlight)
-    bars = (errors.highlighted / errors.peak, errors.total / errors.peak)
+    bars = (errors.highlighted / peak, errors.total / peak)
     draw_vertical_bars(canvas, panel.x, panel.y, panel.height, bars, colour)
     if math.isfinite(errors.median):
         at = _column(panel, errors.median)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -22,6 +23,7 @@ class ErrorsView(View):
     name = "errors"
     key = "7"
     description = "histogram of the position errors"
+    deprecated = MappingProxyType({"from": "from_m", "to": "to_m"})
 
     def subtitle(self, scene: Scene) -> str:
         return "position error of the selection"
@@ -38,7 +40,7 @@ class ErrorsView(View):
         model = errors_model(self.input(scene), BINS)
         ends = model.edges.tolist()
         counts = (model.sim.highlighted.tolist(), model.real.highlighted.tolist())
-        return ("from", "to", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
+        return ("from_m", "to_m", "sim", "real"), list(zip(ends, ends[1:], *counts, strict=False))
 
     def summary(self, scene: Scene) -> str:
         view = self.input(scene)

@@ -17,7 +17,7 @@ from s2rstore.metrics.bootstrap import Interval
 
 HEADLINE = "headline"
 LOWEST, HIGHEST = -20.0, 120.0
-"""Limits of the scale of G."""
+"""Limits of the scale of G; what lies beyond them is drawn at the end of the scale and marked."""
 _NOTHING = Interval.unknown()
 Floats = NDArray[np.float64]
 
@@ -50,6 +50,16 @@ class HistoryModel:
     tracks: tuple[Track, ...]
     scale: tuple[float, float]
     older: int
+
+    def beyond(self, value: float) -> int:
+        """1 where a G lies above the scale, -1 below it, else 0."""
+        return int(value > self.scale[1]) - int(value < self.scale[0])
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a G or a bound of its interval lies beyond the scale."""
+        ends = (end for track in self.tracks for end in (track.value, track.low, track.high))
+        return any(self.beyond(value) for column in ends for value in column.tolist())
 
     @property
     def span(self) -> int:

@@ -14,7 +14,7 @@ from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
-from s2rtui.charts.shared.paper import Page, Pixels, new_page, rgb_fractions, style_axes
+from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, rgb_fractions, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,8 @@ def history_figure(
         _draw_track(axes, model, track, page)
         _set_dates(axes, model, labelled=index == count - 1)
         if index == 0:
-            axes.set_title(_LEGEND, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
+            legend = f"{_LEGEND}   ↑ ↓ off scale" if model.is_cut else _LEGEND
+            axes.set_title(legend, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
     return page.encoded()
 
 
@@ -64,9 +65,23 @@ def _draw_track(axes: Axes, model: HistoryModel, track: Track, page: Page) -> No
             axes.plot(
                 [day], [value], marker=_MARKERS[track.statuses[at]], markersize=5.5, color=ink
             )
+            _draw_cuts(axes, model, track, at, ink)
     axes.set_ylabel("G")
     weight = "bold" if track.name == HEADLINE else "normal"
     axes.set_title(track.name, loc="left", fontsize=9.5, pad=4, color=inks.text, fontweight=weight)
+
+
+def _draw_cuts(axes: Axes, model: HistoryModel, track: Track, at: int, ink: Ink) -> None:
+    """Write an arrow at the end of the scale that G or its interval exceeds, with that G."""
+    day, gap = int(model.days[at]), float(track.value[at])
+    sign, align = (-1, "right") if at == len(model.days) - 1 else (1, "left")
+    for end in {model.beyond(part) for part in (gap, track.low[at], track.high[at])} - {0}:
+        arrow = "↑" if end > 0 else "↓"
+        text = f"{arrow} {gap:.1f}".replace("-", "−") if model.beyond(gap) == end else arrow
+        axes.annotate(
+            text, (day, model.scale[end > 0]), xytext=(6 * sign, 0), textcoords="offset points",
+            ha=align, va="center", fontsize=8.5, color=ink, zorder=6,
+        )  # fmt: skip
 
 
 def _set_dates(axes: Axes, model: HistoryModel, labelled: bool) -> None:

@@ -185,6 +185,51 @@ def _nights(
         canvas.vline(column, ends[1], ends[0], canvas.glyphs.vertical, colour)
         row = chart.of(gap, limit)
         canvas.put(column, row, status_glyph(track.statuses[at], canvas.options), colour, bold=True)
+    _cuts(canvas, model, layout, track, chart)
+
+
+def _cuts(
+    canvas: Canvas, model: HistoryModel, layout: HistoryLayout, track: Track, chart: ChartRows
+) -> None:
+    """An arrow at the end of the scale that G or its interval exceeds, and the value of that G.
+
+    The glyph of its status is next to the arrow, where it stays on its side of the threshold.
+    Values are written from the newest night on, where the cells beside the arrow are free.
+    """
+    ends = {1: chart.top, -1: chart.top + chart.count - 1}
+    cuts: list[tuple[int, int, float, Rgb]] = []
+    for at, day in enumerate(model.days.tolist()):
+        gap, column = float(track.value[at]), layout.column(day, model)
+        colour = status_colour(track.statuses[at], canvas.theme)
+        glyph, limit = status_glyph(track.statuses[at], canvas.options), float(model.thresholds[at])
+        bounds = (gap, float(track.low[at]), float(track.high[at]))
+        for end in {model.beyond(value) for value in bounds} - {0}:
+            row, is_cut = ends[end], model.beyond(gap) == end
+            beside = not is_cut and chart.of(gap, limit) == row
+            if beside and layout.pitch == 1:
+                continue
+            arrow = cut_glyph(end, canvas.options)
+            canvas.put(column + beside, row, arrow, colour, bold=True)
+            if is_cut:
+                cuts.append((column, row, gap, colour))
+                if (chart.line(limit) - (row + end)) * end > 0:
+                    canvas.put(column, row + end, glyph, colour, bold=True)
+    used = {(column, row) for column, row, _, _ in cuts}
+    for column, row, gap, colour in reversed(cuts):
+        text = _short(gap)
+        for start in (column + 1, column - len(text)):
+            cells = {(place, row) for place in range(start - 1, start + len(text) + 1)}
+            cells.discard((column, row))
+            fits = layout.left <= start and start + len(text) <= layout.left + layout.width
+            if fits and not cells & used:
+                canvas.text(start, row, text, colour)
+                used |= cells
+                break
+
+
+def cut_glyph(end: int, options: RenderOptions) -> str:
+    """The glyph of a value above (1) or below (-1) the scale."""
+    return options.glyphs.arrows[6 if end > 0 else 2]
 
 
 def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
@@ -209,6 +254,9 @@ def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
     free = canvas.text(free, row, f"{canvas.glyphs.horizontal * 2} threshold", theme.truth) + 2
     hidden = [model.tracks[index].name for index in layout.hidden]
     notes = [f"no room for {', '.join(hidden)}"] if hidden else []
+    if model.is_cut:
+        arrows = "".join(cut_glyph(end, canvas.options) for end in (1, -1))
+        notes.insert(0, f"{arrows} off scale")
     notes += [f"{model.older} older"] if model.older else []
     for note in notes:
         if free + len(note) <= canvas.width:

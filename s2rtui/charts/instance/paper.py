@@ -25,10 +25,13 @@ from s2rtui.charts.shared.paper import (
     label_with_unit,
     new_page,
     value_colours,
+    wrapped_label,
 )
 
 SIDE = 2.9
 """Width of scales and numbers at the right, inches."""
+SCALE_LETTERS = 16
+"""Letters of a line above a scale."""
 
 
 def instance_figure(
@@ -92,11 +95,12 @@ def _draw_scales(
     """Draw the colour bars side by side."""
     bottom = top - high - 0.2
     if model.heat_range is not None:
-        name = label_with_unit("heat", data.unit)
-        draw_colour_bar(
-            page, left, bottom, high, model.heat_range, name, heat_ramp(data.signed, value_colours)
-        )
-        left += 1.3
+        name = wrapped_label(label_with_unit(model.heat_name or "heat", data.unit), SCALE_LETTERS)
+        heat_high = max(0.3, high - 0.16 * name.count("\n"))
+        ramp = heat_ramp(data.signed, value_colours)
+        heat_scale = model.heat_range, name, ramp, data.heat_range is not None
+        draw_colour_bar(page, left, bottom, heat_high, *heat_scale)
+        left += 1.5
     if model.depth_range is not None:
         draw_colour_bar(page, left, bottom, high, model.depth_range, "depth (m)", depth_tint)
         patch = page.axes(left, top - high - 0.5, 0.16, 0.16)

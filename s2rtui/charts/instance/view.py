@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import MappingProxyType
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, RenderOptions, Size, Theme
@@ -21,6 +22,15 @@ class InstanceView(View):
     single_instance = True
     needs_poses = False
     figure_size = (1600, 1200)
+    deprecated = MappingProxyType(
+        {
+            "x": "x_m",
+            "y": "y_m",
+            "heading": "heading_deg",
+            "error": "error_m",
+            "heading_error": "heading_error_deg",
+        }
+    )
 
     def subtitle(self, scene: Scene) -> str:
         """The source of the images, then that of the images being loaded; long titles are cut."""
@@ -44,7 +54,7 @@ class InstanceView(View):
         return shown, scene.state.cursor is None, remark
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("what", "x", "y", "heading", "error", "heading_error", "note")
+        names = ("what", "x_m", "y_m", "heading_deg", "error_m", "heading_error_deg", "note")
         shown = scene.resources.pictures
         if shown is None:
             return names, []

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
 import numpy as np
 
+from s2rstore.language import fields
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
@@ -25,6 +27,13 @@ class ListView(View):
     description = "the selection as a list"
     needs_poses = False
     figure_size = (1600, 1200)
+    deprecated = MappingProxyType(
+        {
+            name: fields.with_unit(name)
+            for name in instance_list.COLUMNS
+            if fields.with_unit(name) != name
+        }
+    )
 
     def subtitle(self, scene: Scene) -> str:
         return f"{scene.state.count}, by {scene.state.sort} (.: next column, comma: reverse)"
@@ -52,7 +61,7 @@ class ListView(View):
         columns = self._columns(scene)
         iids = instance_list.order(scene.store, scene.state, scene.notes).tolist()
         rows = [[column.value(iid) for column in columns] for iid in iids]
-        return [column.name for column in columns], rows
+        return [fields.with_unit(column.name) for column in columns], rows
 
     def summary(self, scene: Scene) -> str:
         sort = scene.state.sort

@@ -84,7 +84,9 @@ def _draw_side(
     gap = 0.32
     if data.mode == "colour":
         label = label_with_unit(data.value_label, data.value_unit)
-        draw_colour_bar(page, left, top - gap - high, high, model.value_range, label, value_colours)
+        clipped = data.value_range is None
+        value_scale = model.value_range, label, value_colours, clipped
+        draw_colour_bar(page, left, top - gap - high, high, *value_scale)
         top -= high + gap + 0.25
     if model.heat_range is not None:
         label = wrapped_label(label_with_unit(data.heat_label, data.heat_unit))

@@ -32,10 +32,12 @@ from s2rtui.charts.shared.base_map_terminal import (
     layout_of_points,
     map_panel,
     put_glyphs,
+    put_marks,
+    several_legend,
     value_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, role_legend, text_part
-from s2rtui.charts.shared.points import selected_cells
+from s2rtui.charts.shared.points import selected_counts
 
 ARC_FOOTPRINT = (7, 3)
 ARROW_FOOTPRINT = (9, 3)
@@ -43,6 +45,8 @@ RADII = (3.0, 3.6, 4.2)
 """Radii of the arcs in braille dots, which makes them two dots thick."""
 OCTANTS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 """Columns and rows from the point to its arrow, in the order of `Glyphs.arrows`."""
+SEVERAL = {"sim": "■", "real": "□", "truth": "●"}
+"""The glyph of each role where a cell has several instances."""
 Grid = NDArray[np.bool_]
 
 
@@ -98,16 +102,19 @@ def full_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
     """The legend of predictions and truth."""
-    return [role_legend(options, sim="sim", real="real", truth="truth")]
+    roles = role_legend(options, sim="sim", real="real", truth="truth")
+    if model.highlighted < 2:
+        return [roles]
+    return [roles, several_legend(options, " ".join(SEVERAL.values()))]
 
 
 def draw_predictions(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw predictions and truth of the selected, joined by lines where they are few."""
     _lines(canvas, data, iids_with_error_lines(data, model, frame), frame)
     for role in ("sim", "real", "truth"):
-        cells = selected_cells(getattr(data, role), model.selection, frame)
-        rows, columns = np.nonzero(cells)
-        put_glyphs(canvas, columns, rows, *canvas.options.role(role))
+        counts = selected_counts(getattr(data, role), model.selection, frame)
+        glyph, colour = canvas.options.role(role)
+        put_marks(canvas, counts, glyph, SEVERAL.get(role, glyph), colour)
 
 
 def _lines(canvas: Canvas, data: MapInput, ids: Places, frame: MapFrame) -> None:
@@ -132,7 +139,7 @@ def draw_error_glyphs(canvas: Canvas, data: MapInput, model: MapModel, frame: Ma
     """Draw errors as arcs in braille, or as arrows with letters and sizes without colours."""
     footprint = ARC_FOOTPRINT if canvas.options.supports_images else ARROW_FOOTPRINT
     glyph_set = error_glyphs(data, model, frame, footprint)
-    rows, columns = np.nonzero(selected_cells(data.truth, model.selection, frame))
+    rows, columns = np.nonzero(selected_counts(data.truth, model.selection, frame))
     glyph, colour = canvas.options.role("truth")
     if glyph_set.crowded:
         glyph = "." if canvas.options.ascii else "·"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,9 @@ _SUBTITLES = {
 }
 
 
+_POSE = ("x_m", "y_m", "heading_deg")
+
+
 class MapView(PointsView):
     name = "map"
     key = "2"
@@ -39,6 +43,14 @@ class MapView(PointsView):
     aliases = ("geomap",)
     loads = ("floor plan", "heat on the map", "seen floor")
     figure_size = (1600, 1200)
+    deprecated = MappingProxyType(
+        {
+            f"{prefix}{name.rpartition('_')[0]}": f"{prefix.replace(' ', '_')}{name}"
+            for prefix in ("", "sim ", "real ", "sim true ", "real true ")
+            for name in _POSE
+        }
+        | {"shift": "shift_m"}
+    )
 
     def subtitle(self, scene: Scene) -> str:
         state, text = scene.state, _SUBTITLES[scene.state.map_mode]
@@ -91,23 +103,17 @@ class MapView(PointsView):
         )
         names: tuple[str, ...] = (
             "iid",
-            "x",
-            "y",
-            "heading",
-            "sim x",
-            "sim y",
-            "sim heading",
-            "real x",
-            "real y",
-            "real heading",
-            "shift",
+            *_POSE,
+            *(f"sim_{name}" for name in _POSE),
+            *(f"real_{name}" for name in _POSE),
+            "shift_m",
         )
         record = scene.store.run(scene.state.run)
         for side in SIDES:
             if (domain := record.domain(side)) in scene.store.domains_with_own_poses:
                 x, y, heading = scene.store.poses(domain).T
                 columns += (x, y, np.degrees(heading))
-                names += (f"{side} true x", f"{side} true y", f"{side} true heading")
+                names += tuple(f"{side}_true_{name}" for name in _POSE)
         selection = np.flatnonzero(scene.state.selected)
         picked = [column[selection].tolist() for column in columns]
         return names, list(zip(selection.tolist(), *picked, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from types import MappingProxyType
 
 from s2rstore.records import SIDES
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
@@ -20,6 +21,7 @@ class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
+    deprecated = MappingProxyType({"from": "from_deg", "to": "to_deg"})
     figure_size = (1600, 720)
 
     def subtitle(self, scene: Scene) -> str:
@@ -42,7 +44,7 @@ class OrientationView(View):
         step = 360 // len(counts[0])
         starts = [-180 + step * index for index in range(len(counts[0]))]
         rows = list(zip(starts, [s + step for s in starts], *counts, strict=True))
-        return ("from", "to", "sim", "truth", "real"), rows
+        return ("from_deg", "to_deg", "sim", "truth", "real"), rows
 
     def summary(self, scene: Scene) -> str:
         panels = orientation_model(self.input(scene)).panels

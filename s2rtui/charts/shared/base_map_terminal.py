@@ -150,13 +150,38 @@ def put_glyphs(
     canvas.fg[rows, columns] = colour
 
 
+def put_marks(canvas: Canvas, counts: Places, glyph: str, several: str, colour: Rgb) -> None:
+    """Put a glyph into each cell with one instance, and `several` into those with more.
+
+    counts: (rows, columns) instances per cell. Without colours or in ASCII, cells with several
+    instances are bold instead.
+    """
+    rows, columns = np.nonzero(counts)
+    put_glyphs(canvas, columns, rows, glyph, colour)
+    many = counts[rows, columns] > 1
+    if ramp_for_values(canvas.options) is not None:
+        canvas.bold[rows, columns] = many
+    else:
+        canvas.char[rows[many], columns[many]] = several
+
+
+def several_legend(options: RenderOptions, glyphs: str = "") -> LegendPart:
+    """The legend of cells with several instances; `glyphs` as given to `put_marks`."""
+    theme = options.theme
+    if ramp_for_values(options) is not None:
+        return text_part((("bold: several", theme.muted),))
+    glyphs = glyphs or options.glyphs.several
+    return text_part(((f"{glyphs} ", theme.text), ("several", theme.muted)))
+
+
 def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw the selected points by the largest value per cell, in colours or digits."""
-    top = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
-    rows, columns = np.nonzero(top >= 0)
-    shares = level_shares(top[rows, columns])
+    cells = highest_levels(data.truth, data.values, model.value_range, model.selection, frame)
+    rows, columns = np.nonzero(cells.count)
+    shares = level_shares(cells.level[rows, columns])
     known = np.isfinite(shares)
-    put_glyphs(canvas, columns, rows, canvas.glyphs.selected, canvas.theme.text)
+    glyphs = canvas.glyphs
+    put_marks(canvas, cells.count, glyphs.selected, glyphs.several, canvas.theme.text)
     if (digits := ramp_for_values(canvas.options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
@@ -218,7 +243,8 @@ def value_legend(
     ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
     values = data.value_label, data.value_unit, model.value_range
     clipped = data.value_range is None
-    return [colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)]
+    bar = colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)
+    return [bar, several_legend(options)] if model.highlighted > 1 else [bar]
 
 
 def map_legend(

@@ -63,7 +63,7 @@ def instance_layout(
     title = 1 if height >= 4 else 0
     plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
         (kinds, bars, table),
-        (kinds, bars[:1], table - len(data.notes)),
+        (kinds, bars, table - len(data.notes)),
         (kinds[:1], bars[:1], table - len(data.notes)),
         (kinds[:1], [], 0),
     )
@@ -220,12 +220,22 @@ def _titles(canvas: Canvas, layout: InstanceLayout, data: InstanceInput) -> None
 def _bars(
     data: InstanceInput, model: InstanceModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
+    """The colour bars of heat and depth, so short that they fit into one row if they can."""
+    for length in (12, 8, 6, 4):
+        parts = _bars_of_length(data, model, options, width, length)
+        if sum(part.width + 2 for part in parts) - 2 <= width:
+            return parts
+    return _bars_of_length(data, model, options, width, 12 if width >= 44 else 8)
+
+
+def _bars_of_length(
+    data: InstanceInput, model: InstanceModel, options: RenderOptions, width: int, length: int
+) -> list[LegendPart]:
     parts = []
-    length = 12 if width >= 44 else 8
     if model.heat_range is not None:
         ramp = None if options.supports_images else (SIGNED_RAMP if data.signed else HEAT_RAMP)
         name = model.heat_name or "heat"
-        heat = name, data.unit, model.heat_range, options, length + 4, heat_ramp(data.signed)
+        heat = name, data.unit, model.heat_range, options, length * 4 // 3, heat_ramp(data.signed)
         parts.append(colour_bar(*heat, ramp, width))
     if model.depth_range is not None:
         shades = options.glyphs.shades[::-1]

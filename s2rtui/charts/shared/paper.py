@@ -20,7 +20,13 @@ from numpy.typing import ArrayLike
 from s2rstore.errors import RequestError
 from s2rtui.canvas import Pixels as ColourTable
 from s2rtui.canvas import Rgb, Theme, turbo
-from s2rtui.charts.shared.axis_scale import Interval, tick_values
+from s2rtui.charts.shared.axis_scale import (
+    Interval,
+    short_number,
+    tick_step,
+    tick_text,
+    tick_values,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -252,9 +258,9 @@ def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int)
     )
 
 
-def wrapped_label(label: str) -> str:
-    """Wrap the label of a scale to the width beside a map."""
-    return "\n".join(textwrap.wrap(label, 23, break_long_words=False)) or label
+def wrapped_label(label: str, letters: int = 23) -> str:
+    """Wrap the label of a scale, by default to the width beside a map."""
+    return "\n".join(textwrap.wrap(label, letters, break_long_words=False)) or label
 
 
 def label_with_unit(label: str, unit: str) -> str:
@@ -262,19 +268,47 @@ def label_with_unit(label: str, unit: str) -> str:
     return f"{label} ({unit})" if unit else label
 
 
+def colour_bar_ticks(
+    scale: Interval, height: float, clipped: bool = False
+) -> tuple[list[float], list[str]]:
+    """Ticks of a colour bar of `height` inches with their labels: both ends, and round numbers
+    that keep their distance.
+
+    clipped: whether values beyond the ends have the colours of the ends, which the labels say.
+    """
+    low, high = scale
+    count = max(2, int(height / 0.27))
+    width = tick_step(high - low, count)
+    apart = 0.2 / max(height, 0.2) * (high - low)
+    inner = [at for at in tick_values(low, high, count) if low + apart <= at <= high - apart]
+    small = 0.005 * max(abs(low), abs(high))
+    ends = [short_number(0.0 if abs(end) < small else end) for end in scale]
+    texts = [tick_text(at, width) if 1e-4 <= width < 1e6 else short_number(at) for at in inner]
+    labels = [text.replace("-", "−") for text in (ends[0], *texts, ends[1])]
+    if clipped:
+        labels[0], labels[-1] = f"≤ {labels[0]}", f"≥ {labels[-1]}"
+    return [low, *inner, high], labels
+
+
 def draw_colour_bar(
-    page: Page, left: float, bottom: float, height: float, scale: Interval, label: str, colours: Any
+    page: Page,
+    left: float,
+    bottom: float,
+    height: float,
+    scale: Interval,
+    label: str,
+    colours: Any,
+    clipped: bool = False,
 ) -> None:
-    """Draw a vertical colour bar with its label above and its ticks at the right."""
+    """Draw a vertical colour bar with its label above and `colour_bar_ticks` at the right."""
     axes = page.axes(left, bottom, 0.16, height)
     ramp = colours(np.linspace(0, 1, 256)[:, None])
     extent = (0, 1, *scale)
     axes.imshow(ramp, aspect="auto", origin="lower", extent=extent, interpolation="none")
     axes.set_xticks([])
     axes.yaxis.tick_right()
-    share = max(height / page.inches[1], 1e-3)
-    axes.set_yticks(tick_values(*scale, max(2, int(share * page.inches[1] / 0.27))))
+    axes.set_yticks(*colour_bar_ticks(scale, height, clipped))
     axes.tick_params(colors=page.inks.muted, labelsize=8, width=0.8, length=3)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    axes.set_title(label, loc="left", fontsize=9, pad=6, color=page.inks.text)
+    axes.set_title(label, loc="left", fontsize=9, pad=8, color=page.inks.text)

@@ -52,15 +52,14 @@ def point_dots(points: Floats, frame: MapFrame) -> Bins:
 
 
 @cached_by_identity(6)
-def selected_cells(
+def selected_counts(
     points: Floats, selection: SelectionIndices, frame: MapFrame
-) -> NDArray[np.bool_]:
-    """(rows, columns), read-only: cells with a selected point."""
-    highlighted = (count_selected(point_cells(points, frame), selection)[0] > 0).reshape(
-        frame.height // 2, frame.width
-    )
-    highlighted.setflags(write=False)
-    return highlighted
+) -> NDArray[np.intp]:
+    """(rows, columns), read-only: number of selected points per cell."""
+    counts, _ = count_selected(point_cells(points, frame), selection)
+    counts = counts.reshape(frame.height // 2, frame.width)
+    counts.setflags(write=False)
+    return counts
 
 
 @cached_by_identity(4)
@@ -74,22 +73,34 @@ def unselected_dots(
     return others
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CellValues:
+    """The selected points of each cell, (rows, columns), read-only.
+
+    level: the largest value as a level 1 .. LEVELS; 0 for no known value, -1 for no selected point.
+    count: number of selected points.
+    """
+
+    level: NDArray[np.intp]
+    count: NDArray[np.intp]
+
+
 @cached_by_identity(4)
 def highest_levels(
     points: Floats, values: Floats, scale: Interval, selection: SelectionIndices, frame: MapFrame
-) -> NDArray[np.intp]:
-    """(rows, columns), read-only: the largest value of the selected per cell, as a level.
-
-    1 .. LEVELS; 0 for no known value, -1 for no selected point.
-    """
+) -> CellValues:
+    """The largest value and the number of the selected points of each cell."""
     levels = _cell_levels(points, values, scale, frame)
     highlighted, _ = count_selected(levels.codes, selection)
     top = np.full(frame.height // 2 * frame.width, -1, dtype=np.intp)
+    counts = np.zeros_like(top)
     if len(levels.cell):
         shown = np.where(highlighted > 0, levels.level, np.int8(-1))
         top[levels.cell] = np.maximum.reduceat(shown, levels.start)
-    top.setflags(write=False)
-    return top.reshape(-1, frame.width)
+        counts[levels.cell] = np.add.reduceat(highlighted, levels.start)
+    for part in (top, counts):
+        part.setflags(write=False)
+    return CellValues(top.reshape(-1, frame.width), counts.reshape(-1, frame.width))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -59,11 +59,13 @@ class UmapLayer:
     """One side in a frame of h x w cells.
 
     level: (h, w) mean value of the selected per cell as a level 1 .. LEVELS, 0 without a value, -1
-    without a selected instance. grey: (4h, 2w) braille dots of valid instances in all other cells.
-    selected, total: number of instances in the frame.
+    without a selected instance. several: (h, w) cells with more than one selected instance. grey:
+    (4h, 2w) braille dots of valid instances in all other cells. selected, total: number of
+    instances in the frame.
     """
 
     level: NDArray[np.int8]
+    several: Bools
     grey: Bools
     selected: int
     total: int
@@ -163,7 +165,8 @@ def _layer(
     level = _mean_level(table)
     held = _population(points, frame, selection.base).reshape(rows, 4, columns, 2)
     grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
-    return UmapLayer(level, grey, int(highlighted.sum()), int(total.sum()))
+    several = table.sum(axis=2) > 1
+    return UmapLayer(level, several, grey, int(highlighted.sum()), int(total.sum()))
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:

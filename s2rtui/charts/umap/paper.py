@@ -73,7 +73,10 @@ def _draw_side(page: Page, data: UmapInput, model: UmapModel, corner: tuple[floa
     (left, top), inks, (wide, high) = corner, page.inks, page.inches
     bar = min(2.0, top * 0.45)
     label = label_with_unit(data.value_label, data.value_unit)
-    draw_colour_bar(page, left, top - bar - 0.15, bar, model.value_range, label, value_colours)
+    clipped = data.value_range is None
+    draw_colour_bar(
+        page, left, top - bar - 0.15, bar, model.value_range, label, value_colours, clipped
+    )
     y = top - bar - 0.5
     dots: list[tuple[str, Ink, float, Ink | str, float]] = []
     if model.sim.selected < model.sim.total:

@@ -11,7 +11,7 @@ from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, l
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import cells_with_dots, draw_braille
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
-from s2rtui.charts.shared.base_map_terminal import plane_panel
+from s2rtui.charts.shared.base_map_terminal import plane_panel, several_legend
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
@@ -94,7 +94,8 @@ def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTI
 def _points(chart: Canvas, layer: UmapLayer) -> None:
     """Draw unselected points as grey dots, cells with selected ones as discs or digits.
 
-    Discs show the colour of the mean, which single braille dots would not.
+    Discs show the colour of the mean, which single braille dots would not. Squares, or bold
+    digits, stand for several instances.
     """
     theme = chart.theme
     if chart.options.ascii:
@@ -111,11 +112,13 @@ def _points(chart: Canvas, layer: UmapLayer) -> None:
     digits = ramp_for_values(chart.options)
     if digits is None:
         chart.char[highlighted] = chart.glyphs.selected
+        chart.char[layer.several] = chart.glyphs.several
+        chart.bold[highlighted] = True
     else:
         names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
         chart.char[highlighted] = names[layer.level[highlighted]]
+        chart.bold[layer.several] = True
     chart.fg[highlighted] = ink[highlighted]
-    chart.bold[highlighted] = True
 
 
 def _cursor(canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel) -> None:
@@ -139,6 +142,12 @@ def _header(
     parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
     parts.append(text_part(((counts, canvas.theme.muted),)))
+    if layer.several.any():
+        full = several_legend(canvas.options)
+        used = sum(part.width + 2 for part in parts)
+        short = text_part(((f"{canvas.glyphs.several} 2+", canvas.theme.muted),))
+        no_digits = ramp_for_values(canvas.options) is None
+        parts.append(short if no_digits and used + full.width > layout.room else full)
     free = layout.room
     bar = None if sim else _bar(data, model, free - parts[0].width - 2, canvas.options)
     if bar is not None:

@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"`{defaults.ODOMETRY}` (default: the drives in the store)",
     )  # fmt: skip
     add("--topic", help="ROS topic that carries the poses")
-    add("--rate", type=float, metavar="HZ", help="sampling rate of odometry that has no times")
+    add("--rate", type=float, metavar="HZ",
+        help="rate of odometry that has no times; the time of an instance is seq / HZ")  # fmt: skip
     add("--dynamics", action="append", default=[], metavar="NAME=VALUE",
         help="setting (repeatable): horizons=0.5,1,2 (s); nrmse=travel|extent|deviation; "
         "align=rigid+reflection+scale and rpe=1s or poses for APE and RPE; reach=1 (s), "

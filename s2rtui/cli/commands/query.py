@@ -31,11 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--with-expression", action="store_true",
         help="add the expression, run, generation and data set to the output")  # fmt: skip
     rows.add_output_options(parser)
+    rows.add_column_names(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import selected_rows
+    from s2rtui.export.rows.selected_instances import DEPRECATED, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
@@ -56,7 +57,8 @@ def execute(options: argparse.Namespace) -> int:
         columns = options.columns.split(",") if options.columns else None
         selection = selected_rows(store, *query, notes, columns)
     metadata = selection.facts.as_dict() if options.with_expression else None
-    rows.write(selection.names, selection.rows, options, metadata)
+    deprecated = DEPRECATED if columns is None else {}
+    rows.write(selection.names, selection.rows, options, metadata, deprecated)
     if options.format == "table" and options.out is None:
         of_run = f" of run {run}" if run else ""
         print(f"{selection.facts.count} instances{of_run}", file=sys.stderr)

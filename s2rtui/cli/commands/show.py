@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--words", action="store_true", help="print a sentence, not the table")
     scene_arguments.add_selection(parser)
     output.add_output_options(parser)
+    output.add_column_names(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -34,5 +35,5 @@ def execute(options: argparse.Namespace) -> int:
             return 0
         names, rows = view.numbers(scene)
         without_nan = [[None if value != value else value for value in row] for row in rows]
-        output.write(names, without_nan, options)
+        output.write(names, without_nan, options, deprecated=view.deprecated)
     return 0

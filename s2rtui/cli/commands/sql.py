@@ -15,7 +15,7 @@ DEFAULT_MEMORY = "400MB"
 
 _MEMORY = re.compile(r"(\d{1,6})(MB|GB)\Z")
 _BYTES = {"MB": 10**6, "GB": 10**9}
-EXAMPLE = 's2r sql lab.s2r "SELECT run, avg(gap) FROM pair GROUP BY run"'
+EXAMPLE = 's2r sql lab.s2r "SELECT run, avg(gap_m) FROM pair GROUP BY run"'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

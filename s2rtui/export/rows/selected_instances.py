@@ -16,17 +16,24 @@ from s2rstore.records import NO_RUN, SPLITS
 from s2rtui.user_data.notebook import Notes, Remark
 
 COLUMNS = (
-    "iid", "trajectory", "seq", "x", "y", "degrees(heading) AS heading", "room", "sim_error",
-    "real_error", "gap", "degrees(sim_heading_error) AS sim_heading_error",
-    "degrees(real_heading_error) AS real_heading_error",
+    "iid", "trajectory", "seq", "x_m", "y_m", "degrees(heading_rad) AS heading_deg", "room",
+    "sim_error_m", "real_error_m", "gap_m",
+    "degrees(sim_heading_error_rad) AS sim_heading_error_deg",
+    "degrees(real_heading_error_rad) AS real_heading_error_deg",
 )  # fmt: skip
 """Default columns, as SQL on `pair`."""
 TRUTH_COLUMNS = COLUMNS[:7]
 """Default columns where no run is computed."""
 OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
 """Further default columns where some pairs are loose."""
-IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp")
+IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp_s")
 """Default columns in a data set without poses."""
+DEPRECATED = {
+    "x": "x_m", "y": "y_m", "heading": "heading_deg", "sim_error": "sim_error_m",
+    "real_error": "real_error_m", "gap": "gap_m", "sim_heading_error": "sim_heading_error_deg",
+    "real_heading_error": "real_heading_error_deg", "timestamp": "timestamp_s",
+}  # fmt: skip
+"""Deprecated names of default columns, and the columns with their values."""
 NOTEBOOK_COLUMNS = ("tags", "note")
 _BLOCK_IIDS = 100_000
 """Number of instances whose rows are read at a time, which bounds the memory."""
@@ -82,9 +89,9 @@ def selected_rows(
 ) -> SelectedRows:
     """Return the rows of the instances that an expression selects.
 
-    `columns` are fields of the selection language, `tags` and `note`. `selected` (N,) is the result
-    of the expression if it is known, which then is not evaluated again. Raises ExpressionError, and
-    RequestError for columns and runs that do not exist.
+    `columns` are fields of the selection language, with or without units, `tags` and `note`.
+    `selected` (N,) is the result of the expression if it is known, which then is not evaluated
+    again. Raises ExpressionError, and RequestError for columns and runs that do not exist.
     """
     notes = notes or Notes()
     name = store.run_name(run)
@@ -100,7 +107,9 @@ def selected_rows(
             query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
             rows = store.execute(f"{query} WHERE run = ? ORDER BY iid", [*parameters, name])
         else:
-            readers = [_column(store, name, column, notes) for column in columns]
+            readers = [
+                _column(store, name, fields.without_unit(column), notes) for column in columns
+            ]
             iids = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
             rows = [tuple(read(iid) for read in readers) for (iid,) in iids]
     node = parse(expression)

@@ -114,11 +114,38 @@ class IndexCatalog:
         Where rows are in files, check other statements than own ones by `reading_statements`.
         """
         with self._lock:
+            connection = self._connection.cursor()
+            if self._pair_view:
+                connection.execute(self._pair_view)
+        return connection
+
+    def _connection_for(self, sql: str) -> duckdb.DuckDBPyConnection:
+        """A connection for one statement: `connection`, unless it does not read view `pair`."""
+        if "pair" in sql.lower():
+            return self.connection()
+        with self._lock:
             return self._connection.cursor()
+
+    @cached_property
+    def _pair_view(self) -> str:
+        """The statement that makes view `pair` with units in a connection; empty if it has them.
+
+        Temporary views belong to one connection.
+        """
+        connection = self._connection
+        try:
+            connection.execute("SELECT gap_m FROM pair LIMIT 0")
+            return ""
+        except duckdb.BinderException:
+            missing: set[str] = set()
+            for table in ("instance", "prediction"):
+                stored = connection.execute(f"SELECT * FROM {table} LIMIT 0").description
+                missing |= set(schema.BY_NAME[table].column_names) - {name[0] for name in stored}
+            return schema.temporary_pair_view(missing)
 
     def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
         """All rows of a query."""
-        connection = self.connection()
+        connection = self._connection_for(sql)
         if self.row_files:
             reading_statements.check(connection, sql)
         with self._explained():
@@ -343,7 +370,8 @@ class IndexCatalog:
         if not optional:
             return frozenset()
         with self._explained():
-            cursor = self.connection().execute(f'SELECT * FROM "{table}" LIMIT 0')
+            query = f'SELECT * FROM "{table}" LIMIT 0'
+            cursor = self._connection_for(query).execute(query)
         return frozenset(optional - {column[0] for column in cursor.description})
 
     def provenance(self, what: str) -> dict[str, str]:

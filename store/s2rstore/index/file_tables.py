@@ -48,7 +48,7 @@ class FileTables:
             self._connection.execute(f"CREATE TABLE {self.target(table)} ({columns})")
             self._show(table)
         if self._kept:
-            self._connection.execute(schema.VIEWS[0].replace("VIEW", "TEMP VIEW", 1))
+            self._connection.execute(schema.temporary_pair_view(()))
 
     def target(self, table: str) -> str:
         """The name of the table, for SQL, that takes rows of `table`."""

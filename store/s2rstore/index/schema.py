@@ -401,29 +401,64 @@ _SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_er
 """Columns of each side in view `pair`, with their comments."""
 PAIR_OFFSETS = ("pair_offset_m", "pair_offset_deg")
 """Columns of table `instance` that are 0 where both images of a pair have the same pose."""
+_UNIT_NAMES = {
+    "x": "x_m", "y": "y_m", "heading": "heading_rad", "curvature": "curvature_deg",
+    "odom_x": "odom_x_m", "odom_y": "odom_y_m", "odom_heading": "odom_heading_rad",
+    "timestamp": "timestamp_s", "error": "error_m", "heading_error": "heading_error_rad",
+    "gap": "gap_m", "shift": "shift_m",
+}  # fmt: skip
+"""Columns of view `pair` (those of a side without its name) with their units."""
 
 
-def _truth(missing: Collection[str]) -> list[str]:
+def pair_column(name: str) -> str:
+    """The name with its unit of a column of view `pair`: `sim_error_m` for `sim_error`.
+
+    The name without unit is a deprecated column. Columns without a unit have one name.
+    """
+    side, _, rest = name.partition("_")
+    if side in ("sim", "real"):
+        return f"{side}_{_UNIT_NAMES.get(rest, rest)}"
+    return _UNIT_NAMES.get(name, name)
+
+
+_Terms = list[tuple[str, str]]
+"""Expressions in SQL, and the names of their columns."""
+
+
+def _truth(alias: str, missing: Collection[str]) -> _Terms:
     """The columns of table `instance` in view `pair`; those of `missing` are not in the index."""
-    names = [name for name in BY_NAME["instance"].column_names if name != "iid"]
     return [
-        f"coalesce({{0}}{name}, 0) AS {name}" if name in PAIR_OFFSETS else f"{{0}}{name}"
-        for name in names
-        if name not in missing
+        (f"coalesce({alias}{name}, 0)" if name in PAIR_OFFSETS else f"{alias}{name}", name)
+        for name in BY_NAME["instance"].column_names
+        if name != "iid" and name not in missing
     ]
 
 
-def _pair_view(missing: frozenset[str] = frozenset()) -> str:
-    """The statement that makes the view; `missing` are columns to leave out."""
-    parts = ["s.run", "s.iid", *(column.format("i.") for column in _truth(missing))]
+def _with_units(terms: _Terms) -> _Terms:
+    """The columns, followed by those whose names have a unit."""
+    return terms + [(sql, pair_column(name)) for sql, name in terms if pair_column(name) != name]
+
+
+def _select_list(terms: _Terms) -> str:
+    return ", ".join(
+        sql if sql.split(".")[-1] == name else f"{sql} AS {name}" for sql, name in terms
+    )
+
+
+def _pair_view(missing: frozenset[str] = frozenset(), with_units: bool = True) -> str:
+    """The statement that makes the view; `missing` are columns to leave out.
+
+    `with_units`: whether it has columns whose names have a unit, as releases up to 0.2.0 had not.
+    """
+    terms = [("s.run", "run"), ("s.iid", "iid"), *_truth("i.", missing)]
     for side, alias in (("sim", "s"), ("real", "r")):
         names = [name for name in _SIDE_COLUMNS if name not in missing]
-        parts += [f"{alias}.{name} AS {side}_{name}" for name in names]
-        parts += [f"{alias}p.u AS {side}_u", f"{alias}p.v AS {side}_v"]
-    parts.append("r.error - s.error AS gap")
-    parts.append("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y)) AS shift")
+        terms += [(f"{alias}.{name}", f"{side}_{name}") for name in names]
+        terms += [(f"{alias}p.{axis}", f"{side}_{axis}") for axis in "uv"]
+    terms.append(("r.error - s.error", "gap"))
+    terms.append(("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y))", "shift"))
     return f"""
-        CREATE VIEW pair AS SELECT {", ".join(parts)}
+        CREATE VIEW pair AS SELECT {_select_list(_with_units(terms) if with_units else terms)}
         FROM instance i
         JOIN prediction s ON s.iid = i.iid AND s.side = 'sim'
         JOIN prediction r ON r.run = s.run AND r.iid = s.iid AND r.side = 'real'
@@ -441,19 +476,30 @@ def unpredicted(missing: Collection[str] = ()) -> str:
     types = {
         c.name: c.type for table in ("prediction", "projection") for c in BY_NAME[table].columns
     }
-    parts = ["'' AS run", "iid", *(column.format("") for column in _truth(missing))]
+    terms = [("''", "run"), ("iid", "iid"), *_truth("", missing)]
     for side in ("sim", "real"):
-        parts += [f"NULL::{types[name]} AS {side}_{name}" for name in (*_SIDE_COLUMNS, "u", "v")]
-    parts += ["NULL::DOUBLE AS gap", "NULL::DOUBLE AS shift"]
-    return f"(SELECT {', '.join(parts)} FROM instance)"
+        names = (*_SIDE_COLUMNS, "u", "v")
+        terms += [(f"NULL::{types[name]}", f"{side}_{name}") for name in names]
+    terms += [("NULL::DOUBLE", "gap"), ("NULL::DOUBLE", "shift")]
+    return f"(SELECT {_select_list(_with_units(terms))} FROM instance)"
 
 
 VIEWS: tuple[str, ...] = (
     _pair_view(),
-    _pair_view(frozenset(PAIR_OFFSETS)),
-    _pair_view(frozenset({*PAIR_OFFSETS, "outlier"})),
+    _pair_view(with_units=False),
+    _pair_view(frozenset(PAIR_OFFSETS), with_units=False),
+    _pair_view(frozenset({*PAIR_OFFSETS, "outlier"}), with_units=False),
 )
 """The statements with which this release and earlier ones make the views of an index."""
+
+
+def temporary_pair_view(missing: Collection[str]) -> str:
+    """The statement that makes view `pair` for one connection, in place of that of the index.
+
+    It gives the columns with units to an index that an earlier release wrote; `missing` are columns
+    of tables `instance` and `prediction` that it does not have.
+    """
+    return _pair_view(frozenset(missing)).replace("VIEW", "TEMP VIEW", 1)
 
 
 def pair_comments() -> dict[str, str]:
@@ -466,7 +512,9 @@ def pair_comments() -> dict[str, str]:
         comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
     comments["gap"] = "real error - sim error, m"
     comments["shift"] = "distance between the sim and the real prediction, m"
-    return comments
+    renamed = {name: pair_column(name) for name in comments if pair_column(name) != name}
+    comments |= {new: comments[name] for name, new in renamed.items()}
+    return comments | {name: f"deprecated: use {new}" for name, new in renamed.items()}
 
 
 def statements(without: Collection[str] = ()) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from s2rstore.index.schema import pair_column
 from s2rstore.records import SIDES
 
 
@@ -55,11 +56,13 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
 NUMERIC: dict[str, Numeric] = {
     "iid": Numeric("iid", "iid", "", "the instance's number"),
     "seq": Numeric("seq", "instances.seq", "", "number in the trajectory"),
-    "x": Numeric("x", "instances.x", "m", "ground truth"),
-    "y": Numeric("y", "instances.y", "m", "ground truth"),
-    "heading": Numeric("heading", "instances.heading", "degrees", "ground truth", _DEGREE, True),
-    "curvature": Numeric("curvature", "instances.curvature", "degrees", "heading change"),
-    "timestamp": Numeric("timestamp", "instances.timestamp", "s", "of the recording"),
+    "x": Numeric("x_m", "instances.x", "m", "ground truth"),
+    "y": Numeric("y_m", "instances.y", "m", "ground truth"),
+    "heading": Numeric(
+        "heading_rad", "instances.heading", "degrees", "ground truth", _DEGREE, True
+    ),
+    "curvature": Numeric("curvature_deg", "instances.curvature", "degrees", "heading change"),
+    "timestamp": Numeric("timestamp_s", "instances.timestamp", "s", "of the recording"),
     "pair_offset_m": Numeric(
         "pair_offset_m",
         "instances.pair_offset_m",
@@ -74,11 +77,11 @@ NUMERIC: dict[str, Numeric] = {
         "between the headings of both images",
         default=0.0,
     ),
-    "gap": Numeric("gap", "gap", "m", "real error - sim error"),
-    "shift": Numeric("shift", "shift", "m", "between the sim and the real prediction"),
+    "gap": Numeric("gap_m", "gap", "m", "real error - sim error"),
+    "shift": Numeric("shift_m", "shift", "m", "between the sim and the real prediction"),
     **{
         f"{side}.{name}": Numeric(
-            f"{side}_{name}", f"{side}.{name}", unit, f"{side}: {text}", *turn
+            pair_column(f"{side}_{name}"), f"{side}.{name}", unit, f"{side}: {text}", *turn
         )
         for side in SIDES
         for name, unit, text, *turn in _SIDE_NUMERIC
@@ -146,6 +149,26 @@ WORDS: dict[str, str] = {
     "straight": "heading change under 10 degrees",
     "curved": "heading change of 10 degrees or more",
 }
+
+
+_SUFFIXES = {"m": "_m", "degrees": "_deg", "s": "_s"}
+
+
+def with_unit(name: str) -> str:
+    """The name of a field with its unit: `real.error_m`, `heading_deg`. Others stay as they are.
+
+    Expressions take both names; columns of rows have the one with the unit.
+    """
+    suffix = _SUFFIXES.get(NUMERIC[name].unit, "") if name in NUMERIC else ""
+    return name if name.endswith(suffix) else name + suffix
+
+
+_FIELDS = {with_unit(name): name for name in NUMERIC}
+
+
+def without_unit(name: str) -> str:
+    """The field that a name with or without unit stands for; unknown names stay as they are."""
+    return _FIELDS.get(name, name)
 
 
 def is_truth(name: str) -> bool:

@@ -141,7 +141,7 @@ class _Build(Transformer[Token, Any]):
     def dotted(self, call: Call, rest: Token) -> Head:
         if call.name != "run" or [kind for kind, _ in call.arguments] != ["text"]:
             raise ExpressionError(call.column, "only a run has fields", ['run("name").field'])
-        return Head(str(rest)[1:], call.column, call.arguments[0][1])
+        return Head(fields.without_unit(str(rest)[1:]), call.column, call.arguments[0][1])
 
     def call(self, name: Token, arguments: list[Any]) -> Call:
         return Call(str(name), int(name.column or 1), arguments)
@@ -178,7 +178,7 @@ class _Build(Transformer[Token, Any]):
             return tree.Everything() if head.name == "all" else tree.Nothing()
         if head.run is None and head.name in ("straight", "curved"):
             return tree.Bend(head.name == "straight")
-        after = head.column + len(head.name)
+        after = head.column + len(name if isinstance(name, Token) else head.name)
         if head.name in fields.NUMERIC or head.name in fields.TEXT:
             raise ExpressionError(after, f"{head.name} needs a condition", [" > 1", ":value"])
         if head.name in fields.FUNCTIONS:
@@ -220,7 +220,9 @@ class _Build(Transformer[Token, Any]):
 
 
 def _head(name: Token | Head) -> Head:
-    return name if isinstance(name, Head) else Head(str(name), int(name.column or 1))
+    if isinstance(name, Head):
+        return name
+    return Head(fields.without_unit(str(name)), int(name.column or 1))
 
 
 def _unquoted(token: Token) -> str:

@@ -68,7 +68,7 @@ def _base(writer: _Writer, run: str | None, alias: str) -> str:
     """The condition on `alias` of the base population of a run, by default the current one."""
     parts = [f"{alias}.run = {writer.bind(run or writer.context.run)}"]
     if writer.context.run != NO_RUN:
-        parts += [_known(f"{alias}.{side}_error") for side in SIDES]
+        parts += [_known(f"{alias}.{side}_error_m") for side in SIDES]
     if writer.context.trajectories is not None:
         listed = writer.bind(list(writer.context.trajectories))
         parts.append(f"list_contains({listed}, {alias}.trajectory)")
@@ -141,7 +141,7 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
         case tree.Bend(straight):
             sign = "<" if straight else ">="
-            column = "q.curvature"
+            column = "q.curvature_deg"
             limit = writer.bind(STRAIGHT_BELOW)
             return f"coalesce({_known(column)} AND abs({column}) {sign} {limit}, false)"
         case _:

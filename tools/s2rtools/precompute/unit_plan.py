@@ -32,8 +32,8 @@ Merge = Callable[[Iterable[Totals]], Mapping[ArraySpec, NDArray[Any]]]
 class _Shard:
     """A shard that is not complete, and the units that it waits for.
 
-    `path` is that of its array in runs.zarr. A unit's chunks of it are results of `rows_per_chunk`
-    instances, `chunk_bytes` each before compression.
+    `path` is that of its array in runs.zarr, `folder` that of the units' results. A unit's chunks
+    of it are results of `rows_per_chunk` instances, `chunk_bytes` each before compression.
     """
 
     stage: Stage
@@ -42,6 +42,7 @@ class _Shard:
     number: int
     units: range
     path: str
+    folder: str
     rows_per_chunk: int
     chunk_bytes: int
     waiting: set[int]
@@ -54,8 +55,13 @@ class _Shard:
         rows, size = array.layout.rows_per_chunk, array.layout.chunk_bytes
         if stage.is_aggregate:  # the totals of a unit are one chunk
             rows, size = max(1, len(stage.instances)), 8 * len(TOTALS) * math.prod(spec.item)
-        path = spec.path(stage.run)
-        return cls(stage, spec, array, number, units, path, rows, size, set(units))
+        path, folder = spec.path(stage.run), unit_results.folder(stage)
+        return cls(stage, spec, array, number, units, path, folder, rows, size, set(units))
+
+    @property
+    def results(self) -> list[str]:
+        """The files of the units' results."""
+        return [f"{self.folder}/{number}" for number in self.units]
 
 
 class UnitPlan:
@@ -186,8 +192,7 @@ class UnitPlan:
         for key, recorded in entries.items():
             self._ledger.add_array_entries(key, recorded)
         for shard in assembled:
-            for number in shard.units:
-                name = unit_results.file_name(shard.stage, number)
+            for name in shard.results:
                 self._uses[name] -= 1
                 if not self._uses[name]:
                     del self._results[name]
@@ -195,10 +200,9 @@ class UnitPlan:
 
     def _write(self, shard: _Shard) -> LedgerEntry:
         """Write a shard from the results of its units."""
-        path = shard.path
-        results = [self._results[unit_results.file_name(shard.stage, n)] for n in shard.units]
-        with safe_files.folder(self._root, unit_results.folder(shard.stage)) as folder:
-            parts = (list(result.chunks(path, folder)) for result in results)
+        results = [self._results[name] for name in shard.results]
+        with safe_files.folder(self._root, shard.folder) as folder:
+            parts = (list(result.chunks(shard.path, folder)) for result in results)
             return self._write_parts(shard, parts)
 
     def _write_parts(self, shard: _Shard, parts: Iterator[list[bytes]]) -> LedgerEntry:

@@ -25,7 +25,8 @@ MAX_HEADING = 1e6
 _LENGTH_TOLERANCE = 0.05
 """Difference of a quaternion's length from 1 that is rounding."""
 _QUATERNION = ("qx", "qy", "qz", "qw")
-_REQUIRED = "x, y and heading (or heading_deg, or qx, qy, qz and qw)"
+_HEADINGS = ("heading", "heading_deg", "heading_rad")
+_REQUIRED = "x, y and heading (or heading_deg, heading_rad, or qx, qy, qz and qw)"
 
 Floats = NDArray[np.float64]
 
@@ -204,7 +205,7 @@ def _entries(
 def _pose_numbers(table: PredictionTable) -> tuple[Floats, str]:
     """x, y and heading of each row (n, 3), and the columns that the heading comes from."""
     numbers = table.numbers
-    if "heading" in numbers or "heading_deg" in numbers:
+    if any(name in numbers for name in _HEADINGS):
         return _columns(table, "")
     if not {*_QUATERNION, "x", "y"} <= set(numbers):
         raise _missing(table)
@@ -213,9 +214,10 @@ def _pose_numbers(table: PredictionTable) -> tuple[Floats, str]:
 
 def _columns(table: PredictionTable, prefix: str) -> tuple[Floats, str]:
     numbers = table.numbers
-    headings = [name for name in ("heading", "heading_deg") if prefix + name in numbers]
+    headings = [name for name in _HEADINGS if prefix + name in numbers]
     if len(headings) > 1:
-        raise RequestError(f"{table.path}: has {prefix}heading and {prefix}heading_deg; remove one")
+        listed = " and ".join(prefix + name for name in headings)
+        raise RequestError(f"{table.path}: has {listed}; remove one")
     names = [f"{prefix}x", f"{prefix}y", *(prefix + name for name in headings)]
     if not headings or any(name not in numbers for name in names):
         raise _missing(table)
@@ -317,7 +319,8 @@ def _units(
     """The units of positions and headings: declared by option or column, or recognised."""
     where, bounds = str(table.path), target.store.dataset.bounds
     length = pose_units.length_unit(units.length, entries.numbers[:, :2], bounds, where)
-    declared = {"heading_deg": "deg", "quaternion": "rad"}.get(entries.heading_from, units.angle)
+    known = {"heading_deg": "deg", "heading_rad": "rad", "quaternion": "rad"}
+    declared = known.get(entries.heading_from, units.angle)
     if units.angle not in (None, declared):
         raise RequestError(
             f"{where}: --units {units.angle}: headings are in {declared} ({entries.heading_from})"

@@ -7,7 +7,7 @@ other columns are ignored. A row of a TUM file is `timestamp tx ty tz qx qy qz q
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,12 @@ NUMBERS: dict[str, str] = {
     "iid": "iid", "seq": "seq", "timestamp": "timestamp", "time": "timestamp",
     "x": "x", "tx": "x", "y": "y", "ty": "y",
     "heading": "heading", "yaw": "heading", "theta": "heading", "heading_deg": "heading_deg",
+    "heading_rad": "heading_rad", "x_m": "x", "y_m": "y",
     "qx": "qx", "qy": "qy", "qz": "qz", "qw": "qw",
     **{f"{side}_{name}": f"{side}_{name}"
-       for side in ("sim", "real") for name in ("x", "y", "heading", "heading_deg")},
+       for side in ("sim", "real")
+       for name in ("x", "y", "heading", "heading_deg", "heading_rad")},
+    **{f"{side}_{axis}_m": f"{side}_{axis}" for side in ("sim", "real") for axis in "xy"},
 }  # fmt: skip
 """Columns of numbers and what they mean."""
 TEXTS: dict[str, str] = {
@@ -119,6 +122,12 @@ def _read_parquet(path: Path) -> PredictionTable:
     )
 
 
+def _repeated(names: Collection[str]) -> set[str]:
+    """Names without units of columns that are there with their units: view `pair` has both."""
+    with_units = {name for name in names if name.endswith(("_m", "_rad"))}
+    return {name.rpartition("_")[0] for name in with_units}
+
+
 def _table(
     path: Path,
     lines: NDArray[np.int64],
@@ -127,6 +136,7 @@ def _table(
     found: Sequence[str] = (),
 ) -> PredictionTable:
     """The table with the names of `COLUMNS`'s values. Raises RequestError for repeated ones."""
+    columns = {name: values for name, values in columns.items() if name not in _repeated(columns)}
     by_meaning: dict[str, str] = {}
     for name in columns:
         other = by_meaning.setdefault(COLUMNS[name], name)

@@ -1,0 +1,145 @@
+"""Columns of lengths and angles name their units, and equal numbers are equal everywhere."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import s2rstore
+from s2rstore.index import schema
+from s2rstore.language import evaluation, fields, parse, to_text
+from s2rtui.charts.registry import STORED
+from s2rtui.cli import main
+from s2rtui.export.rows.formats import with_deprecated
+from s2rtui.export.rows.selected_instances import DEPRECATED
+from tests.support.older_stores import without
+
+UNIT = re.compile(r"_(m|deg|rad|s)$")
+PHYSICAL = re.compile(
+    r"(^|_|\.| )(x|y|heading|error|gap|shift|curvature|offset|timestamp|from|to|mean|difference)"
+    r"(_(error|x|y|m|deg|rad|s))*$"
+)
+"""Names of lengths, angles and times."""
+TO_DEGREES = {"rad": 180 / math.pi, "m": 1.0, "deg": 1.0, "s": 1.0}
+
+
+@pytest.fixture
+def rows(tiny_store: Path, capsys):
+    """A function that returns the rows of a command on the tiny store."""
+
+    def of(*arguments: str) -> list[dict[str, Any]]:
+        assert main([arguments[0], str(tiny_store), *arguments[1:], "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return of
+
+
+def assert_units(names: list[str]) -> None:
+    assert [name for name in names if PHYSICAL.search(name) and not UNIT.search(name)] == []
+    assert [name for name in names if UNIT.search(name)]
+
+
+def test_columns_of_rows_name_their_units(rows) -> None:
+    assert_units(list(rows("query", "all", "--column-names", "new")[0]))
+    for view in ("map", "errors", "orientation", "instance", "list", "compare"):
+        options = ("--with", "dataaug") if view == "compare" else ()
+        shown = rows("show", view, "--select", "ids(3..8)", "--column-names", "new", *options)
+        assert_units(list(shown[0]))
+
+
+def test_columns_of_the_pair_view_have_units_or_are_deprecated(tiny_store: Path) -> None:
+    comments = schema.pair_comments()
+    with s2rstore.open(tiny_store) as store:
+        described = store.execute(
+            "SELECT column_name, comment FROM duckdb_columns() WHERE table_name = 'pair'"
+        )
+    assert dict(described) == comments
+    current = [name for name, text in described if not text.startswith("deprecated")]
+    assert_units(current)
+    for name, text in described:
+        if name not in current:
+            assert text == f"deprecated: use {schema.pair_column(name)}"
+            assert schema.pair_column(name) in current
+
+
+def test_query_and_sql_agree_after_conversion(rows) -> None:
+    queried = rows("query", "all", "--column-names", "new")
+    stored = rows("sql", "SELECT * FROM pair WHERE run = 'vanilla' ORDER BY iid")
+    shown = rows("show", "map", "--select", "all", "--column-names", "new")
+    assert len(queried) == len(stored) == len(shown) == 40
+    for table in (queried, shown):
+        for name in table[0]:
+            if (unit := UNIT.search(name)) is None:
+                continue
+            stem = name[: unit.start()]
+            (column,) = [c for c in stored[0] if UNIT.search(c) and UNIT.sub("", c) == stem]
+            factor = TO_DEGREES[UNIT.search(column)[1]]
+            for row, truth in zip(table, stored, strict=True):
+                assert row[name] == pytest.approx(truth[column] * factor, rel=1e-12)
+
+
+def test_deprecated_names_have_the_values_of_the_new_ones(rows) -> None:
+    both, old = (rows("query", "all", *words) for words in ((), ("--column-names", "old")))
+    for row, alone in zip(both, old, strict=True):
+        assert all(row[name] == row[new] for name, new in DEPRECATED.items() if new in row)
+        assert all(row[name] == value for name, value in alone.items())
+        assert not set(alone) & set(DEPRECATED.values())
+    stored = rows("sql", "SELECT * FROM pair")
+    for name in schema.pair_comments():
+        assert all(row[name] == row[schema.pair_column(name)] for row in stored)
+    for name, view in STORED.items():
+        shown = rows("show", name, "--select", "ids(3..8)")
+        assert all(row[o] == row[new] for row in shown for o, new in view.deprecated.items()
+                   if new in row)  # fmt: skip
+
+
+def test_a_table_for_reading_has_each_column_once(tiny_store: Path, capsys) -> None:
+    assert main(["query", str(tiny_store), "ids(3)"]) == 0
+    header = capsys.readouterr().out.splitlines()[0].split()
+    assert not set(header) & set(DEPRECATED)
+    assert len(header) == len(set(header)) == 12
+
+
+def test_columns_without_a_deprecated_name_stay_as_they_are() -> None:
+    table = with_deprecated(["a", "x_m"], [(1, 2.0)], {"x": "x_m", "y": "y_m"})
+    assert table == (["a", "x_m", "x"], [(1, 2.0, 2.0)])
+
+
+def test_expressions_take_fields_with_their_units(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        for name in fields.NUMERIC:
+            named = fields.with_unit(name)
+            assert to_text(parse(f"{named} > 1")) == to_text(parse(f"{name} > 1"))
+            query, parameters = evaluation.sql(store, f"worst(3, {named}) | {named} > 0.5")
+            stored = [row[0] for row in store.execute(query, parameters)]
+            chosen = evaluation.select(store, f"worst(3, {name}) | {name} > 0.5")
+            assert stored == chosen.nonzero()[0].tolist()
+        text = 'run("dataaug").real.error_m > 0.5 & heading_deg:90+-45'
+        assert to_text(parse(text)) == 'run("dataaug").real.error > 0.5 & heading:90+-45'
+
+
+def test_columns_may_be_asked_for_with_their_units(rows) -> None:
+    named = rows("query", "ids(3..5)", "--columns", "iid,real.error_m,heading_deg")
+    plain = rows("query", "ids(3..5)", "--columns", "iid,real.error,heading")
+    assert list(named[0]) == ["iid", "real.error_m", "heading_deg"]
+    assert [list(row.values()) for row in named] == [list(row.values()) for row in plain]
+
+
+@pytest.mark.parametrize("missing", [(), ("outlier",)])
+def test_stores_of_earlier_versions_have_columns_with_units(
+    store_copy: Path, missing: tuple[str, ...]
+) -> None:
+    path = without(store_copy, missing)
+    with s2rstore.open(path) as store:
+        columns = ("x", "real_heading_error", "gap", "sim_error", "curvature")
+        listed = ", ".join(f"{name}, {schema.pair_column(name)}" for name in columns)
+        table = store.execute(f"SELECT {listed} FROM pair ORDER BY run, iid")
+        assert len(table) == 80
+        assert all(row[::2] == row[1::2] for row in table)
+        assert len(store.connection().execute("SELECT gap_m FROM pair").fetchall()) == 80
+        assert len(evaluation.select(store, "gap_m > 0")) == 40

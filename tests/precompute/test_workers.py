@@ -1,0 +1,53 @@
+"""Number of worker processes, and the order in which they compute units."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from s2rtools.common.processors import available_memory
+from s2rtools.precompute import executors
+
+
+@pytest.mark.parametrize(
+    ("processors", "memory", "instances", "workers"),
+    [
+        (8, 64 * 2**30, 100, 1),
+        (8, 64 * 2**30, 1084, 4),
+        (2, 64 * 2**30, 10**6, 2),
+        (8, 5 * 2**30, 10**6, 2),
+        (8, 2**30, 10**6, 1),
+        (8, None, 10**6, 8),
+    ],
+)
+def test_workers_are_limited_by_processors_memory_and_work(
+    monkeypatch: pytest.MonkeyPatch,
+    processors: int,
+    memory: int | None,
+    instances: int,
+    workers: int,
+) -> None:
+    monkeypatch.setattr(executors, "available_processors", lambda: processors)
+    monkeypatch.setattr(executors, "available_memory", lambda: memory)
+    assert executors.usual_workers(instances) == workers
+
+
+def test_units_that_take_the_longest_come_first() -> None:
+    def unit(name: str, number: int, instances: int) -> SimpleNamespace:
+        stage = SimpleNamespace(name=name)
+        return SimpleNamespace(stage=stage, number=number, instances=range(instances))
+
+    units = [
+        unit("forward", 0, 256), unit("forward", 1, 30),
+        unit("occlusion", 0, 64), unit("occlusion", 1, 64), unit("occlusion", 2, 9),
+    ]  # fmt: skip
+    ordered = [(each.stage.name, each.number) for each in executors.largest_first(units)]
+    assert ordered == [
+        ("occlusion", 0), ("occlusion", 1), ("occlusion", 2), ("forward", 0), ("forward", 1),
+    ]  # fmt: skip
+
+
+def test_available_memory_is_positive_where_it_is_known() -> None:
+    memory = available_memory()
+    assert memory is None or memory > 0
