@@ -36,7 +36,8 @@ class View:
         single_instance: whether it shows the cursor's instance alone.
         brushable: whether marks on its panels stand for expressions.
         figure_size: default size of its figure, pixels.
-        narrow_ratio: height over width of its figure on a narrow page of paper.
+        narrow_ratio, wide_ratio: height over width of its figure on pages of paper of less than
+            120 mm, and of more.
         needs_poses: whether it shows nothing of a data set without poses.
         deprecated: deprecated names of columns of its numbers, and the columns they stand for.
     """
@@ -52,6 +53,7 @@ class View:
     brushable: bool = True
     figure_size: Pixels = (1600, 900)
     narrow_ratio: float = 1.0
+    wide_ratio: float = 0.6
     needs_poses: bool = True
     deprecated: Mapping[str, str] = MappingProxyType({})
 

@@ -66,16 +66,13 @@ class PageOptions:
     def theme(self) -> Theme:
         return DARK if self.dark else LIGHT
 
-    def pixels(self, shape: Pixels, narrow_ratio: float) -> Pixels:
-        """The size in pixels of a figure with the proportions of `shape` (width, height).
-
-        Narrow pages are `narrow_ratio` times as high as wide.
-        """
+    def pixels(self, view: View) -> Pixels:
+        """The size of a view's figure in pixels."""
         if not self.is_physical:
-            return self.size or shape
+            return self.size or view.figure_size
         width = self.width or DEFAULT_MM
         wide = width / MM_PER_INCH * (self.dpi or DEFAULT_DPI)
-        ratio = narrow_ratio if width < NARROW_MM else shape[1] / shape[0]
+        ratio = view.narrow_ratio if width < NARROW_MM else view.wide_ratio
         return round(wide), round(wide * ratio)
 
     @contextmanager
@@ -89,8 +86,7 @@ class PageOptions:
 def draw_figure(scene: Scene, view: View, page: PageOptions, form: FileFormat = "png") -> bytes:
     """The file of a view's figure."""
     with page.format(form):
-        size = page.pixels(view.figure_size, view.narrow_ratio)
-        return view.figure(scene, size, page.theme)
+        return view.figure(scene, page.pixels(view), page.theme)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,8 @@ class HistoryView(View):
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
+    narrow_ratio = 1.6
+    wide_ratio = 0.8
     loads = ("history",)
     needs_poses = False
     figure_size = (1600, 1100)

@@ -18,6 +18,7 @@ from s2rtui.charts.shared.image_pair_model import (
 )
 from s2rtui.charts.shared.paper import (
     LETTER,
+    SMALLEST,
     Box,
     Page,
     Pixels,
@@ -30,6 +31,8 @@ from s2rtui.charts.shared.paper import (
 
 SIDE = 2.9
 """Width of scales and numbers at the right, inches."""
+BELOW = 5.0
+"""Height of scales and numbers below the images of a narrow page, inches."""
 SCALE_LETTERS = 16
 """Letters of a line above a scale."""
 
@@ -46,10 +49,11 @@ def instance_figure(
     is_translated = any(side.original is not None for side in (data.sim, data.real))
     kinds = ["rgb", *["original"] * is_translated, *["depth"] * has_depth]
     side = SIDE if wide > 6 else 0.0
+    below = BELOW if SMALLEST < wide <= 6 and page.is_paper else 0.0
     gap = 0.12
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
     aspect = columns / max(1, rows)
-    high = max(0.2, (top - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
+    high = max(0.2, (top - below - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
     high = min(high, max(0.2, (wide - side - 0.65 - gap) / 2 / aspect))
     across = high * aspect
     for row, what in enumerate(kinds):
@@ -67,6 +71,10 @@ def instance_figure(
         left, bar = 0.42 + 2 * across + gap + 0.35, min(2.1, high * 0.62)
         _draw_scales(page, data, model, left, top - 0.25, bar)
         _write_numbers(page, data, model, left, top - 0.25 - bar - 0.75)
+    elif below:
+        foot = bottom - 0.35
+        _draw_scales(page, data, model, 0.3, foot, 1.1)
+        _write_numbers(page, data, model, 0.3, foot - 1.1 - 0.75)
     return page.encoded()
 
 

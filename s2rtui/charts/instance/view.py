@@ -18,6 +18,8 @@ class InstanceView(View):
     name = "instance"
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
+    narrow_ratio = 2.5
+    wide_ratio = 1.0
     loads = ("pictures",)
     single_instance = True
     needs_poses = False

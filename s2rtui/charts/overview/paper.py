@@ -20,7 +20,7 @@ from s2rtui.charts.overview.model import (
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import NARROW, Ink, Page, Pixels, new_page, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def overview_figure(
     wide, _ = page.inches
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
-    right = min(NUMBERS, wide * 0.32)
+    right = _numbers_width(page)
     across, legend_height = _legend_size(wide, lines)
     axes = page.axes(left, 0.62, wide - left - right, page.top - 0.62 - legend_height)
     style_axes(axes, page, grid=True)
@@ -120,14 +120,14 @@ def _write_numbers(axes: Axes, model: OverviewModel, page: Page, selected: int |
         (46, "sim", inks.sim), (92, "real", inks.real), (138, "gap", inks.muted),
         (180, "n", inks.muted),
     )  # fmt: skip
-    squeeze = min(1.0, min(NUMBERS, page.inches[0] * 0.32) / NUMBERS)
+    squeeze = min(1.0, _numbers_width(page) / NUMBERS)
 
     def put(
         x: int, y: int, text: str, ink: Ink, size: int, up: int, coordinates: object, weight: str
     ) -> None:
         axes.annotate(
             text, (1, y), xycoords=coordinates, xytext=(x * squeeze, up), ha="right", va="center",
-            textcoords="offset points", fontsize=size * max(squeeze, 0.6), color=ink,
+            textcoords="offset points", fontsize=size * max(squeeze, 0.7), color=ink,
             fontweight=weight,
         )  # fmt: skip
 
@@ -141,6 +141,12 @@ def _write_numbers(axes: Axes, model: OverviewModel, page: Page, selected: int |
         for (x, _, ink), text in zip(columns, texts, strict=True):
             ink = inks.muted if text == "n/a" else ink
             put(x, y, text, ink, 10, 0, ("axes fraction", "data"), weight)
+
+
+def _numbers_width(page: Page) -> float:
+    """Inches of the numbers at the right."""
+    wide, _ = page.inches
+    return min(NUMBERS, wide * (0.32 if wide > NARROW else 0.42))
 
 
 def _short_count(n: int) -> str:

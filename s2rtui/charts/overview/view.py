@@ -24,6 +24,7 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
+    narrow_ratio = 1.15
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:

@@ -19,6 +19,7 @@ class RoomsView(View):
     name = "rooms"
     key = "6"
     description = "rooms: predicted in sim, true, predicted in reality"
+    narrow_ratio = 1.2
 
     def subtitle(self, scene: Scene) -> str:
         return "instances per room: sim, truth, real"

@@ -17,6 +17,7 @@ from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
 from s2rtui.charts.shared.paper import (
+    NARROW,
     Box,
     Ink,
     Page,
@@ -75,14 +76,19 @@ class MapSheet:
         return fit_frame(self.area, wide, high + high % 2, self.spots.y_down)
 
 
-def map_sheet(ground: MapBackground, area: Bounds, page: Page) -> MapSheet:
-    """A map as large as the page allows."""
-    side = SIDE if page.inches[0] > 4.5 else 0.0
-    room = (max(page.inches[0] - 0.75 - side - 0.2, 0.3), max(page.top - 0.6, 0.3))
+def map_sheet(ground: MapBackground, area: Bounds, page: Page, below: float = 0.0) -> MapSheet:
+    """A map as large as the page allows; legends of a narrow page take `below` inches under it."""
+    is_narrow = page.inches[0] <= NARROW
+    side, below = (0.0, below) if is_narrow else (SIDE, 0.0)
+    room = (max(page.inches[0] - 0.75 - side - 0.2, 0.3), max(page.top - 0.6 - below, 0.3))
     scale = min(room[0] / area.width, room[1] / area.height)
     inches = area.width * scale, area.height * scale
-    corner = (0.75 + inches[0] + 0.3, page.top) if side else None
-    return map_panel(page, ground, area, (0.75, page.top - inches[1], *inches), corner)
+    corner = (0.75 + inches[0] + 0.3, page.top)
+    if is_narrow:
+        corner = (0.3, page.top - inches[1] - 0.55)
+    return map_panel(
+        page, ground, area, (0.75, page.top - inches[1], *inches), corner if below or side else None
+    )
 
 
 def map_panel(

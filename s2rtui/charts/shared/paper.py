@@ -54,8 +54,8 @@ _SETTINGS = {
 }  # fmt: skip
 COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
 """Colour maps of continuous values: perceptually uniform ones, and turbo."""
-NARROW = 4.5
-"""Pages of fewer inches have smaller headings, and their legends below the drawing."""
+NARROW, SMALLEST = 4.5, 2.4
+"""Pages of fewer inches have smaller headings and legends below the drawing, or no legends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +142,11 @@ class Page:
     theme: Theme
     inks: Inks
     top: float = 0.0
+
+    @property
+    def is_paper(self) -> bool:
+        """Whether the page has a physical size."""
+        return _format.get().dpi is not None
 
     @property
     def inches(self) -> tuple[float, float]:
@@ -265,7 +270,7 @@ def wrapped_label(label: str, letters: int = 23) -> str:
 
 def label_with_unit(label: str, unit: str) -> str:
     """The label of a scale, with its unit in parentheses."""
-    return f"{label} ({unit})" if unit else label
+    return f"{label} ({unit or 'no unit'})"
 
 
 def colour_bar_ticks(
