@@ -13,6 +13,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.charts.overview.bands import MOST_LINES
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
 
@@ -30,6 +31,20 @@ class OverviewLines:
     valid: Bools
     side: Side = "real"
     cursor: int | None = None
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """The number of selected valid instances, and of the other valid ones."""
+        valid = np.asarray(self.valid, dtype=np.bool_)
+        highlighted = int(np.count_nonzero(valid & np.asarray(self.selected)))
+        others = int(np.count_nonzero(valid)) - highlighted
+        return highlighted, others
+
+    @property
+    def banded(self) -> tuple[bool, bool]:
+        """Whether the selected instances, and the others, are so many that they become bands."""
+        highlighted, others = self.counts
+        return highlighted > MOST_LINES, others > MOST_LINES
 
 
 @dataclass(frozen=True, slots=True)

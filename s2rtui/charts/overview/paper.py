@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.overview.lines import MANY, levels, pair_counts
+from s2rtui.charts.overview.bands import BAND_TEXT, accuracy_quantiles
+from s2rtui.charts.overview.lines import levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
@@ -27,10 +27,8 @@ if TYPE_CHECKING:
 
 NUMBERS = 2.75
 """Width of the numbers at the right, inches."""
-CLEAR = 60
-"""Up to this number, selected lines are drawn in full strength; more are paler."""
-FINE, COARSE = 200, 100
-"""Bins of an accuracy axis: for single lines, and for densities of many."""
+FINE = 200
+"""Bins of an accuracy axis."""
 
 
 def overview_figure(
@@ -44,7 +42,8 @@ def overview_figure(
 ) -> bytes:
     """Draw the figure in `size` pixels; the row `selected` is highlighted.
 
-    With `lines` every instance is a line across the runs, the selected in their side's colour.
+    With `lines` every instance is a line across the runs, the selected in their side's colour;
+    more than `MOST_LINES` are bands.
     """
     page = new_page(size, theme, "Accuracy in simulation and in reality", subtitle)
     model = overview_model(rows, baseline, lines)
@@ -204,20 +203,38 @@ def _draw_legend(
 
 
 def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, page: Page) -> None:
-    """Draw unselected lines in grey, selected ones in colour, the cursor's on top."""
-    size = COARSE if len(lines.valid) > MANY else FINE
-    pairs = pair_counts(lines, axis, size)
-    ink = getattr(page.inks, lines.side)
-    highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
-    for part, colour, order, strength in (
-        (1, page.inks.unselected, 1.0, 0.45),
-        (0, ink, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
+    """Draw unselected instances in grey, selected ones in colour, the cursor's line on top.
+
+    Each is a line, or all are bands where they are many (`OverviewLines.banded`).
+    """
+    pairs = pair_counts(lines, axis, FINE)
+    valid = np.asarray(lines.valid, dtype=np.bool_)
+    highlighted = valid & np.asarray(lines.selected)
+    for part, members, ink, order, strength in (
+        (1, valid & ~highlighted, page.inks.unselected, 1.0, 0.45),
+        (0, highlighted, getattr(page.inks, lines.side), 1.2, 0.75),
     ):
+        if lines.banded[part]:
+            _draw_bands(axes, accuracy_quantiles(lines.values, members), axis, ink, order)
+            continue
         peak = max((float(pair[part].max()) for pair in pairs), default=0.0)
         for row, pair in enumerate(pairs):
-            _draw_segments(axes, pair[part], axis, row, (peak, strength), colour, order)
+            _draw_segments(axes, pair[part], axis, row, (peak, strength), ink, order)
     if lines.cursor is not None:
         _draw_cursor_line(axes, lines, axis, page)
+
+
+def _draw_bands(
+    axes: Axes, quantiles: NDArray[np.float64], axis: Interval, ink: Ink, order: float
+) -> None:
+    """The outer and the inner band and the median of (runs, 5) accuracies, across the runs."""
+    rows, places = np.arange(len(quantiles)), 100 * np.clip(quantiles, *axis)
+    for left, right, opacity in ((0, 4, 0.16), (1, 3, 0.26)):
+        axes.fill_betweenx(
+            rows, places[:, left], places[:, right], color=ink, alpha=opacity, linewidth=0,
+            zorder=order,
+        )  # fmt: skip
+    axes.plot(places[:, 2], rows, color=ink, linewidth=1.1, alpha=0.8, zorder=order + 0.1)
 
 
 def _draw_segments(
@@ -241,7 +258,7 @@ def _draw_segments(
     starts = np.stack([middles[first], np.full(first.size, float(row))], axis=1)
     ends = np.stack([middles[second], np.full(first.size, row + 1.0)], axis=1)
     segments = list(np.stack([starts, ends], axis=1)[ordered])
-    opacity = scale[1] * (0.25 + 0.75 * shares) if scale[0] < 100 else scale[1] * shares
+    opacity = scale[1] * (0.25 + 0.75 * shares)
     colours = [(*ink, alpha) for alpha in opacity[ordered].tolist()]
     axes.add_collection(LineCollection(segments, colors=colours, linewidths=0.7, zorder=order))
 
@@ -266,7 +283,8 @@ def line_keys(lines: OverviewLines | None, page: Page) -> list[tuple[Ink, str]]:
     """Colours and names of the lines for the legend."""
     if lines is None:
         return []
-    keys = [(getattr(page.inks, lines.side), f"an instance, {lines.side}")]
+    drawn = BAND_TEXT if lines.banded[0] else "an instance"
+    keys = [(getattr(page.inks, lines.side), f"{drawn}, {lines.side}")]
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):
         keys.append((page.inks.unselected, "not selected"))
     if lines.cursor is not None:

@@ -83,7 +83,8 @@ def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines |
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
         pieces = [("acc. %", theme.muted)]
     if lines is not None:
-        pieces.append((f"lines: {lines.side}", getattr(theme, lines.side)))
+        drawn = "bands" if lines.banded[0] else "lines"
+        pieces.append((f"{drawn}: {lines.side}", getattr(theme, lines.side)))
     if layout.chart_width >= 24:
         pieces.append((f"{glyphs.baseline} baseline", theme.muted))
     for text, colour in pieces:

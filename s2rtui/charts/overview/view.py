@@ -10,6 +10,7 @@ from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal, translators
+from s2rtui.charts.overview.bands import BAND_TEXT
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.scene import OverviewRow, Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
@@ -24,7 +25,7 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
-    narrow_ratio = 1.15
+    narrow_ratio = 1.5
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
@@ -33,6 +34,9 @@ class OverviewView(View):
             return f"accuracy, sim and real: {failed}"
         if lines is None:
             return "accuracy, sim and real"
+        found = self.lines(scene)
+        if found is not None and found.banded[0]:
+            return f"accuracy, {lines.side}; bands: {BAND_TEXT}"
         return f"accuracy; one line per instance, {lines.side}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
@@ -151,7 +155,12 @@ def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
     parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
     if lines is not None:
-        parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
+        count = f"{scene.state.expression} ({scene.state.count} instances)"
+        highlighted, others = lines.banded
+        parts.append(f"bands: {BAND_TEXT} of {count}" if highlighted else f"lines: {count}")
+        if others:
+            parts.append("grey bands: those of the others" if highlighted else
+                         f"grey bands: {BAND_TEXT} of the others")  # fmt: skip
     return "  ·  ".join(parts)
 
 

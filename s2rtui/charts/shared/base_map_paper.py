@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 LegendMark = tuple[str, str, Ink, bool]
 """Name, marker, colour, and whether the marker is filled."""
-SIDE = 1.75
+SIDE = 1.85
 """Width of colour bars and legend at the right, inches."""
 LETTER = 0.07
 """Width of a letter of a room's name, inches."""

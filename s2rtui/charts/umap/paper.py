@@ -23,6 +23,7 @@ from s2rtui.charts.shared.paper import (
     set_panel_title,
     style_plane,
     value_colours,
+    wrapped_label,
 )
 from s2rtui.charts.umap.model import (
     UmapInput,
@@ -87,7 +88,7 @@ def _draw_side(
 
     (left, top), inks, (wide, high) = corner, page.inks, page.inches
     bar = 0.9 if below else min(2.0, top * 0.45)
-    label = label_with_unit(data.value_label, data.value_unit)
+    label = wrapped_label(label_with_unit(data.value_label, data.value_unit), 14)
     clipped = data.value_range is None
     draw_colour_bar(
         page, left, top - bar - 0.15, bar, model.value_range, label, value_colours, clipped

@@ -19,7 +19,7 @@ class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
-    narrow_ratio = 1.15
+    narrow_ratio = 1.6
     wide_ratio = 0.55
     figure_size = (1600, 800)
 
