@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    contrast,
     end_to_end,
     growth,
     inference,
@@ -36,6 +37,7 @@ from bench.measured_stores import QUIET
 _MEASUREMENTS = (
     "startup",
     "terminal_bytes",
+    "contrast",
     "scale",
     "growth",
     "planning",
@@ -55,7 +57,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
     parser.add_argument("--only", choices=_MEASUREMENTS, action="append", help="repeatable")
     parser.add_argument(
-        "--store", type=Path, help="a computed store for startup and terminal_bytes"
+        "--store", type=Path, help="a computed store for startup, terminal_bytes and contrast"
     )
     parser.add_argument(
         "--pairs", type=int, help="real pairs for end_to_end, evenly spread (default: all)"
@@ -85,6 +87,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from startup.figures(store)
         if "terminal_bytes" in selected:
             yield from terminal_bytes.figures(store)
+    if "contrast" in selected:
+        yield from contrast.figures(options.store)
     if "scale" in selected:
         yield from scale.figures(folder)
     if "growth" in selected:

@@ -26,7 +26,7 @@ async def main():
     async with app.run_test(size=(120, 40)) as pilot:
         strips = app.screen._compositor.render_strips()
         text = "\\n".join(strip.text for strip in strips)
-        assert "worst region" in text and "shift" in text, text  # a finding and its map
+        assert "worst room" in text and "shift" in text, text  # a finding and its map
         os._exit(0)  # the screen is complete; do not wait for workers
 asyncio.run(main())
 """

@@ -145,13 +145,29 @@ def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
     return groups
 
 
+def _question_sections() -> list[str]:
+    """The questions of a user with the keys that answer them, one section each."""
+    from s2rtui.app.key_bindings import QUESTIONS
+
+    parts = []
+    for question in QUESTIONS:
+        parts.append(f"<section><h3>{html.escape(question.text)}</h3><dl>")
+        parts += [
+            f"<dt>{html.escape(key)}</dt><dd>{html.escape(text)}</dd>"
+            for key, text in question.entries
+        ]
+        parts.append("</dl></section>")
+    return parts
+
+
 def cheat_sheet_page() -> str:
-    """All keys on one printable A4 page."""
+    """The questions and all keys on one printable A4 page."""
     parts = [
         "---\nhide:\n  - navigation\n  - toc\n---\n",
         "# Cheat sheet of keys\n",
         '<p class="cheat-sheet-note">Print this page: it fits on one sheet of A4.</p>\n',
         '<div class="cheat-sheet">',
+        *_question_sections(),
     ]
     for title, rows in _key_groups():
         parts.append(f"<section><h3>{html.escape(title)}</h3><dl>")
@@ -219,10 +235,10 @@ def names_page() -> str:
         [
             "# Names and units\n",
             "The name of a column ends in the unit of its values: `_m` for metres, `_deg` for "
-            "degrees, `_rad` for radians, `_s` for seconds. Rows of `s2r query`, `s2r show` and of "
-            "exported selections have degrees; the index, and so `s2r sql`, has radians. Columns "
-            "without such an ending are names, counts, shares, ranks, scores, or coordinates of "
-            "the UMAP.\n",
+            "degrees, `_rad` for radians, `_s` for seconds. Headings are degrees in rows of "
+            "`s2r query`, `s2r show` and exported selections, radians in the index and so in "
+            "`s2r sql`. Columns without such an ending are names, counts, shares, ranks, scores, "
+            "or coordinates of the UMAP.\n",
             "Expressions of the [selection language](selection-language.md) take fields with and "
             "without the unit: `real.error > 2` and `real.error_m > 2` are the same. `--columns` "
             "prints the names that it was given. Tables of the index other than `pair` keep their "
@@ -279,6 +295,7 @@ def _schema_table(described: Any) -> str:
 
 def registries_page() -> str:
     """Views, heatmap kinds, adjustments, importers and the other registries."""
+    from s2rstore.heatmap_kinds import heatmap_facts
     from s2rtools.adjustments import ADJUSTMENTS
     from s2rtools.datasets import IMPORTERS
     from s2rtools.datasets.layouts import LAYOUTS
@@ -295,7 +312,10 @@ def registries_page() -> str:
         (code(view.key), code(view.name), code(", ".join(view.aliases)), cell(view.description))
         for view in VIEWS
     )
-    kinds = ((code(name), cell(first_paragraph(kind))) for name, kind in HEATMAP_KINDS.items())
+    kinds = (
+        (code(name), cell(first_paragraph(kind)), cell(heatmap_facts(name).shows))
+        for name, kind in HEATMAP_KINDS.items()
+    )
     adjustments = (
         (
             code(name),
@@ -311,7 +331,7 @@ def registries_page() -> str:
         "## Views\n",
         table(("key", "name", "also called", "what it shows"), views),
         "## Heatmap kinds\n",
-        table(("kind", "what it is"), kinds),
+        table(("kind", "what it is", "what it shows"), kinds),
         "## Adjustments\n",
         table(("name", "range", "neutral", "unit", "what it does"), adjustments),
     ]

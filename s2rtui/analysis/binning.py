@@ -128,24 +128,6 @@ def _weighted_counts(
     return np.asarray(total, dtype=np.float64)
 
 
-def total_selected(weights: NDArray[np.floating], selection: SelectionIndices) -> float:
-    """The sum of the finite `weights` (N,) of the selected."""
-    part = float(take(_finite(weights), selection.indices).sum())
-    return _base_total(weights, selection.base) - part if selection.inverted else part
-
-
-@cached_by_identity(16)
-def _base_total(weights: Floats, base: Bools) -> float:
-    return float(_finite(weights)[base].sum())
-
-
-@cached_by_identity(4)
-def _finite(weights: Floats) -> Sums:
-    """The weights with 0 in place of NaN and infinities."""
-    column = np.asarray(weights, dtype=np.float64)
-    return np.where(np.isfinite(column), column, 0.0)
-
-
 def occupied_bins(column: Bins) -> tuple[Bins, NDArray[np.intp]]:
     """Renumber the bins that are not empty; also returns the old number of each."""
     numbers = np.flatnonzero(_count(column.codes, column.count))

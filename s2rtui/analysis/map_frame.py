@@ -88,30 +88,61 @@ def centred_within(view: Bounds, area: Bounds) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
-def sample(image: ArrayLike, bounds: Bounds, frame: MapFrame, top_is_y0: bool) -> Floats:
-    """Resample an image that covers `bounds` to `frame`: (height, width[, C]) float32.
+def sample(
+    image: ArrayLike,
+    bounds: Bounds,
+    frame: MapFrame,
+    top_is_y0: bool,
+    pixels: tuple[int, int] = (2, 1),
+) -> Floats:
+    """Resample an image that covers `bounds` to `frame`: (rows, columns[, C]) float32.
 
-    Each pixel is the mean of up to 16 samples of the area that it covers, without NaN; NaN outside
-    the image. `top_is_y0`: whether the image's first row lies at bounds.y0.
+    `pixels` are the rows and columns that each cell is divided into. Each pixel is the mean of up
+    to 16 samples of the area that it covers, without NaN; NaN outside the image. `top_is_y0`:
+    whether the image's first row lies at bounds.y0.
     """
     source = np.asarray(image)
     rows, columns = source.shape[:2]
-    per_pixel = frame.pitch / max(bounds.width / max(columns, 1), 1e-9)
+    high, wide = frame.height * pixels[0] // 2, frame.width * pixels[1]
+    pitches = 2 * frame.pitch / pixels[0], frame.pitch / pixels[1]
+    per_pixel = max(pitches) / max(bounds.width / max(columns, 1), 1e-9)
     fine = int(np.clip(np.ceil(per_pixel / 2), 1, 4))
-    across = frame.x0 + (np.arange(frame.width * fine) + 0.5) / fine * frame.pitch
+    across = frame.x0 + (np.arange(wide * fine) + 0.5) / fine * pitches[1]
     sign = 1 if frame.y_down else -1
-    down = frame.y0 + sign * (np.arange(frame.height * fine) + 0.5) / fine * frame.pitch
+    down = frame.y0 + sign * (np.arange(high * fine) + 0.5) / fine * pitches[0]
     u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
     along = (down - bounds.y0) / bounds.height
     v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
-    inside = ((v >= 0) & (v < rows))[:, None] & ((u >= 0) & (u < columns))[None, :]
-    taken = source[np.clip(v, 0, rows - 1)[:, None], np.clip(u, 0, columns - 1)[None, :]]
-    taken = taken.astype(np.float32)
-    flat = taken.reshape(*taken.shape[:2], -1)
-    good = inside[..., None] & np.isfinite(flat)
-    shape = (frame.height, fine, frame.width, fine, flat.shape[-1])
-    total = np.where(good, flat, 0).reshape(shape).sum(axis=(1, 3))
-    count = good.reshape(shape).sum(axis=(1, 3))
+    flat = source.reshape(rows, columns, -1)
+    if source.dtype.kind != "f":
+        total = _sampled_sums(flat, v, u, fine)
+        held = [((at >= 0) & (at < size)).reshape(-1, fine).sum(axis=1) for at, size in
+                ((v, rows), (u, columns))]  # fmt: skip
+        count = np.multiply.outer(*held)[..., None]
+    else:
+        good = np.isfinite(flat)
+        total = _sampled_sums(np.where(good, flat, 0).astype(np.float32), v, u, fine)
+        count = _sampled_sums(good.astype(np.uint8), v, u, fine)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count > 0, total / count, np.nan).astype(np.float32)
-    return mean.reshape(frame.height, frame.width, *source.shape[2:])
+        mean = np.where(count > 0, total / count.astype(np.float32), np.float32(np.nan))
+    return mean.astype(np.float32).reshape(high, wide, *source.shape[2:])
+
+
+def _sampled_sums(
+    source: NDArray[np.generic], v: NDArray[np.int64], u: NDArray[np.int64], fine: int
+) -> NDArray[np.float32]:
+    """Sums of `fine` x `fine` samples at rows `v` and columns `u` of (H, W, C), 0 outside."""
+    kind = np.float32 if source.dtype.kind == "f" else np.uint32
+    data: NDArray[np.generic] = source
+    for at, axis in ((v, 0), (u, 1)):
+        size = source.shape[axis]
+        inside = ((at >= 0) & (at < size)).reshape(-1, fine)
+        index = np.clip(at, 0, size - 1).reshape(-1, fine)
+        shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
+        parts = (
+            np.take(data, index[:, step], axis=axis).astype(kind)
+            * inside[:, step].astype(kind).reshape(shape)
+            for step in range(fine)
+        )
+        data = sum(parts, start=np.zeros((), dtype=kind))
+    return data.astype(np.float32)

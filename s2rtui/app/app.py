@@ -20,12 +20,12 @@ from textual.theme import Theme as TextualTheme
 from textual.widgets import Input
 
 from s2rstore.errors import S2RError
-from s2rstore.index.catalog import NO_POSES
 from s2rstore.security.printable_text import printable_lines
 from s2rtui.app.action_guard import GuardedApp
 from s2rtui.app.controllers.annotations import AnnotationController
 from s2rtui.app.controllers.brush import BrushController
 from s2rtui.app.controllers.export import ExportController
+from s2rtui.app.controllers.hover import HoverController
 from s2rtui.app.controllers.load_results import LoadResultController
 from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
@@ -106,6 +106,7 @@ class S2RApp(GuardedApp):
         self.jobs = BackgroundJobs(lambda text: self.post(BackgroundFailed(text)))
         self.load_scheduler = LoadScheduler(self)
         self.brush = BrushController(self)
+        self.hover = HoverController(self)
         self.prompt = PromptController(self)
         self.annotations = AnnotationController(self)
         self.export = ExportController(self)
@@ -151,7 +152,7 @@ class S2RApp(GuardedApp):
         state = self.session.state
         if self.session.notebook is not None:  # last, because its file may be slow or locked
             with contextlib.suppress(S2RError, OSError):
-                self.session.notebook.add_history((*state.past, state.expression))
+                self.session.notebook.add_history(state.expressions)
 
     async def on_event(self, event: events.Event) -> None:
         if isinstance(event, events.Paste):
@@ -221,6 +222,9 @@ class S2RApp(GuardedApp):
     def on_plot_view_dragged(self, message: PlotView.Dragged) -> None:
         self.brush.on_dragged(message)
 
+    def on_plot_view_hovered(self, message: PlotView.Hovered) -> None:
+        self.hover.on_hovered(message)
+
     def on_plot_view_wheeled(self, message: PlotView.Wheeled) -> None:
         self.brush.on_wheeled(message)
 
@@ -243,8 +247,8 @@ class S2RApp(GuardedApp):
     def action_do(self, name: str) -> None:
         """Run an action of the registry by its name."""
         action = BY_NAME[name]
-        if action.needs_poses and not self.session.store.has_poses:
-            self.session.show_message(NO_POSES)
+        if reason := action.unavailable(self.session.store):
+            self.session.show_message(reason)
             self.renderer.refresh_message()
             return
         if action.command is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
+from s2rstore.index.catalog import NO_POSES
 from s2rstore.metrics import nearest_neighbours
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
@@ -19,6 +20,8 @@ from s2rtui.session import (
     Session,
     adjusting,
     brush_geometry,
+    error_groups,
+    findings,
     instance_list,
     navigation,
     selection,
@@ -29,10 +32,14 @@ from s2rtui.session.context import Reducer, SessionContext
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
+    from s2rstore.reader import Store
     from s2rtui.app.app import S2RApp
 
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-When = Literal["always", "begun", "still", "plain", "brushing", "list", "adjust", "elsewhere"]
+When = Literal[
+    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
+    "findings", "elsewhere",
+]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
@@ -40,6 +47,8 @@ TERMS = {
     "instance": "one recorded pose with its images",
     "run": "one model on a sim and a real domain, with adjustments",
     "error": "distance between the predicted and the true position, m",
+    "new instance": "one that the run's model was not trained on; views count only these",
+    "trained instance": "one whose image the model was trained or chosen on; M includes them",
     "gap": "real error minus sim error, m",
     "shift": "distance between the sim and the real prediction, m",
     "outlier": "distance to similar images in the embedding; 1 is the median",
@@ -48,6 +57,10 @@ TERMS = {
     "generation": "one published, unchangeable state of the store",
 }
 """Terms of the project, explained in the help."""
+
+
+_OF_RUNS = ("alike", "other_run", "map_mode", "clip")
+"""Actions outside of the groups adjust and heat that need a computed run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,13 @@ class Action:
     def needs_poses(self) -> bool:
         """Whether it does nothing in a data set without poses."""
         return self.group in ("adjust", "heat", "map") or self.name in ("alike", "other_run")
+
+    def unavailable(self, store: Store) -> str:
+        """Why it does nothing in a store, in one line; empty if it does something."""
+        if self.needs_poses and not store.has_poses:
+            return NO_POSES
+        needs_run = self.group in ("adjust", "heat") or self.name in _OF_RUNS
+        return store.missing_run if needs_run else ""
 
     @property
     def keys(self) -> list[str]:
@@ -108,7 +128,10 @@ class Action:
             "adjust": not brushing and state.view == "adjust",
             "brushing": brushing,
             "list": not brushing and state.view == "list",
-            "elsewhere": not brushing and state.view not in ("list", "adjust"),
+            "rooms": not brushing and state.view == "rooms",
+            "not rooms": state.view != "rooms",
+            "findings": not brushing and state.view == "findings",
+            "elsewhere": not brushing and state.view not in ("list", "adjust", "findings"),
         }[self.when]
 
 
@@ -188,7 +211,7 @@ _BRUSHING = (
               lambda app: app.brush.set_corner()),
     _brushing("brush_panel", "tab", "brush the next panel of the view",
               lambda app: app.brush.next_panel(), "panel"),
-    Action("lasso", "L", "brush", "brush with a lasso or with a box",
+    Action("lasso", "L", "brush", "brush with a lasso or with a box; converts a drawn brush",
            command=lambda app: app.brush.toggle_lasso()),
 )  # fmt: skip
 
@@ -234,6 +257,9 @@ ACTIONS: tuple[Action, ...] = (
            command=lambda app: app.prompt.edit_expression()),
     Action("undo", "u", "select", "undo: the previous expression", _do(undo_history.undo)),
     Action("redo", "U", "select", "redo: the next expression", _do(undo_history.redo)),
+    Action("select_suggested", "Y", "select",
+           "after an empty selection: the wider expression that the message suggests",
+           _do(selection.select_suggested), when="still"),
     Action("copy", "y", "select", "copy the expression to the clipboard",
            command=lambda app: app.export.copy_expression()),
     Action("save_selection", "at", "select", "save the selection under a name", shown="@",
@@ -258,6 +284,14 @@ ACTIONS: tuple[Action, ...] = (
            _do(instance_list.move, 20), when="list"),
     Action("page_up", "pageup", "move", "previous page of the list",
            _do(instance_list.move, -20), when="list"),
+    Action("first_row", "home", "move", "first row of the list, or first instance",
+           _do(instance_list.to_end, False), when="list"),
+    Action("last_row", "end", "move", "last row of the list, or last instance",
+           _do(instance_list.to_end, True), when="list"),
+    Action("first_instance", "home", "move", "", _do(navigation.move_to_end, False),
+           when="elsewhere"),
+    Action("last_instance", "end", "move", "", _do(navigation.move_to_end, True),
+           when="elsewhere"),
     Action("next_run", "r", "move", "next run", _do(navigation.change_run, 1), "run", when="still"),
     Action("previous_run", "R", "move", "previous run",
            _do(navigation.change_run, -1), when="still"),
@@ -267,6 +301,9 @@ ACTIONS: tuple[Action, ...] = (
            when="elsewhere"),
     Action("trajectory", "t", "move", "next trajectory, or all",
            _do(navigation.change_trajectory), when="still"),
+    Action("trained", "M", "select",
+           "include trained instances, or leave them out",
+           _do(navigation.toggle_trained), when="still"),
     Action("next_heat", "h", "heat", "next heatmap kind",
            _do(view_settings.change_heat, 1), "heat"),
     Action("previous_heat", "H", "heat", "previous heatmap kind",
@@ -280,23 +317,44 @@ ACTIONS: tuple[Action, ...] = (
            _do(view_settings.change_side)),
     Action("map_mode", "m", "map", "map mode: colour, glyph or full",
            _do(view_settings.change_map_mode), "map"),
-    Action("zoom_in", "z,plus,equals_sign", "map", "zoom in at the instance",
-           _do(view_settings.zoom, 1 / 0.6), when="still"),
-    Action("zoom_out", "Z", "map", "zoom out", _do(view_settings.zoom, 0.6), when="still"),
-    Action("zoom_all", "0", "map", "the whole map", _do(view_settings.zoom, 0)),
-    Action("pan_left", "shift+left", "map", "move the map",
-           _do(view_settings.pan, -0.2, 0), shown="shift+arrows", when="plain"),
-    Action("pan_right", "shift+right", "map", "", _do(view_settings.pan, 0.2, 0), when="plain"),
-    Action("pan_up", "shift+up", "map", "", _do(view_settings.pan, 0, -0.2), when="still"),
-    Action("pan_down", "shift+down", "map", "", _do(view_settings.pan, 0, 0.2), when="still"),
+    Action("zoom_in", "z,plus,equals_sign", "views",
+           "zoom in at the instance (map, UMAP, comparison)", when="still",
+           command=lambda app: app.navigation.zoom(1 / 0.6)),
+    Action("zoom_out", "Z", "views", "zoom out", when="still",
+           command=lambda app: app.navigation.zoom(0.6)),
+    Action("zoom_all", "0", "views", "reset the zoom",
+           command=lambda app: app.navigation.zoom(0)),
+    Action("pan_left", "shift+left", "views", "move what the zoomed view shows",
+           shown="shift+arrows", when="plain", command=lambda app: app.navigation.pan(-0.2, 0)),
+    Action("pan_right", "shift+right", "views", "", when="plain",
+           command=lambda app: app.navigation.pan(0.2, 0)),
+    Action("pan_up", "shift+up", "views", "", when="still",
+           command=lambda app: app.navigation.pan(0, -0.2)),
+    Action("pan_down", "shift+down", "views", "", when="still",
+           command=lambda app: app.navigation.pan(0, 0.2)),
+    Action("fill_screen", "V", "views", "fill the screen with this view, and back",
+           command=lambda app: app.navigation.fill_screen()),
     Action("clip", "C", "map", "dim the floor that no selected instance has seen",
            _do(view_settings.toggle_clip)),
     Action("room_names", "N", "map", "show or hide room names",
            _do(view_settings.toggle_room_names)),
     Action("sort", "full_stop", "review", "sort the list by the next column",
-           _do(instance_list.sort_by_next_column), shown="."),
+           _do(instance_list.sort_by_next_column), shown=".", when="not rooms"),
     Action("reverse", "comma", "review", "reverse the order of the list",
-           _do(instance_list.reverse), shown=","),
+           _do(instance_list.reverse), shown=",", when="not rooms"),
+    Action("sort_groups", "full_stop", "review", "in the rooms view: sort by the next column",
+           _do(error_groups.sort_by_next_column), shown=".", when="rooms"),
+    Action("reverse_groups", "comma", "review", "in the rooms view: reverse the order",
+           _do(error_groups.reverse), shown=",", when="rooms"),
+    Action("group", "O", "review",
+           "rooms view: errors by room, heading, curvature, trajectory; counts",
+           _do(error_groups.change_grouping)),
+    Action("next_finding", "down", "move", "next finding", _do(findings.move, 1),
+           when="findings"),
+    Action("previous_finding", "up", "move", "previous finding", _do(findings.move, -1),
+           when="findings"),
+    Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
+           when="findings", command=lambda app: app.navigation.open_finding()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",
@@ -308,6 +366,8 @@ ACTIONS: tuple[Action, ...] = (
         for view in VIEWS
         if view.from_store
     ),
+    Action("findings", "f1", "views", "", shown="F1",
+           command=lambda app: app.navigation.show_view("findings")),
     Action("next_view", "tab", "views", "next view", short="view", when="still",
            command=lambda app: app.navigation.show_next_view(1)),
     Action("previous_view", "shift+tab", "views", "previous view", when="still",
@@ -355,20 +415,91 @@ def footer(width: int, state: State, access: Permissions | None = None) -> list[
     return [*shown, *last]
 
 
-def help_text(access: Permissions | None = None) -> str:
-    """The permitted actions by group, then the terms, in plain text."""
-    lines = []
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question of a user, and the actions that answer it, each with what it shows."""
+
+    text: str
+    steps: tuple[tuple[str, str], ...]
+
+    @property
+    def entries(self) -> list[tuple[str, str]]:
+        """(key, text) pairs, one per step."""
+        return [(_keys_of(names), text) for names, text in self.steps]
+
+
+def _keys_of(names: str) -> str:
+    """The keys of actions separated by blanks, in the same order."""
+    return " ".join(BY_NAME[name].key for name in names.split())
+
+
+QUESTIONS = (
+    Question("Where is it worst?", (
+        ("view('rooms')", "the rooms by their median error in reality; the worst one is first"),
+        ("group group", "the same by heading, then by curvature"),
+        ("worst_real view('map')", "the worst 15 % in reality, on the map"),
+    )),
+    Question("What is poor in sim but good in real?", (
+        ("worst_sim intersect best_real", "the worst in sim that are among the best in reality"),
+        ("view('list')", "the same as a list"),
+    )),
+    Question("Which model is better where?", (
+        ("view('compare')", "this run beside another one, as a map and in numbers"),
+        ("other_run", "compare with the next run"),
+    )),
+    Question("What triggers it?", (
+        ("view('instance')", "images and the most trusted heatmap; its note says what it shows"),
+        ("overlay overlay", "that heat on the map, of the selection"),
+        ("next_heat", "the next heatmap kind; the last one is none"),
+    )),
+    Question("What should change, and on which instances?", (
+        ("findings open_finding", "the findings in order of evidence; enter selects instances"),
+        ("view('list')", "these instances, the largest error first"),
+        ("write_selection", "write them as CSV, JSON or Parquet"),
+    )),
+)  # fmt: skip
+"""The questions of the cheat sheet, each answered in at most six keys."""
+
+
+def help_sections(access: Permissions | None = None) -> list[tuple[str, list[tuple[str, str]]]]:
+    """The sections of the help: questions, permitted actions by group, terms; (key, text) pairs."""
+    sections = [(question.text, question.entries) for question in QUESTIONS]
     for group, title in GROUPS.items():
-        lines.append(title)
-        lines += [
-            f"  {action.all_keys:<18}{action.description}"
+        entries = [
+            (action.all_keys, action.description)
             for action in permitted_actions(access)
             if action.group == group and action.description
         ]
-        lines.append("")
-    lines.append("Terms")
-    lines += [f"  {term:<18}{meaning}" for term, meaning in TERMS.items()]
-    return "\n".join(lines)
+        sections.append((title, entries))
+    return [*sections, ("Terms", list(TERMS.items()))]
+
+
+def help_lines(access: Permissions | None = None, searched: str = "") -> list[str]:
+    """The lines of the help, with a title above each section.
+
+    `searched` leaves the entries whose section, key or text holds all its words; one character
+    finds a key.
+    """
+    lines: list[str] = []
+    for title, entries in help_sections(access):
+        found = [entry for entry in entries if _holds((title, *entry), searched)]
+        if found:
+            lines += [*([""] if lines else []), title]
+            lines += [f"  {key:<18}{text}" for key, text in found]
+    return lines
+
+
+def _holds(entry: tuple[str, str, str], searched: str) -> bool:
+    title, key, text = entry
+    if len(searched) == 1:
+        return searched in key.split()
+    shown = f"{title} {key} {text}".lower()
+    return all(word in shown for word in searched.lower().split())
+
+
+def help_text(access: Permissions | None = None) -> str:
+    """The lines of the help in plain text."""
+    return "\n".join(help_lines(access))
 
 
 _UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}

@@ -60,12 +60,15 @@ def snapshot(
     keys: Sequence[str] = (),
     options: RenderOptions | None = None,
     run: str | None = None,
+    with_trained: bool = False,
 ) -> Screenshot:
     """The screen of `size` columns and rows after pressing `keys`, with all data loaded.
 
-    Raises DamagedStoreError where a file of the store that the screen needs cannot be read.
+    `with_trained` includes the instances that the models were trained on. Raises DamagedStoreError
+    where a file of the store that the screen needs cannot be read.
     """
-    return asyncio.run(_snapshot(path, size, keys, options or RenderOptions(theme=DARK), run))
+    used = options or RenderOptions(theme=DARK)
+    return asyncio.run(_snapshot(path, size, keys, used, run, with_trained=with_trained))
 
 
 def screen_of(path: Path, state: State, size: tuple[int, int], options: RenderOptions) -> bytes:
@@ -85,9 +88,11 @@ async def _snapshot(
     options: RenderOptions,
     run: str | None,
     state: State | None = None,
+    with_trained: bool = False,
 ) -> Screenshot:
     history = state.history if state is not None else None
-    session = Session(path, run, ReadNotebook, None if history is None else history.path)
+    gap_history = None if history is None else history.path
+    session = Session(path, run, ReadNotebook, gap_history, with_trained)
     if state is not None:
         session.set_state(state)
     app = S2RApp(session, options)

@@ -11,7 +11,7 @@ from s2rtui.app import layout
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
-from s2rtui.app.titled_view import TitledView
+from s2rtui.app.titled_view import TITLE_ROWS, TitledView
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -33,6 +33,11 @@ class Renderer:
         """Set the size of the screen; returns its class."""
         self._size_class = layout.size_class(size.width, size.height)
         return self._size_class
+
+    @property
+    def shows_one_view(self) -> bool:
+        """Whether the screen is too small for several views."""
+        return self._size_class in ("tiny", "narrow")
 
     def start_loading(self) -> None:
         """Start background loading, which would delay the first drawing."""
@@ -78,7 +83,9 @@ class Renderer:
         for bar in self._app.query("#message").results(Bar):
             state = self._app.session.state
             classes = "error" if state.is_error else "whole" if self._app.prompt.is_open else ""
-            bar.show(message_text(state, self._app.resources), classes=classes)
+            hover = self._app.hover
+            text = message_text(state, self._app.resources, hover.text, hover.cursor_text)
+            bar.show(text, classes=classes)
 
     @property
     def scene(self) -> Scene:
@@ -102,9 +109,20 @@ class Renderer:
     def pane_rectangles(self, width: int, height: int) -> Mapping[str, Region]:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
-        rows = BY_NAME["overview"].height(self.scene, width) + 1
-        request = layout.LayoutRequest(state.view, state.centre, state.tab, rows)
-        return layout.arrange(self._size_class, width, height, request)
+        scene = self.scene
+
+        def rows(view: str, columns: int) -> int:
+            least = BY_NAME[view].height(scene, columns)
+            return least + TITLE_ROWS if least else 0
+
+        request = layout.LayoutRequest(
+            state.view, state.centre, state.tab, rows("overview", width),
+            state.view if state.fills_screen else "", max(1, len(state.runs) - 1), rows,
+        )  # fmt: skip
+        size = self._size_class
+        if size == "wide" and self._app.session.store.missing_run:
+            size = "medium"  # most views of the stacked column show nothing
+        return layout.arrange(size, width, height, request)
 
     def status_text(self) -> str:
         """The status line in plain text."""

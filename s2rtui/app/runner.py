@@ -10,7 +10,7 @@ from pathlib import Path
 from s2rstore.errors import S2RError
 from s2rtui.app.app import S2RApp
 from s2rtui.app.process_signals import terminal_mode
-from s2rtui.canvas import ColourMode, RenderOptions
+from s2rtui.canvas import ColourMode
 from s2rtui.jobs import background_thread
 from s2rtui.security import Permissions
 from s2rtui.session import Session
@@ -29,15 +29,16 @@ def run_app(
     access: Permissions,
     gap_history: Path | None = None,
     safe_csv: bool = False,
+    with_trained: bool = False,
 ) -> None:
     """Run the application on a store until the user quits.
 
-    Unfinished work is listed on stderr. Raises RequestError if the store or run cannot be opened,
-    S2RError if the application fails.
+    `with_trained` includes the instances that the models were trained on. Unfinished work is listed
+    on stderr. Raises RequestError if the store or run cannot be opened, S2RError if the application
+    fails.
     """
-    options = RenderOptions(mode=terminal.mode, ascii=terminal.ascii)
-    session = Session(path, run, partial(Notebook, tolerant=True), gap_history)
-    app = S2RApp(session, options, access=access)
+    session = Session(path, run, partial(Notebook, tolerant=True), gap_history, with_trained)
+    app = S2RApp(session, terminal.render_options, access=access)
     app.export.safe_csv = safe_csv
     app.is_first_start, app.terminal = is_first_start(), terminal
     if terminal.graphics is not None:

@@ -79,14 +79,20 @@ def _pending_text(state: State) -> str:
     return " (selecting)"
 
 
-def message_text(state: State, resources: Resources) -> str:
-    """The message line: the last message, background progress, or a newer generation."""
+def message_text(state: State, resources: Resources, hovered: str = "", cursor: str = "") -> str:
+    """The message line: the instance under the mouse, the last message, or a newer generation.
+
+    `hovered` and `cursor` describe the instances under the mouse and at the cursor; the cursor's is
+    shown where there is no message. Background progress follows.
+    """
+    if hovered and not state.is_error:
+        return hovered
     text = state.message or resources.saving
     if not state.is_error:
         text = resources.with_progress(text)
     if not text and state.newest != state.generation:
         return f"generation {state.newest} is available: press g to open it"
-    return text
+    return text or cursor
 
 
 Piece = str | tuple[str, str]

@@ -10,6 +10,8 @@ import unicodedata
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtui.canvas.block_symbols import symbol_pixels
+
 Mask = NDArray[np.float32]
 
 _WEIGHTS = {"LIGHT": 1, "HEAVY": 2, "SINGLE": 1, "DOUBLE": 3}
@@ -22,8 +24,6 @@ _ENDS = {
     "VERTICAL": ("up", "down"),
 }
 _DASHES = {"DOUBLE DASH": 2, "TRIPLE DASH": 3, "QUADRUPLE DASH": 4}
-_QUADRANTS = dict(zip("▖▗▘▙▚▛▜▝▞▟", (4, 8, 1, 13, 9, 7, 11, 2, 6, 14), strict=True))
-"""Bits: upper left 1, upper right 2, lower left 4, lower right 8."""
 
 
 def glyph_mask(char: str, height: int, width: int) -> Mask | None:
@@ -31,6 +31,8 @@ def glyph_mask(char: str, height: int, width: int) -> Mask | None:
     code = ord(char) if len(char) == 1 else 0
     if 0x2800 <= code <= 0x28FF:
         return _braille(code - 0x2800, height, width)
+    if char != " " and char in symbol_pixels():
+        return _pixels(*symbol_pixels()[char], height, width)
     if 0x2580 <= code <= 0x259F:
         return _block(char, code, height, width)
     if 0x2500 <= code <= 0x257F:
@@ -50,26 +52,21 @@ def _braille(bits: int, height: int, width: int) -> Mask:
     return mask
 
 
+def _pixels(rows: int, columns: int, pattern: int, height: int, width: int) -> Mask:
+    """The pixels of a pattern (see `s2rtui.canvas.block_symbols`)."""
+    bits = (pattern >> np.arange(rows * columns) & 1).reshape(rows, columns)
+    down, across = np.arange(height) * rows // height, np.arange(width) * columns // width
+    return np.asarray(bits[down[:, None], across], dtype=np.float32)
+
+
 def _block(char: str, code: int, height: int, width: int) -> Mask:
     mask = np.zeros((height, width), dtype=np.float32)
-    middle, centre = height // 2, width // 2
     if char in "░▒▓":
         mask[:] = {"░": 0.25, "▒": 0.5, "▓": 0.75}[char]
-    elif char == "▀":
-        mask[:middle] = 1
     elif char == "▔":
         mask[: max(1, round(height / 8))] = 1
-    elif char == "▐":
-        mask[:, centre:] = 1
     elif char == "▕":
         mask[:, width - max(1, round(width / 8)) :] = 1
-    elif char in _QUADRANTS:
-        bits = _QUADRANTS[char]
-        bands = (slice(0, middle), slice(middle, height))
-        sides = (slice(0, centre), slice(centre, width))
-        parts = [(rows, columns) for rows in bands for columns in sides]
-        for bit, part in enumerate(parts):
-            mask[part] = bits >> bit & 1
     elif code <= 0x2588:  # lower eighths, ▁ .. █
         mask[height - max(1, round(height * (code - 0x2580) / 8)) :] = 1
     else:  # left eighths, ▉ .. ▏

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.raster import cells_with_dots, draw_braille, flatten_half_blocks, line_dots
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 
 Point = tuple[float, float]
 Shape = Literal["plane", "range", "turn", "steps"]
@@ -85,9 +85,6 @@ def _frame(canvas: Canvas, panel: Panel, corners: list[Point]) -> None:
     cells = [(column, row) for row in (top, bottom) for column in range(left, right + 1)]
     cells += [(column, row) for column in (left, right) for row in range(top, bottom + 1)]
     held = [cell for cell in cells if panel.holds(*cell)]
-    if held:
-        at = np.array(held, dtype=np.intp)
-        flatten_half_blocks(canvas, at[:, 0], at[:, 1])
     glyphs = canvas.glyphs
     for column, row in held:
         edge = row in (top, bottom)

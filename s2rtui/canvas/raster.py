@@ -1,4 +1,4 @@
-"""Images and dots in cells: half blocks, shades, braille, and resampling."""
+"""Images and dots in cells: block characters, shades, braille, and resampling."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from s2rtui.canvas.block_symbols import BlockCells, is_block
 from s2rtui.canvas.canvas import Canvas
-from s2rtui.canvas.colour import Pixels, luma
+from s2rtui.canvas.colour import Pixels, glyph_ground, luma
 
 Floats = NDArray[np.float32]
 Place = tuple[float, float]
@@ -66,6 +67,26 @@ def draw_half_blocks(canvas: Canvas, x: int, y: int, pixels: Pixels) -> None:
     canvas.bold[into] = False
     canvas.fg[into] = part[0::2]
     canvas.bg[into] = part[1::2]
+
+
+def draw_blocks(canvas: Canvas, cells: BlockCells) -> None:
+    """Draw cells from the upper left corner of a canvas, clipped."""
+    rows, columns = min(canvas.height, cells.char.shape[0]), min(canvas.width, cells.char.shape[1])
+    into = (slice(0, rows), slice(0, columns))
+    canvas.char[into] = cells.char[into]
+    canvas.bold[into] = False
+    canvas.fg[into] = cells.fg[into]
+    canvas.bg[into] = cells.bg[into]
+
+
+def limit_ground(canvas: Canvas) -> None:
+    """Give every glyph a ground that it stands out from.
+
+    Cells of images, which are block characters and blanks, stay as they are.
+    """
+    glyphs = ~is_block(canvas.char) & (canvas.char != " ") & (canvas.char != "")
+    colours = canvas.bg[glyphs], canvas.fg[glyphs]
+    canvas.bg[glyphs] = glyph_ground(*colours, canvas.theme, canvas.options.mode)
 
 
 def draw_shades(
@@ -131,23 +152,13 @@ def dot_grid(
 def draw_braille(canvas: Canvas, dots: NDArray[np.bool_], fg: ArrayLike) -> None:
     """Draw dots (4 rows, 2 columns per cell) in one colour, or in one per cell (h, w, 3).
 
-    Half blocks under them become their mean colour. Dots outside the canvas are clipped.
+    Dots outside the canvas are clipped.
     """
     bits = braille_bits(dots)[: canvas.height, : canvas.width]
     rows, columns = np.nonzero(bits)
-    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = (0x2800 + bits[rows, columns]).astype(np.uint32).view("<U1")
     colours = np.asarray(fg, dtype=np.uint8)
     canvas.fg[rows, columns] = colours if colours.ndim == 1 else colours[rows, columns]
-
-
-def flatten_half_blocks(canvas: Canvas, columns: NDArray[np.intp], rows: NDArray[np.intp]) -> None:
-    """Prepare half blocks for a glyph: their background becomes the mean of both halves."""
-    half = canvas.char[rows, columns] == "▀"
-    rows, columns = rows[half], columns[half]
-    upper = canvas.fg[rows, columns].astype(np.uint16)
-    mean = (upper + canvas.bg[rows, columns]) // 2
-    canvas.bg[rows, columns] = mean.astype(np.uint8)
 
 
 def line_dots(

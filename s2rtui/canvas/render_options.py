@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, SymbolSet
 from s2rtui.canvas.colour import DARK, ColourMode, Rgb, Theme
 
 DIGITS = "0123456789"
@@ -23,6 +24,7 @@ class Glyphs:
     selected: str
     several: str
     unselected: str
+    trained: str
     cursor: str
     baseline: str
     bar: str
@@ -48,6 +50,7 @@ UNICODE = Glyphs(
     selected="●",
     several="■",
     unselected="·",
+    trained="○",
     cursor="◉",
     baseline="┊",
     bar="━",
@@ -72,6 +75,7 @@ ASCII = Glyphs(
     selected="*",
     several="*",
     unselected=",",
+    trained="t",
     cursor="@",
     baseline=":",
     bar="=",
@@ -92,11 +96,20 @@ ASCII = Glyphs(
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
-    """How to draw a plot; with `ascii` only ASCII characters are drawn."""
+    """How to draw a plot; with `ascii` only ASCII characters are drawn.
+
+    `symbols` names the block characters of floor plans.
+    """
 
     theme: Theme = DARK
     mode: ColourMode = ColourMode.TRUECOLOR
     ascii: bool = False
+    symbols: Symbols = "quadrant"
+
+    @property
+    def symbol_set(self) -> SymbolSet:
+        """The block characters of floor plans."""
+        return SYMBOL_SETS[self.symbols]
 
     @property
     def glyphs(self) -> Glyphs:
@@ -112,7 +125,7 @@ class RenderOptions:
 
     @property
     def supports_images(self) -> bool:
-        """Whether half blocks can show images: needs colours and block characters."""
+        """Whether block characters can show images: needs colours and more than ASCII."""
         return self.mode is not ColourMode.NONE and not self.ascii
 
     @property

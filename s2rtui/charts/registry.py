@@ -13,9 +13,11 @@ NAMES = (
     "orientation",
     "rooms",
     "errors",
+    "scatter",
     "list",
     "compare",
     "history",
+    "findings",
     "adjust",
 )
 """Folders of `s2rtui.charts`, in the order in which views are listed."""

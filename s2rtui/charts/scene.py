@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.findings import FindingReport
+from s2rstore.findings.groups import GroupErrors, Groups
 from s2rstore.gap_history.reader import History
+from s2rstore.language import base_population, evaluation
 from s2rstore.reader import Store
-from s2rstore.records import Direction, Side
+from s2rstore.records import SPLITS, Direction, Side
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Interval
 from s2rtui.charts.shared.image_pair_model import InstanceInput
@@ -20,6 +24,7 @@ from s2rtui.session import State
 from s2rtui.session.loaded_data_origin import (
     HeatProvenance,
     InstanceProvenance,
+    groups_key,
     heat_provenance,
     instance_provenance,
     visible_floor_key,
@@ -98,10 +103,24 @@ class TranslatorRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunAccuracies:
-    """Accuracies (N,) of every run on one side."""
+    """Accuracies (N,) of every run on one side.
+
+    `trained` (N,) marks the instances that the model of any run was trained on, where such are
+    included; None where there are none.
+    """
 
     side: Side
     values: Mapping[str, NDArray[np.float32]]
+    trained: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedGroups:
+    """Errors of groups of instances; `source` names what they were computed from."""
+
+    source: tuple[object, ...]
+    grouped: Groups
+    rows: tuple[GroupErrors, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +128,9 @@ class Resources:
     """The results of background loading, each with its source where it may be out of date.
 
     `floor_heat` is the heat on the map and `seen_floor` the part of the floor that the selection
-    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `progress` (0 .. 1)
-    and `failed` (messages) are by the name of the loader.
+    has seen, (rows, cols) each; `live` is the instance that is being adjusted. `groups` and
+    `findings` belong to the rooms and the findings view. `progress` (0 .. 1) and `failed`
+    (messages) are by the name of the loader.
     """
 
     rows: tuple[OverviewRow, ...] = ()
@@ -128,6 +148,8 @@ class Resources:
     live_source: InstanceProvenance | None = None
     live_floor_heat: FloorGrid | None = None
     history: History | None = None
+    groups: LoadedGroups | None = None
+    findings: FindingReport | None = None
     progress: Mapping[str, float] = field(default_factory=dict)
     failed: Mapping[str, str] = field(default_factory=dict)
     saving: str = ""
@@ -162,6 +184,12 @@ class Resources:
         source = self.live_source
         return self.live if source and source.source == (state.generation, state.run) else None
 
+    def current_groups(self, state: State) -> LoadedGroups | None:
+        """The groups that a state shows; None until they are computed."""
+        if self.groups is None or self.groups.source != groups_key(state):
+            return None
+        return self.groups
+
     def with_requested(self, loaders: Set[str], cleared: Mapping[str, Any]) -> Resources:
         """A copy after new requests: no progress or failure of these loaders, fields cleared."""
         progress = {name: share for name, share in self.progress.items() if name not in loaders}
@@ -177,6 +205,12 @@ class Resources:
         """A message followed by the progress of every loader."""
         shares = ", ".join(f"{loader} {share:.0%}" for loader, share in self.progress.items())
         return f"{message}  {shares}".strip()
+
+
+@cached_by_identity(8)
+def _both(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The instances of both masks (N,)."""
+    return first & second
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,6 +237,23 @@ class Scene:
         """The subtitle of a figure: data set, number of instances, expression."""
         counted = f"{self.state.count} instances"
         return "  ·  ".join((self.store.dataset.name, counted, self.state.expression))
+
+    @property
+    def trained_note(self) -> str:
+        """`32 trained on included` where the views show trained instances; else empty."""
+        marked = self.state.marked
+        return "" if marked is None else f"{np.count_nonzero(marked)} trained on included"
+
+    def common_base(self, other: str) -> NDArray[np.bool_]:
+        """(N,) the instances of the base population that count in another run, too."""
+        state = self.state
+        context = evaluation.context(self.store, state.run, with_trained=state.with_trained)
+        return _both(state.base, base_population(context, other))
+
+    def splits(self, iids: NDArray[np.intp]) -> list[str | None]:
+        """The split of each instance in the present run; None where unknown."""
+        codes = self.store.run_columns(self.state.run).split[iids].tolist()
+        return [SPLITS[code] if code >= 0 else None for code in codes]
 
     def mark(self, view: str) -> Mark | None:
         """The brush mark that is being drawn in a view."""

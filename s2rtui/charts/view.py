@@ -16,10 +16,13 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point, nearest_iid, true_positions
 from s2rtui.session import Session
+from s2rtui.session.view_settings import ZoomPlane
 
 Pane = Literal["overview", "centre", "tab"]
 Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
+_REACH = 1.5
+"""Largest distance in cells between the mouse and an instance under it."""
 
 
 class View:
@@ -38,7 +41,9 @@ class View:
         figure_size: default size of its figure, pixels.
         narrow_ratio, wide_ratio: height over width of its figure on pages of paper of less than
             120 mm, and of more.
+        counts_instances: whether its numbers are those of the selected instances.
         needs_poses: whether it shows nothing of a data set without poses.
+        needs_run: whether it shows nothing of a store without a computed run.
         deprecated: deprecated names of columns of its numbers, and the columns they stand for.
     """
 
@@ -54,19 +59,23 @@ class View:
     figure_size: Pixels = (1600, 900)
     narrow_ratio: float = 1.0
     wide_ratio: float = 0.6
+    counts_instances: bool = True
     needs_poses: bool = True
+    needs_run: bool = True
     deprecated: Mapping[str, str] = MappingProxyType({})
 
     def unavailable(self, store: Store) -> str:
         """Why the view has nothing to show of a store, in one line; empty if it has."""
-        if not self.needs_poses or store.has_poses:
-            return ""
-        return NO_POSES
+        if self.needs_poses and not store.has_poses:
+            return NO_POSES
+        return store.missing_run if self.needs_run and store.has_poses else ""
 
     def require_available(self, store: Store) -> None:
         """Raise RequestError where the view has nothing to show of a store."""
         if reason := self.unavailable(store):
-            raise RequestError(f"{store.path}: {reason}, so there is no {self.name} view")
+            if reason == NO_POSES:
+                raise RequestError(f"{store.path}: {reason}, so there is no {self.name} view")
+            raise RequestError(f"{store.path}: {self.name}: {reason}")
 
     def subtitle(self, scene: Scene) -> str:
         """The text beside the title."""
@@ -94,6 +103,14 @@ class View:
 
     def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
+        return None
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
+        """The plane that zoom and pan keys move; None where the view has none."""
+        return None
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        """The iid that is drawn at a cell of a panel (column, row; the middle is at + 0.5)."""
         return None
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
@@ -137,6 +154,15 @@ class PointsView(View):
         nearest = nearest_iid(self.points(scene, panel), scene.state.base, point)
         if nearest is not None:
             session.set_cursor(nearest)
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        """The nearest instance of the base population, if it lies on the cell or beside it."""
+        points = self.points(scene, panel)
+        nearest = nearest_iid(points, scene.state.base, panel.to_data(*cell))
+        if nearest is None:
+            return None
+        column, row = panel.to_cells(*points[nearest])
+        return nearest if max(abs(column - cell[0]), abs(row - cell[1])) <= _REACH else None
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         return area_expression(panel, mark, "box", "lasso")

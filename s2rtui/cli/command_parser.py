@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "serve": "serve the application on a store to web browsers",
     "models": "list the models of a store and how images become their input",
     "runs": "list the runs of a store with their accuracies and errors",
+    "findings": "print what a store shows about a run, with evidence",
     "query": "list the instances that an expression selects",
     "sql": "run a read-only SQL query on the index of a store",
     "gap": "measure the reality gap of a run and judge it",

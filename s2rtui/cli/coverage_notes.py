@@ -1,11 +1,17 @@
-"""Notes on standard error about runs that are not computed for appended instances."""
+"""Notes on standard error: runs that are not computed for all instances, and populations."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
+from s2rstore.index.population import left_out_text
 from s2rstore.reader import Store
+
+if TYPE_CHECKING:
+    from s2rstore.language import Node
+    from s2rtui.charts.scene import Scene
 
 
 def print_coverage(store: Store, runs: Iterable[str | None]) -> None:
@@ -13,3 +19,33 @@ def print_coverage(store: Store, runs: Iterable[str | None]) -> None:
     for run in dict.fromkeys(runs):
         if run and (note := store.coverage(run).note):
             print(note, file=sys.stderr)
+
+
+def print_population(scene: Scene) -> None:
+    """Print how many instances are selected, where the run's model was trained on some."""
+    state = scene.state
+    if state.trained.any():
+        print(f"{state.count} instances of run {state.run}", file=sys.stderr)
+        print_left_out(
+            scene.store, state.expression, state.run, state.trajectories, scene.notes.nodes,
+            state.with_trained,
+        )  # fmt: skip
+
+
+def print_left_out(
+    store: Store,
+    expression: str,
+    run: str,
+    trajectories: Sequence[str] | None,
+    saved: Mapping[str, Node],
+    with_trained: bool,
+) -> None:
+    """Print how many trained instances an expression asks for that are left out."""
+    from s2rstore.language import evaluation, mask, parse
+
+    if with_trained or not store.run_columns(run).trained.any():
+        return
+    context = evaluation.context(store, run, trajectories, saved, with_trained)
+    node = parse(expression)
+    if count := evaluation.trained_left_out(node, context, mask(node, context)):
+        print(left_out_text(count, "--with-trained includes them"), file=sys.stderr)

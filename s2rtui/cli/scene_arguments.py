@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+GROUPINGS = ("room", "heading", "curvature", "trajectory", "counts")
+"""As `session.error_groups.GROUPINGS`, without importing the session for `--help`."""
 
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
@@ -19,17 +23,31 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--run", help="run (default: the first)")
     add("--trajectory", action="append", help="show only this trajectory (repeatable)")
     add("--with", dest="other", metavar="RUN", help="second run of a comparison")
+    add_with_trained(add)
     add("--iid", type=int, help="instance id (default: the worst selected)")
     add("--side", choices=("sim", "real"), help="side of heatmaps, lines and comparisons")
-    add("--sort", metavar="COLUMN", help="sort column of the table view, such as gap")
+    add("--sort", metavar="COLUMN",
+        help="sort column of the list, such as gap, or of the rooms, such as real_m")  # fmt: skip
+    add("--group-by", choices=GROUPINGS, dest="group_by",
+        help="grouping of the rooms view (default room); counts compares predicted and true "
+        "rooms")  # fmt: skip
     add("--ascending", action="store_true", help="sort the smallest value first")
     add("--history", type=Path, metavar="FILE", help="gap history (default: that of the store)")
+
+
+def add_with_trained(add: Callable[..., argparse.Action]) -> None:
+    """Add the option that includes trained instances, by the `add_argument` of a group."""
+    add("--with-trained", action="store_true",
+        help="include the instances that the model was trained on, and mark them (default: only "
+        "instances that are new to the run)")  # fmt: skip
 
 
 def add_drawing(parser: argparse.ArgumentParser) -> None:
     """Add the options for heatmaps and the map."""
     add = parser.add_argument_group("heatmaps and map").add_argument
-    add("--heat", metavar="KIND[:MODE]", help="heatmap on the images and the map")
+    add("--heat", metavar="KIND[:MODE]",
+        help="heatmap on the images and the map; none shows plain images (default on images: "
+        "the one with the best score)")  # fmt: skip
     add("--on", dest="overlay", choices=("instance", "selection", "run"),
         help="instances whose heat is accumulated on the map (default with --heat: "
         "run)")  # fmt: skip

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
 from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
-from s2rtui.session import HeatChoice, Session, State, instance_list
+from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
@@ -23,8 +24,9 @@ from s2rtui.user_data.notebook import ReadNotebook
 class SceneOptions:
     """Options of `show`, `export` and `report`; None selects the default.
 
-    `heat` is KIND[:MODE]; `overlay` names the instances whose heat is on the map; `sort` is a
-    column of the table view.
+    `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE];
+    `overlay` names the instances whose heat is on the map; `sort` is a column of the list or of the
+    rooms view, `group_by` the grouping of the rooms view.
     """
 
     select: str = "all"
@@ -32,6 +34,7 @@ class SceneOptions:
     trajectories: tuple[str, ...] | None = None
     iid: int | None = None
     other: str | None = None
+    with_trained: bool = False
     heat: str | None = None
     side: Side | None = None
     overlay: Overlay | None = None
@@ -41,6 +44,7 @@ class SceneOptions:
     room_names: bool = False
     sort: str | None = None
     ascending: bool = False
+    group_by: str | None = None
     history: Path | None = None
 
 
@@ -54,7 +58,9 @@ def open_scene(
 
     The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, options.run, ReadNotebook, options.history, generation)
+    session = Session(
+        path, options.run, ReadNotebook, options.history, options.with_trained, generation
+    )
     try:
         for view in views:
             view.require_available(session.store)
@@ -90,9 +96,13 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     for name in options.trajectories or ():
         if name not in known:
             raise RequestError(f"--trajectory {name}: must be one of {', '.join(known)}")
-    session.set_state(replace(session.state, trajectories=options.trajectories))
+    session.set_state(
+        replace(session.state, trajectories=options.trajectories, with_trained=options.with_trained)
+    )
     state = session.select(options.select)
-    overlay = options.overlay or ("run" if options.heat else "off")
+    overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
+    if options.heat == NO_HEAT and overlay != "off":
+        raise RequestError(f"--on {overlay}: --heat none leaves no heat for the map")
     iid, other, sort = options.iid, options.other, options.sort or state.sort
     if iid is not None and not 0 <= iid < state.base.size:
         raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
@@ -101,8 +111,10 @@ def apply_options(session: Session, options: SceneOptions) -> State:
         names = ", ".join(others) or "there is none"
         raise RequestError(f"--with {other}: must be another run ({names})")
     columns = instance_list.columns(session.store, session.notes)
-    if sort not in columns:
-        raise RequestError(f"--sort {sort}: must be one of {', '.join(columns)}")
+    if sort not in (*columns, *error_groups.COLUMN_NAMES):
+        known_columns = ", ".join((*columns, *error_groups.COLUMN_NAMES))
+        raise RequestError(f"--sort {sort}: must be one of {known_columns}")
+    group_sort = sort if sort in error_groups.COLUMN_NAMES else state.group_sort
     if iid is None and state.selected.any():
         iid = state.cursor
     return session.set_state(
@@ -116,8 +128,11 @@ def apply_options(session: Session, options: SceneOptions) -> State:
             room_names=options.room_names,
             cursor=iid,
             other=other,
-            sort=sort,
+            sort=sort if sort in columns else state.sort,
             descending=not options.ascending,
+            grouping=options.group_by or state.grouping,
+            group_sort=group_sort,
+            group_descending=not options.ascending,
             past=(),
             message="",
         )
@@ -128,12 +143,14 @@ def _heat(session: Session, state: State, options: SceneOptions) -> HeatChoice |
     known = heatmap_choices(session.store, state.run)
     if not known and options.heat is None and options.side in (None, state.side):
         return None
+    if options.heat == NO_HEAT:
+        return HeatChoice(NO_HEAT, None, options.side or state.side)
     kind, _, mode = (options.heat or "").partition(":")
     matches = [pair for pair in known if kind in ("", pair[0]) and mode in ("", pair[1])]
     if not matches:
         if kind in NETWORK_KINDS and session.store.run(state.run).is_imported:
             raise RequestError(needs_network(state.run, f"--heat {kind}"))
-        available = ", ".join(f"{k}:{m}" if m else k for k, m in known) or "none"
+        available = ", ".join(f"{k}:{m}" if m else k for k, m in [*known, (NO_HEAT, None)])
         option = f"--heat {options.heat}" if options.heat else f"--side {options.side}"
         raise RequestError(f"{option}: run {state.run} has the heatmaps {available}")
     return HeatChoice(*matches[0], options.side or state.side)

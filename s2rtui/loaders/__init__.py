@@ -13,8 +13,7 @@ LOADERS: tuple[Loader, ...] = (
         is_debounced=False,
     ),
     Loader(
-        "lines", lambda store, state: (state.generation, state.runs, state.side),
-        store_data.read_lines, is_debounced=False,
+        "lines", store_data.lines_key, store_data.read_lines, is_debounced=False,
     ),
     Loader(
         "floor plan", store_data.floor_plan_key, store_data.read_floor_plan, ("floor_plan",),
@@ -36,6 +35,8 @@ LOADERS: tuple[Loader, ...] = (
         "history", lambda store, state: (state.history,) if state.history else None,
         store_data.read_history, ("history",),
     ),
+    Loader("groups", store_data.groups_key, store_data.read_groups, ("groups",)),
+    Loader("findings", store_data.findings_key, store_data.read_findings, ("findings",)),
     Loader(
         "live", live_prediction.live_key, live_prediction.read_live,
         ("live", "live_source", "live_floor_heat"), is_debounced=False, shows_outdated=True,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from s2rstore.errors import RequestError
+from s2rstore.heatmap_kinds import heatmap_facts
 from s2rstore.reader import Store
 from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
@@ -16,9 +17,6 @@ from s2rtui.session.state import State
 
 if TYPE_CHECKING:
     from s2rtools.interactive import LiveModel
-
-SLOW_KINDS = ("occlusion",)
-"""Heat that takes many passes is not computed while a slider moves."""
 
 
 class LivePredictor:
@@ -61,8 +59,8 @@ class LivePredictor:
             if not context.is_current():
                 return {}
             chains = adjusting.adjustment_chains(store, state.adjust)
-            heat = state.heat
-            if heat is not None and (heat.kind in SLOW_KINDS or heat.kind not in model.kinds):
+            heat = state.shown_heat
+            if heat is not None and not _is_live(heat.kind, model):
                 heat = None
             kinds = () if heat is None else (heat.kind,)
             fields: Fields = {}
@@ -80,6 +78,11 @@ class LivePredictor:
                 }
                 context.publish(fields)
             return fields
+
+
+def _is_live(kind: str, model: LiveModel) -> bool:
+    """Whether a heatmap kind is computed while images are adjusted."""
+    return kind in model.kinds and not heatmap_facts(kind).is_slow
 
 
 _PREDICTOR = LivePredictor()

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 import s2rstore
+from s2rstore.findings import find_all
+from s2rstore.findings.groups import Grouping, group_errors, groups_of
 from s2rstore.gap_history import reader
+from s2rstore.index.population import Population
 from s2rstore.reader import Store
+from s2rstore.records import NO_RUN
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.overview.model import overview_rows
 from s2rtui.charts.overview.translators import translator_rows
-from s2rtui.charts.scene import RunAccuracies
+from s2rtui.charts.scene import LoadedGroups, RunAccuracies
 from s2rtui.charts.shared.base_map_background import floor_plan_pixels
+from s2rtui.charts.shared.base_map_floor import plan_tones
 from s2rtui.loaders.loader import Fields, Key, LoadContext
-from s2rtui.session import heatmaps, pending_target
+from s2rtui.session import error_groups, heatmaps, loaded_data_origin, pending_target
 from s2rtui.session.loaded_data_origin import (
     heat_provenance,
     instance_provenance,
@@ -81,9 +87,24 @@ def read_rows(store: Store, state: State, context: LoadContext) -> Fields:
     return {"rows": rows, "baseline": baseline, "translators": translator_rows(store)}
 
 
+def lines_key(store: Store, state: State) -> Key:
+    return (state.generation, state.runs, state.side, state.with_trained)
+
+
 def read_lines(store: Store, state: State, context: LoadContext) -> Fields:
-    values = {run: store.accuracies(run, state.side) for run in state.runs}
-    return {"lines": RunAccuracies(state.side, values)}
+    """The accuracies of every run, NaN where the run's model was trained on the instance.
+
+    Where trained instances are included, `trained` marks those of any run instead.
+    """
+    values, marked = {}, np.zeros(len(store.instances), dtype=np.bool_)
+    for run in state.runs:
+        accuracies, trained = store.accuracies(run, state.side), store.trained_instances(run)
+        if state.with_trained:
+            marked |= trained
+        elif trained.any():
+            accuracies[trained] = np.nan
+        values[run] = accuracies
+    return {"lines": RunAccuracies(state.side, values, marked if marked.any() else None)}
 
 
 def floor_plan_key(store: Store, state: State) -> Key | None:
@@ -91,23 +112,28 @@ def floor_plan_key(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, context: LoadContext) -> Fields:
-    return {"floor_plan": floor_plan_pixels(str(store.floor_plan_path()))}
+    """The floor plan, after its walls were found: maps find them in a cache."""
+    plan, width = floor_plan_pixels(str(store.floor_plan_path())), store.dataset.bounds.width
+    if width > 0:
+        plan_tones(plan, width)
+    return {"floor_plan": plan}
 
 
 def pictures_key(store: Store, state: State) -> Key | None:
     if state.cursor is None:
         return None
-    return (state.generation, state.run, state.cursor, state.heat)
+    return (state.generation, state.run, state.cursor, state.heat, state.with_trained)
 
 
 def read_pictures(store: Store, state: State, context: LoadContext) -> Fields:
     assert state.cursor is not None
-    pictures = instance_input(store, state.run, state.cursor, state.heat)
+    population = Population(with_trained=state.with_trained)
+    pictures = instance_input(store, state.run, state.cursor, state.shown_heat, population)
     return {"pictures": pictures, "pictures_source": instance_provenance(state)}
 
 
 def grid_key(store: Store, state: State) -> Key | None:
-    if state.heat is None or state.overlay == "off":
+    if state.shown_heat is None or state.overlay == "off":
         return None
     return (heat_provenance(state),)
 
@@ -144,3 +170,28 @@ def read_history(store: Store, state: State, context: LoadContext) -> Fields:
     """Raises RequestError for a file that is no history."""
     assert state.history is not None
     return {"history": reader.read(state.history.path)}
+
+
+def groups_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.grouping == error_groups.COUNTS or state.run == NO_RUN:
+        return None
+    return loaded_data_origin.groups_key(state)
+
+
+def read_groups(store: Store, state: State, context: LoadContext) -> Fields:
+    """The errors of the groups of the rooms view, over the base population."""
+    grouped = groups_of(store, cast(Grouping, state.grouping))
+    rows = group_errors(store, state.run, grouped, state.base)
+    return {"groups": LoadedGroups(loaded_data_origin.groups_key(state), grouped, rows)}
+
+
+def findings_key(store: Store, state: State) -> Key | None:
+    if not store.has_poses or state.run == NO_RUN:
+        return None
+    return (state.generation, state.run, state.history)
+
+
+def read_findings(store: Store, state: State, context: LoadContext) -> Fields:
+    """Everything that the store shows about the present run."""
+    history = state.history.path if state.history else None
+    return {"findings": find_all(store, state.run, history, lambda share: context.is_current())}

@@ -89,6 +89,20 @@ def scaled(brush: Brush, panel: Panel, steps: int) -> Brush:
     return _with_points(brush, tuple(panel.to_data(*corner) for corner in corners))
 
 
+def as_lasso(brush: Brush) -> Brush:
+    """A box as a lasso with four corners, the last one loose."""
+    (x0, y0), *_, (x1, y1) = brush.mark.points
+    corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+    return Brush(brush.view, replace(brush.mark, points=corners, lasso=True), len(corners) - 1)
+
+
+def as_box(brush: Brush) -> Brush:
+    """The smallest box that holds a lasso."""
+    x, y = zip(*brush.mark.points, strict=True)
+    corners = ((min(x), min(y)), (max(x), max(y)))
+    return Brush(brush.view, replace(brush.mark, points=corners, lasso=False))
+
+
 def with_corner(brush: Brush) -> Brush:
     """Fix the loose end of a lasso as a corner; a new loose end starts there."""
     points = brush.mark.points

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,7 +16,8 @@ from s2rtui.user_data.notebook import Notes
 
 
 class BasePopulations:
-    """Base populations by generation, run and trajectories; equal ones share one array.
+    """Base populations and trained instances by generation, run and view; equal ones share one
+    array.
 
     Caches that compare arrays by identity then survive a change of the run.
     """
@@ -24,10 +26,22 @@ class BasePopulations:
         self._masks: dict[tuple[object, ...], NDArray[np.bool_]] = {}
 
     def mask(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
-        """(N,) mask of the instances that the state's run and trajectories allow."""
-        key = (store.generation, state.run, state.trajectories)
+        """(N,) mask of the instances that count in the state's run and population."""
+        key = (store.generation, state.run, context.population)
+        return self._shared(key, lambda: base_population(context))
+
+    def trained(self, store: Store, state: State, context: MaskContext) -> NDArray[np.bool_]:
+        """(N,) mask of the instances in view that the model of the state's run was trained on."""
+        key = (store.generation, state.run, context.population.trajectories, "trained")
+        columns = store.run_columns(state.run)
+        view = context.population.in_view
+        return self._shared(key, lambda: columns.trained & view(store.instances, columns))
+
+    def _shared(
+        self, key: tuple[object, ...], compute: Callable[[], NDArray[np.bool_]]
+    ) -> NDArray[np.bool_]:
         if key not in self._masks:
-            computed = base_population(context)
+            computed = compute()
             equal = (mask for mask in self._masks.values() if np.array_equal(mask, computed))
             self._masks[key] = next(equal, computed)
         return self._masks[key]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.index.catalog import NO_POSES
-from s2rstore.language import Node, evaluation, expand, mask, to_text
+from s2rstore.index.population import left_out_text
+from s2rstore.language import MaskContext, Node, evaluation, expand, mask, to_text, widening
 from s2rstore.language.name_resolution import used_fields
 from s2rstore.language.syntax_tree import Bend, leaves
 from s2rstore.metrics.top_k import first_largest, top_k
@@ -18,7 +17,7 @@ from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session import saved_selection_diff
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import PendingTarget, State
+from s2rtui.session.state import PendingTarget, State, Step
 
 _IMAGE_FIELDS = frozenset({"iid", "seq", "traj", "timestamp"})
 """Fields that instances without poses have."""
@@ -30,18 +29,26 @@ def evaluate(
     context: SessionContext,
     state: State,
     node: Node,
-    history: tuple[tuple[str, ...], tuple[str, ...]],
+    history: tuple[tuple[Step, ...], tuple[Step, ...]],
     pending: PendingTarget | None = None,
 ) -> State:
     """The state with `node` selected; brush and pending operator are cleared.
 
-    `history` holds the expressions before and after it, `pending` is the target that
+    `history` holds the selections before and after it, `pending` is the target that
     remains to be loaded. Raises ExpressionError.
     """
     store, notes = context.store, context.notes
-    masks = evaluation.context(store, state.run, state.trajectories, notes.nodes)
+    masks = evaluation.context(
+        store, state.run, state.trajectories, notes.nodes, state.with_trained
+    )
     selected = mask(node, masks)
-    messages = ["" if selected.any() else _nothing_selected(store, node, notes.nodes)]
+    left_out = evaluation.trained_left_out(node, masks, selected)
+    suggested, messages = "", []
+    if not selected.any():
+        empty, suggested = _nothing_selected(store, node, masks, suggests=not left_out)
+        messages.append(empty)
+    if left_out:
+        messages.append(left_out_text(left_out))
     if notes.selections:
         messages.append(saved_selection_diff.describe_saved_names(node, state, masks, notes))
     base = context.base_populations.mask(store, state, masks)
@@ -51,26 +58,42 @@ def evaluate(
         expression=to_text(node),
         selected=selected,
         base=base,
+        trained=context.base_populations.trained(store, state, masks),
         cursor=_cursor(store, state, selected, base),
         past=past,
         future=future,
         pending=pending,
         operator="replace",
         brush=None,
+        suggested=suggested,
         message="; ".join(part for part in messages if part),
         is_error=False,
         keeps_message=False,
     )
 
 
-def _nothing_selected(store: Store, node: Node, saved: Mapping[str, Node]) -> str:
-    """The message for an empty selection, with the reason where the expression needs poses."""
-    expanded = expand(node, evaluation.vocabulary(store, saved))
+def _nothing_selected(
+    store: Store, node: Node, masks: MaskContext, suggests: bool
+) -> tuple[str, str]:
+    """The message for an empty selection, and the expression that it suggests or an empty text.
+
+    The message says which wider expressions would select something (if it `suggests` any), or that
+    the expression needs poses that the data set does not have.
+    """
+    if store.has_poses:
+        wider = widening.widenings(node, masks) if suggests else []
+        if not wider:
+            return "nothing is selected", ""
+        first, *others = wider
+        suggestions = [f"{first.change} would give {first.count} (key Y)"]
+        suggestions += [f"{other.change} {other.count}" for other in others]
+        return f"nothing is selected; {', '.join(suggestions)}", first.text
+    expanded = expand(node, masks.words)
     used = {field.name for leaf in leaves(expanded) for field in used_fields(leaf)}
     needs_poses = used - _IMAGE_FIELDS or any(isinstance(leaf, Bend) for leaf in leaves(expanded))
-    if store.has_poses or not needs_poses:
-        return "nothing is selected"
-    return f"nothing is selected: {NO_POSES}"
+    if not store.missing_run or not needs_poses:
+        return "nothing is selected", ""
+    return f"nothing is selected: {store.missing_run}", ""
 
 
 def _cursor(
@@ -78,7 +101,7 @@ def _cursor(
 ) -> int | None:
     """The present cursor if it is still selected, else the instance with the worst real error.
 
-    Without poses, and so without errors, it is the first one.
+    Without errors it is the first one.
     """
     pool = selected if selected.any() else base
     if state.cursor is not None and pool[state.cursor]:
@@ -89,7 +112,7 @@ def _cursor(
     if inside.any():
         return int(worst[inside.argmax()])
     members = selection_indices(pool, base).members
-    if not store.has_poses:
+    if store.missing_run:
         return int(members[0]) if members.size else None
     return first_largest(errors, members)
 

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from s2rstore.errors import NotComputedError
 from s2rstore.geometry.floor_grid import FloorHeat, Ray
 from s2rstore.geometry.map_grid import AGGREGATES, MapGrid
+from s2rstore.heatmap_kinds import HEATMAPS, NO_HEAT, heatmap_facts
+from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, Run, Side
 from s2rstore.run_inputs import run_domain, run_frames
 from s2rtui.session.state import Aggregate, HeatChoice, State
 
-SIGNED = ("activation", "occlusion")
+SIGNED = frozenset(kind for kind, facts in HEATMAPS.items() if facts.is_signed)
 _ORDER: dict[Side, tuple[Side, Side]] = {"sim": ("sim", "real"), "real": ("real", "sim")}
-_PLANES = {"activation": ("loss", "x", "y", "heading")}
 _UNITS = {"m degrees": "m", "m m rad loss": "", "activation": "arb. units"}
 """Units of shown values by those of stored arrays. Distances of a network's features have no
 physical unit; `activation` would be mistaken for the heatmap kind of this name."""
@@ -27,36 +28,44 @@ _BLOCK = 32
 MAX_GATHERED = 2000
 """Heat of a larger selection is aggregated over this many instances, evenly spaced."""
 ReportShare = Callable[[float], bool]
-_PLANE_UNITS = {"x": "m", "y": "m", "heading": "rad", "loss": "loss"}
 
 
 def heatmap_choices(store: Store, run: str) -> list[tuple[str, str | None]]:
-    """Kinds and modes of a run's heatmaps, in the order of the keys."""
+    """Kinds and modes of a run's heatmaps, from the most to the least trusted."""
     choices: list[tuple[str, str | None]] = []
     for record in store.array_kinds(run) if run != NO_RUN else ():
         if "row" not in record.axes or record.kind.startswith(("map:", "frames:")):
             continue
-        for mode in _PLANES.get(record.kind, (record.mode,)):
+        for mode in heatmap_facts(record.kind).modes or (record.mode,):
             if (record.kind, mode) not in choices:
                 choices.append((record.kind, mode))
-    return choices
+    return heatmap_scores.ranked(store, run, choices)
 
 
 def with_heat(store: Store, state: State) -> State:
-    """The state with its heatmap choice if the run has it, else the run's first."""
+    """The state with its heatmap choice if the run has it, else the run's most trusted one."""
     options = heatmap_choices(store, state.run)
     side: Side = state.heat.side if state.heat else "real"
     previous = (state.heat.kind, state.heat.mode) if state.heat else None
     if not options:
         return replace(state, heat=None)
+    if state.heat is not None and state.heat.kind == NO_HEAT:
+        return state
     kind, mode = previous if previous in options else options[0]
     return replace(state, heat=HeatChoice(kind, mode, side))
 
 
+def trust_text(store: Store, state: State) -> str:
+    """What the shown heatmap means and how far it can be trusted; empty without one."""
+    heat = state.shown_heat
+    return heatmap_scores.trust_line(store, state.run, heat.kind, heat.mode) if heat else ""
+
+
 def unit(store: Store, run: str, heat: HeatChoice) -> str:
     """The unit of the shown values."""
-    if heat.kind in _PLANES:
-        return _PLANE_UNITS[heat.mode or "loss"]
+    facts = heatmap_facts(heat.kind)
+    if facts.planes:
+        return facts.planes[heat.mode or facts.modes[0]]
     choice = heat.kind, heat.mode
     record = next((r for r in store.array_kinds(run) if (r.kind, r.mode) == choice), None)
     return _UNITS.get(record.unit, record.unit) if record else ""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session.context import SessionContext
@@ -30,6 +31,8 @@ NAMES = ("room", "trajectory")
 COUNTS = ("iid", "seq", "real.rank", "sim.rank")
 """Columns of whole numbers; a negative number, or rank 0, is a missing value."""
 _TRUTH_COLUMNS = ("x", "y", "heading", "curvature", "seq")
+TRUTH_COLUMNS = ("iid", *_TRUTH_COLUMNS, *NAMES)
+"""The columns of a store without a computed run."""
 _ASCENDING = ("iid", "real.rank", "sim.rank", *_TRUTH_COLUMNS, *NAMES, REMARK)
 _SMALL_PART = 6
 """A selection above 1 / 6 of all instances is taken from the cached order of all."""
@@ -37,8 +40,15 @@ _SMALL_PART = 6
 
 def columns(store: Store, notes: Notes) -> tuple[str, ...]:
     """The columns to sort by; remarks are one of them if the user has made any."""
-    known = COLUMNS if store.has_poses else IMAGE_COLUMNS
+    known = stored_columns(store)
     return (*known, REMARK) if notes.remarks else known
+
+
+def stored_columns(store: Store) -> tuple[str, ...]:
+    """The columns that a store has values for, without those of the user."""
+    if not store.has_poses:
+        return IMAGE_COLUMNS
+    return TRUTH_COLUMNS if store.missing_run else COLUMNS
 
 
 def order(store: Store, state: State, notes: Notes) -> NDArray[np.intp]:
@@ -95,9 +105,18 @@ def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
     if name in _TRUTH_COLUMNS:
         owner = truth
     values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
+    if rest == "rank" and not state.with_trained and state.trained.any():
+        error = run.side("sim" if side == "sim" else "real").error
+        values = np.asarray(ranks_of_new(error, run.trained), dtype=np.float64)
     if name in COUNTS:
         return np.where(values < (rest == "rank"), np.nan, values)
     return values
+
+
+@cached_by_identity(4)
+def ranks_of_new(error: NDArray[np.float64], trained: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(N,) ranks by error among the instances that are new to the run; 0 for the others."""
+    return np.asarray(pose_metrics.rank(np.where(trained, np.nan, error)), dtype=np.int32)
 
 
 def _alphabetical_ranks(
@@ -120,6 +139,14 @@ def sort_by_next_column(context: SessionContext, state: State) -> State:
 def reverse(context: SessionContext, state: State) -> State:
     """Reverse the order of the list."""
     return state.updated(descending=not state.descending)
+
+
+def to_end(context: SessionContext, state: State, last: bool) -> State:
+    """Move the cursor to the first or the last row of the list."""
+    rows = order(context.store, state, context.notes)
+    if not rows.size:
+        return state.with_message("nothing is selected")
+    return state.updated(cursor=int(rows[-1 if last else 0]))
 
 
 def move(context: SessionContext, state: State, steps: int) -> State:

@@ -32,7 +32,7 @@ class InstanceProvenance:
 
 def instance_provenance(state: State) -> InstanceProvenance:
     """The provenance of images loaded for a state."""
-    return InstanceProvenance(state.generation, state.run, state.cursor, state.heat)
+    return InstanceProvenance(state.generation, state.run, state.cursor, state.shown_heat)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +63,8 @@ def heat_provenance(state: State) -> HeatProvenance:
 def visible_floor_key(state: State) -> tuple[object, ...]:
     """Key of everything that the seen floor of the selection depends on."""
     return (state.generation, state.run, state.side, ArrayKey(state.selected))
+
+
+def groups_key(state: State) -> tuple[object, ...]:
+    """Everything that the errors of the groups in the rooms view depend on."""
+    return state.generation, state.run, state.grouping, ArrayKey(state.base)

@@ -33,6 +33,14 @@ def move_cursor(context: SessionContext, state: State, steps: int) -> State:
     return set_cursor(context, state, int(members[(at + steps) % members.size]))
 
 
+def move_to_end(context: SessionContext, state: State, last: bool) -> State:
+    """Move to the first or the last instance of those that `move_cursor` visits."""
+    members = np.flatnonzero(state.selected if state.selected.any() else state.base)
+    if not members.size:
+        return state.with_message("no instance in view")
+    return set_cursor(context, state, int(members[-1 if last else 0]))
+
+
 def set_cursor(context: SessionContext, state: State, iid: int) -> State:
     """Move to an instance."""
     return state.updated(cursor=iid)
@@ -41,7 +49,9 @@ def set_cursor(context: SessionContext, state: State, iid: int) -> State:
 def change_run(context: SessionContext, state: State, steps: int) -> State:
     """Show the next run, counted from the pending one."""
     if not state.runs:
-        return state.with_message(f"{NO_POSES}, so there are no runs")
+        reason = context.store.missing_run
+        no_poses = reason == NO_POSES
+        return state.with_message(f"{reason}, so there are no runs" if no_poses else reason)
     target = pending_target.final_target(state)
     present = target.run if target.run in state.runs else state.run
     index = (state.runs.index(present) + steps) % len(state.runs)
@@ -67,6 +77,19 @@ def change_trajectory(context: SessionContext, state: State) -> State:
     present = pending_target.final_target(state).trajectories
     at = options.index(present) if present in options else -1
     return set_trajectories(context, state, options[(at + 1) % len(options)])
+
+
+def toggle_trained(context: SessionContext, state: State) -> State:
+    """Include or leave out the instances that the models were trained on; keep the expression."""
+    target = pending_target.final_target(state)
+    included = not target.with_trained
+    result = go_to(context, state, replace(target, with_trained=included))
+    message = replace(result, with_trained=included).population_message
+    return (
+        result
+        if result.is_error
+        else result.with_message("; ".join(part for part in (message, result.message) if part))
+    )
 
 
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:
@@ -153,7 +176,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
 
 def refuse_generation(fresh: Store, present: Store) -> str:
     """Why a session cannot continue in a newer generation; empty if it can."""
-    if not computed_runs(fresh) and fresh.has_poses:
+    if fresh.missing_run and not present.missing_run:
         return "the newest generation has no computed run: reopen the store"
     if fresh.identity != present.identity:
         return "the newest generation holds another data set: reopen the store"
@@ -170,8 +193,8 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
     except RequestError as error:
         result = _evaluate_at(context, base, pending_target.place_of(target))
         past, future = (
-            tuple(text for text in texts if text != target.text)
-            for texts in (result.past, result.future)
+            tuple(step for step in steps if step.expression != target.text)
+            for steps in (result.past, result.future)
         )
         return replace(result, past=past, future=future, message=str(error), is_error=True)
 
@@ -179,7 +202,13 @@ def _settle(context: SessionContext, base: State, target: PendingTarget) -> Stat
 def _evaluate_at(context: SessionContext, base: State, target: PendingTarget) -> State:
     """Evaluate at a target; raises RequestError if its expression cannot be evaluated."""
     run = target.run if target.run in base.runs else base.run
-    place = replace(base, run=run, trajectories=target.trajectories, pending=None)
+    place = replace(
+        base,
+        run=run,
+        trajectories=target.trajectories,
+        with_trained=target.with_trained,
+        pending=None,
+    )
     if target.text:
         result = evaluate(context, place, parse(target.text), (target.past, target.future))
     else:

@@ -10,18 +10,19 @@ from s2rstore.errors import RequestError
 from s2rstore.language import Node, base_population, evaluation, mask, parse, to_text
 from s2rstore.language.fields import NUMERIC, TEXT
 from s2rstore.language.name_resolution import expand, used_fields
-from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, leaves
+from s2rstore.language.syntax_tree import Bend, Extreme, Field, Like, Training, leaves
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtui.session.context import SessionContext
-from s2rtui.session.state import PendingTarget, State
+from s2rtui.session.state import PendingTarget, State, Step
 
 MAX_HISTORY = 100
 """Number of past expressions that can be undone."""
 SMALL_STORE = 20_000
 """Instances whose columns are read fast enough for the UI thread."""
 _SIDE_COLUMNS = ("x", "y", "heading", "error", "heading_error", "room", "u", "v", "outlier")
-_RUN_COLUMNS = ("shift", "valid")
+_POPULATION_COLUMNS = ("valid", "trained")
+_RUN_COLUMNS = ("shift", *_POPULATION_COLUMNS)
 _TRUTH_COLUMNS = ("x", "y", "heading", "seq", "trajectory", "room", "curvature")
 
 
@@ -48,8 +49,12 @@ def _leaf_is_loaded(store: Store, run: str, leaf: Node) -> bool:
         return False  # compares embeddings
     if isinstance(leaf, Bend):
         return store.has_loaded(None, None, ["curvature"])
-    if isinstance(leaf, Extreme) and not store.has_loaded(leaf.field.run or run, None, ["valid"]):
-        return False  # ranks within the base population
+    if isinstance(leaf, Training):
+        return store.has_loaded(leaf.run or run, None, _POPULATION_COLUMNS)
+    if isinstance(leaf, Extreme):  # ranks within the base population
+        ranked = leaf.field.run or run
+        if not store.has_loaded(ranked, None, _POPULATION_COLUMNS):
+            return False
     return all(_field_is_loaded(store, run, used) for used in used_fields(leaf))
 
 
@@ -71,7 +76,9 @@ def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], b
                 return
             getattr(owner, name)
     with suppress(RequestError):  # the reducer reports an expression that cannot be evaluated
-        context = evaluation.context(store, target.run, target.trajectories)
+        context = evaluation.context(
+            store, target.run, target.trajectories, with_trained=target.with_trained
+        )
         base_population(context)
         if target.node is not None:
             mask(target.node, context)
@@ -82,7 +89,12 @@ def load_columns(store: Store, target: PendingTarget, is_current: Callable[[], b
 
 def current_target(state: State) -> PendingTarget:
     """The place that the state shows, without an expression."""
-    return PendingTarget(state.run, state.generation, trajectories=state.trajectories)
+    return PendingTarget(
+        state.run,
+        state.generation,
+        trajectories=state.trajectories,
+        with_trained=state.with_trained,
+    )
 
 
 def final_target(state: State) -> PendingTarget:
@@ -91,8 +103,13 @@ def final_target(state: State) -> PendingTarget:
 
 
 def place_of(target: PendingTarget) -> PendingTarget:
-    """The same run, generation and trajectories, without an expression."""
-    return PendingTarget(target.run, target.generation, trajectories=target.trajectories)
+    """The same run, generation and population, without an expression."""
+    return PendingTarget(
+        target.run,
+        target.generation,
+        trajectories=target.trajectories,
+        with_trained=target.with_trained,
+    )
 
 
 def upcoming(state: State) -> State:
@@ -100,15 +117,21 @@ def upcoming(state: State) -> State:
     target = state.pending
     if target is None or not target.text:
         return state
-    return replace(state, expression=target.text, past=target.past, future=target.future)
+    return replace(
+        state,
+        expression=target.text,
+        with_trained=target.with_trained,
+        past=target.past,
+        future=target.future,
+    )
 
 
 def with_expression(state: State, place: PendingTarget, text: str) -> PendingTarget:
     """Select `text` at a place, as the next step of the history."""
     before = upcoming(state)
     past, future = before.past, before.future
-    if text != before.expression:
-        past, future = (*past, before.expression)[-MAX_HISTORY:], ()
+    if Step(text, place.with_trained) != before.step:
+        past, future = (*past, before.step)[-MAX_HISTORY:], ()
     return replace(place_of(place), text=text, past=past, future=future)
 
 

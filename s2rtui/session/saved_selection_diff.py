@@ -24,8 +24,14 @@ def describe_saved_names(node: Node, state: State, context: MaskContext, notes: 
 
 def difference(state: State, count: int, saved: SavedSelection) -> str:
     """`evaluated again: 6 on b, generation 4; saved: 9 on a, generation 3`."""
-    here = SavedSelection("", state.generation, state.run, count, state.trajectories)
-    return f"evaluated again: {summary(here)}; saved: {summary(saved)}"
+    here = SavedSelection(
+        "", state.generation, state.run, count, state.trajectories, with_trained=state.with_trained
+    )
+    populations = saved.with_trained != state.with_trained and bool(state.trained.any())
+    here_text, saved_text = (
+        summary(each) + (f", {_population(each)}" if populations else "") for each in (here, saved)
+    )
+    return f"evaluated again: {here_text}; saved: {saved_text}"
 
 
 def describe_move(state: State, before: State, saved: SavedSelection) -> str:
@@ -35,6 +41,8 @@ def describe_move(state: State, before: State, saved: SavedSelection) -> str:
         parts.append(f"run {state.run}")
     if state.trajectories != before.trajectories:
         parts.append(f"trajectories {', '.join(state.trajectories or ('all',))}")
+    if state.with_trained != before.with_trained and state.trained.any():
+        parts.append(state.population_message)
     count = int(np.count_nonzero(state.selected))
     if count != saved.count or not _is_same_place(state, saved):
         parts.append(difference(state, count, saved))
@@ -49,4 +57,9 @@ def summary(saved: SavedSelection) -> str:
 
 def _is_same_place(state: State, saved: SavedSelection) -> bool:
     place = state.generation, state.run, state.trajectories
-    return place == (saved.generation, saved.run, saved.trajectories)
+    is_same_population = saved.with_trained == state.with_trained or not state.trained.any()
+    return is_same_population and place == (saved.generation, saved.run, saved.trajectories)
+
+
+def _population(saved: SavedSelection) -> str:
+    return "trained ones included" if saved.with_trained else "new ones only"

@@ -42,6 +42,13 @@ def _combine(current: Node, operator: Operator, new: Node) -> Node:
     return Or(current, new) if operator == "union" else Minus(current, new)
 
 
+def select_suggested(context: SessionContext, state: State) -> State:
+    """Select the expression that the message of an empty selection suggests."""
+    if not state.suggested:
+        return state.with_message("there is no suggestion: the selection is not empty")
+    return select(context, state, state.suggested, "replace")
+
+
 def complement(context: SessionContext, state: State) -> State:
     """Select all valid instances that are not selected."""
     node = parse(pending_target.upcoming(state).expression)

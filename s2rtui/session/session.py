@@ -12,10 +12,10 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.findings import largest_room, worst_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
-from s2rstore.language.syntax_tree import Extreme, Field, Named
-from s2rstore.metrics import store_summary
+from s2rstore.language.syntax_tree import Extreme, Field
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.session import navigation, pending_target, selection
@@ -39,17 +39,19 @@ class Session:
         run: str | None = None,
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
+        with_trained: bool = False,
         generation: int | None = None,
     ) -> None:
-        """Open a store on a run (default: the first computed one) and select its worst region.
+        """Open a store on a run (default: the first computed one) and select its worst room.
 
-        A data set without poses has no runs: all its images are selected.
+        Without a computed run, all images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
-        `gap_history` overrides the history file of the store, `generation` the published one. Set
+        `gap_history` overrides the history file of the store, `generation` the published one.
+        `with_trained` includes the instances that the models were trained on. Set
         `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
-        RequestError if the store, a computed run or the history file does not exist.
+        RequestError if the store, the run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
@@ -64,7 +66,8 @@ class Session:
         self._gap_history = (
             gap_history.resolve() if gap_history else reader.history_path(self.store.path)
         )
-        self._state = _initial_state(self.store, run, self._history_file())
+        initial = _initial_state(self.store, run, self._history_file())
+        self._state = replace(initial, with_trained=with_trained)
         error = self.notebook.error if self.notebook else ""
         self.dispatch(_select_finding, error)
 
@@ -199,7 +202,7 @@ class Session:
 
 def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -> State:
     """The state on a run before anything is selected; raises RequestError if it is not computed."""
-    name = store.run_name(run)
+    name = NO_RUN if run is None and store.missing_run else store.run_name(run)
     if name != NO_RUN and store.run(name).key is None:
         raise RequestError(f"run {name!r}: not computed yet; run `s2r precompute`")
     everything = np.ones(len(store.instances), dtype=np.bool_)
@@ -212,33 +215,46 @@ def _initial_state(store: Store, run: str | None, history: HistoryFile | None) -
         expression="all",
         selected=everything,
         base=everything,
+        trained=np.zeros_like(everything),
         cursor=None,
         heat=None,
         history=history,
     )
-    if store.has_poses:
+    if not store.missing_run:
         return state
-    return replace(state, view="instance", centre="list", sort="iid", descending=False)
+    centre = "map" if store.has_poses else "list"
+    return replace(state, view="instance", centre=centre, sort="iid", descending=False)
 
 
 def _select_finding(context: SessionContext, state: State, error: str) -> State:
-    """Select the first screen's finding, the region with the worst errors in reality.
+    """Select the first screen's finding, the room with the worst errors in reality.
 
     `error` is shown in place of the finding's description if it is not empty.
     """
-    if not context.store.has_poses:
+    if reason := context.store.missing_run:
         state = replace(selection.select(context, state, "all", "replace"), past=())
-        message = "images without poses: `3` shows an image, `8` the list, `/` selects"
+        message = f"{reason}; 3 shows an image, 8 the list"
+        if not context.store.has_poses:
+            message = "images without poses: `3` shows an image, `8` the list, `/` selects"
         return replace(state, message=error or message, is_error=bool(error))
-    regions = store_summary.worst_rooms(context.store, state.run)
     node: Node = Extreme("worst", 15, True, Field("real.error"))
     message = "the worst 15 % in reality"
-    if regions:
-        worst = regions[0]
-        node = Named(Field("room"), worst.room)
-        message = (
-            f"worst region: {worst.room}, median error {worst.real_median:.2f} m real, "
-            f"{worst.sim_median:.2f} m sim ({worst.n} instances the model was not trained on)"
-        )
+    if (found := _worst_room(context.store, state.run)) is not None:
+        node, message = found
     state = with_heat(context.store, selection.select(context, state, node, "replace"))
     return replace(state, past=(), message=error or message, is_error=bool(error))
+
+
+def _worst_room(store: Store, run: str) -> tuple[Node, str] | None:
+    """The expression and the description of the worst room, untested in a large store."""
+    if len(store.instances) <= pending_target.SMALL_STORE:
+        finding = worst_room(store, run)
+        if finding is None or finding.node is None:
+            return None
+        return finding.node, f"{finding.kind}: {finding.statement}"
+    largest = largest_room(store, run)
+    if largest is None:
+        return None
+    group, median, n = largest
+    text = f"largest median real error: {group.name}, {median:.2f} m, n {n} new"
+    return group.node, f"{text} (I says whether it is evident)"

@@ -17,7 +17,7 @@ from s2rtui.user_data.notebook import SavedSelection
 _NAME = r'"(?:\\.|[^"\\])*"'
 _FACTS = re.compile(
     r"\s+# data set (?P<hash>[0-9a-f]+), generation (?P<generation>\d+), "
-    r"run (?P<run>.+?), (?P<count>\d+) instances"
+    r"run (?P<run>.+?), (?P<count>\d+) (?P<new>new )?instances"
     rf"(?: in (?P<trajectories>{_NAME}(?:, {_NAME})*))?\s*\Z"
 )
 _HASH_LENGTH = 12
@@ -35,18 +35,27 @@ class Shared:
 def current_selection(state: State) -> SavedSelection:
     """The state's selection with the run, generation and count of its evaluation."""
     count = int(state.selected.sum())
-    return SavedSelection(state.expression, state.generation, state.run, count, state.trajectories)
+    return SavedSelection(
+        state.expression,
+        state.generation,
+        state.run,
+        count,
+        state.trajectories,
+        with_trained=state.with_trained,
+    )
 
 
 def shared_text(saved: SavedSelection, identity: str) -> str:
     """One line that `parse_shared` reads: the expression, and after a `#` its evaluation.
 
-    `identity` is that of the store, which appending instances does not change.
+    `identity` is that of the store, which appending instances does not change. Without the word
+    `new`, as in lines of earlier releases, trained instances were included.
     """
     names = ", ".join(json.dumps(name, ensure_ascii=False) for name in saved.trajectories or ())
     return (
         f"{saved.expression}  # data set {identity[:_HASH_LENGTH]}, "
-        f"generation {saved.generation}, run {saved.run}, {saved.count} instances"
+        f"generation {saved.generation}, run {saved.run}, "
+        f"{saved.count} {'' if saved.with_trained else 'new '}instances"
         + (f" in {names}" if names else "")
     )
 
@@ -65,8 +74,9 @@ def parse_shared(text: str) -> Shared:
             return Shared(text)
         trajectories = tuple(str(name) for name in parsed)
     saved = SavedSelection(
-        expression, int(match["generation"]), match["run"], int(match["count"]), trajectories
-    )
+        expression, int(match["generation"]), match["run"], int(match["count"]), trajectories,
+        with_trained=match["new"] is None,
+    )  # fmt: skip
     return Shared(expression, match["hash"], saved)
 
 
@@ -87,6 +97,7 @@ def select_text(context: SessionContext, state: State, text: str) -> State:
     saved, known = shared.saved, context.store.instances.trajectory_names
     expression = to_text(parse(saved.expression))
     place = pending_target.final_target(state)
+    place = replace(place, with_trained=saved.with_trained)
     target = pending_target.with_expression(state, place, expression)
     if saved.run in state.runs:
         target = replace(target, run=saved.run)

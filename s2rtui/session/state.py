@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.gap_history.reader import Stamp
+from s2rstore.heatmap_kinds import NO_HEAT
+from s2rstore.index.population import INCLUDE_HINT, Population, count_text
 from s2rstore.language import Node
 from s2rstore.records import Bounds, Side
 from s2rstore.security.printable_text import printable
@@ -24,12 +26,17 @@ OVERLAYS: tuple[Overlay, ...] = ("off", "instance", "selection", "run")
 AGGREGATES: tuple[Aggregate, ...] = ("mean", "max", "sum", "count")
 MapMode = Literal["colour", "glyph", "full"]
 MAP_MODES: tuple[MapMode, ...] = ("colour", "glyph", "full")
+MAP_PLANE = "map"
+"""The name of the plane of positions, which the map and the comparison show."""
 SIGNS: dict[Operator, str] = {"replace": "", "intersect": "&", "union": "|", "subtract": "-"}
 
 
 @dataclass(frozen=True, slots=True)
 class HeatChoice:
-    """A heatmap kind and mode of the current run, and the side that the map shows."""
+    """A heatmap kind and mode of the current run, and the side that the map shows.
+
+    The kind `NO_HEAT` stands for plain images.
+    """
 
     kind: str
     mode: str | None
@@ -37,6 +44,8 @@ class HeatChoice:
 
     @property
     def label(self) -> str:
+        if self.kind == NO_HEAT:
+            return "no heatmap"
         name = self.kind.replace("_", " ")
         return f"{name} ({self.mode})" if self.mode else name
 
@@ -101,11 +110,20 @@ class Adjust:
 
 
 @dataclass(frozen=True, slots=True)
+class Step:
+    """A selection of the history: its expression, and whether trained instances were included."""
+
+    expression: str
+    with_trained: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class PendingTarget:
     """A run, generation and trajectories (None: all) to show, and an expression to select there.
 
-    `text` is that expression, empty for the present one; `node` its expanded syntax tree, `past`
-    and `future` the history around it. `saved` describes a shared selection where it was made.
+    `with_trained` includes the instances that the run's model was trained on. `text` is the
+    expression, empty for the present one; `node` its expanded syntax tree, `past` and `future` the
+    history around it. `saved` describes a shared selection where it was made.
     """
 
     run: str
@@ -113,8 +131,9 @@ class PendingTarget:
     text: str = ""
     node: Node | None = None
     trajectories: tuple[str, ...] | None = None
-    past: tuple[str, ...] = ()
-    future: tuple[str, ...] = ()
+    with_trained: bool = False
+    past: tuple[Step, ...] = ()
+    future: tuple[Step, ...] = ()
     saved: SavedSelection | None = None
 
 
@@ -123,13 +142,17 @@ class State:
     """One state of the analysis.
 
     `selected` and `base` are (N,) masks: the expression's instances, and the base population that
-    it was evaluated on. `trajectories` None means all. `cursor` is an iid. `viewport` is the map's
-    rectangle in metres, None for the whole map. `newest` is the published generation. `past` and
-    `future` hold the expressions before and after this one, the nearest last. `operator` combines
-    the next selection with this one. `other` is the run to compare with. `view` receives the keys;
-    `centre` and `tab` name the views shown in these panes. `pending` is the target to show once it
-    is loaded; `keeps_message` says that the message outlives that. `history` is None if the store
-    has no gap history.
+    it was evaluated on. `trained` (N,) marks the instances in view that the run's model was trained
+    on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
+    iid. `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest`
+    is the published generation. `past` and `future` hold the selections before and after this one,
+    the nearest last. `operator` combines the next selection with this one. `other` is the run to
+    compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
+    `pending` is the target to show once it is loaded; `keeps_message` says that the message
+    outlives that. `suggested` is the expression that the message of an empty selection suggests.
+    `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
+    chosen row of the findings view. `history` is None if the store has no gap history.
+    `fills_screen`: the active view takes the whole screen.
     """
 
     generation: int
@@ -140,8 +163,10 @@ class State:
     expression: str
     selected: NDArray[np.bool_]
     base: NDArray[np.bool_]
+    trained: NDArray[np.bool_]
     cursor: int | None
     heat: HeatChoice | None
+    with_trained: bool = False
     operator: Operator = "replace"
     brush: Brush | None = None
     lasso: bool = False
@@ -158,13 +183,19 @@ class State:
     tab: str = "instance"
     sort: str = "real.error"
     descending: bool = True
-    viewport: Bounds | None = None
+    grouping: str = "room"
+    group_sort: str = "real_m"
+    group_descending: bool = True
+    finding: int = 0
+    viewports: tuple[tuple[str, Bounds], ...] = ()
+    fills_screen: bool = False
     history: HistoryFile | None = None
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False
-    past: tuple[str, ...] = ()
-    future: tuple[str, ...] = ()
+    suggested: str = ""
+    past: tuple[Step, ...] = ()
+    future: tuple[Step, ...] = ()
 
     def updated(self, **fields: Any) -> State:
         """A copy after an action; its message, if any, replaces the present one, also an error."""
@@ -177,13 +208,63 @@ class State:
 
     @property
     def count(self) -> str:
-        """`82 of 542`: the selected instances and the base population."""
-        return f"{int(np.count_nonzero(self.selected))} of {int(np.count_nonzero(self.base))}"
+        """`8 of 40 (32 trained on)`; see `s2rstore.index.population.count_text`."""
+        return count_text(
+            int(np.count_nonzero(self.selected)),
+            int(np.count_nonzero(self.base | self.trained)),
+            int(np.count_nonzero(self.trained)),
+            self.with_trained,
+        )
+
+    @property
+    def step(self) -> Step:
+        """The present selection as a step of the history."""
+        return Step(self.expression, self.with_trained)
+
+    @property
+    def population(self) -> Population:
+        """What the instances of `base` have in common."""
+        return Population(self.trajectories, self.with_trained)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """The expressions of the history up to the present one."""
+        return (*(step.expression for step in self.past), self.expression)
+
+    @property
+    def marked(self) -> NDArray[np.bool_] | None:
+        """The (N,) trained instances that the views show and mark; None if they show none."""
+        return self.trained if self.with_trained and self.trained.any() else None
+
+    @property
+    def population_message(self) -> str:
+        """Whether the population holds the trained instances, for the message line."""
+        count = int(np.count_nonzero(self.trained))
+        which = f"{count} trained {'instance' if count == 1 else 'instances'} in view"
+        if not count:
+            which = f"trained instances (run {self.run} has none in view)"
+        if self.with_trained:
+            return f"{which} included and marked (M leaves them out)"
+        return f"{which} left out ({INCLUDE_HINT})"
+
+    def viewport_of(self, plane: str) -> Bounds | None:
+        """The rectangle that a plane shows, in its coordinates; None for all of it."""
+        return dict(self.viewports).get(plane)
+
+    @property
+    def viewport(self) -> Bounds | None:
+        """The rectangle of the map in metres; None for the whole map."""
+        return self.viewport_of(MAP_PLANE)
 
     @property
     def adjusting(self) -> bool:
         """Whether the panel for live adjustments is on the screen."""
         return self.tab == "adjust" and self.adjust is not None
+
+    @property
+    def shown_heat(self) -> HeatChoice | None:
+        """The heatmap that is drawn; None without heatmaps, and where plain images are shown."""
+        return None if self.heat is None or self.heat.kind == NO_HEAT else self.heat
 
     @property
     def side(self) -> Side:

@@ -3,19 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from s2rstore.records import Side
+from s2rstore.heatmap_kinds import NO_HEAT
+from s2rstore.metrics import heatmap_scores
+from s2rstore.reader import Store
+from s2rstore.records import Bounds, Side
 from s2rtui.analysis.map_frame import centred_within, panned, zoomed
+from s2rtui.canvas.marks import Panel, Point
+from s2rtui.session import brush_geometry
 from s2rtui.session.context import SessionContext
 from s2rtui.session.heatmaps import heatmap_choices, sample_note
 from s2rtui.session.run_comparison import other_run
-from s2rtui.session.state import AGGREGATES, MAP_MODES, OVERLAYS, Brush, State
+from s2rtui.session.state import AGGREGATES, MAP_MODES, MAP_PLANE, OVERLAYS, Brush, State
 
 CLOSEST = 1 / 200
 """Smallest share of the map that zooming in shows."""
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class ZoomPlane:
+    """A plane that views show and that can be zoomed.
+
+    `whole` is its rectangle, `y_down` whether y grows downwards on the screen, `centre` the point
+    to zoom at, by default the middle of the viewport.
+    """
+
+    name: str
+    whole: Bounds
+    y_down: bool
+    centre: Point | None = None
 
 
 def _next(options: Sequence[T], present: T, steps: int = 1) -> T:
@@ -37,13 +56,16 @@ def _change_heat(context: SessionContext, state: State, steps: int, same_kind: b
     options = heatmap_choices(context.store, state.run)
     if heat is None or not options:
         return state.with_message(f"run {state.run} has no heatmaps; `s2r precompute` makes them")
+    options.append((NO_HEAT, None))
     if same_kind:
         modes = [mode for kind, mode in options if kind == heat.kind]
         choice = replace(heat, mode=_next(modes, heat.mode))
     else:
         kind = _next(list(dict.fromkeys(kind for kind, _ in options)), heat.kind, steps)
         choice = replace(heat, kind=kind, mode=next(m for k, m in options if k == kind))
-    return state.updated(heat=choice, message=choice.label)
+    trust = heatmap_scores.trust_line(context.store, state.run, choice.kind, choice.mode)
+    message = choice.label if choice.kind == NO_HEAT else f"{choice.label}: {trust}".rstrip(": ")
+    return state.updated(heat=choice, message=message)
 
 
 def change_side(context: SessionContext, state: State) -> State:
@@ -57,8 +79,8 @@ def change_side(context: SessionContext, state: State) -> State:
 
 def change_overlay(context: SessionContext, state: State) -> State:
     """Cycle the heat on the map: none, of the instance, of the selection, of the run."""
-    if state.heat is None:
-        return state.with_message("no heatmaps")
+    if state.shown_heat is None:
+        return state.with_message("no heatmap is chosen" if state.heat else "no heatmaps")
     overlay = _next(OVERLAYS, state.overlay)
     messages = {
         "off": "heat off",
@@ -97,33 +119,63 @@ def toggle_room_names(context: SessionContext, state: State) -> State:
     return state.updated(room_names=not state.room_names)
 
 
+def map_plane(store: Store, state: State) -> ZoomPlane:
+    """The plane of positions, around the cursor."""
+    truth, dataset, at = store.instances, store.dataset, None
+    if state.cursor is not None:
+        at = float(truth.x[state.cursor]), float(truth.y[state.cursor])
+    return ZoomPlane(MAP_PLANE, dataset.bounds, dataset.y_down, at)
+
+
 def zoom(
-    context: SessionContext, state: State, factor: float, at: tuple[float, float] | None = None
+    context: SessionContext,
+    state: State,
+    factor: float,
+    at: Point | None = None,
+    plane: ZoomPlane | None = None,
 ) -> State:
-    """Zoom the map by a factor around a point in metres, by default the cursor.
+    """Zoom a plane (default: the map) by a factor around a point, by default its `centre`.
 
-    Factor 0, or zooming out far enough, shows the whole map.
+    Factor 0, or zooming out far enough, shows the whole plane.
     """
-    bounds = context.store.dataset.bounds
-    if factor == 0:
-        return state.updated(viewport=None)
-    view = state.viewport or bounds
-    truth, cursor = context.store.instances, state.cursor
-    if at is None and cursor is not None:
-        at = float(truth.x[cursor]), float(truth.y[cursor])
-    share = max(view.width / max(bounds.width, 1e-9), view.height / max(bounds.height, 1e-9))
+    plane = plane or map_plane(context.store, state)
+    whole, shown = plane.whole, state.viewport_of(plane.name)
+    view = shown or whole
+    share = max(view.width / max(whole.width, 1e-9), view.height / max(whole.height, 1e-9))
     factor = min(factor, share / CLOSEST)
-    if share / factor >= 1:
-        return state.updated(viewport=None)
-    return state.updated(viewport=centred_within(zoomed(view, factor, at), bounds))
+    if factor == 0 or share / factor >= 1:
+        return _with_viewport(state, plane, None)
+    inside = centred_within(zoomed(view, factor, at or plane.centre), whole)
+    return _with_viewport(state, plane, inside)
 
 
-def pan(context: SessionContext, state: State, across: float, down: float) -> State:
-    """Move the viewport by shares of its size; its centre stays on the map."""
-    bounds = context.store.dataset.bounds
-    view = state.viewport or bounds
-    moved = panned(view, across, down, context.store.dataset.y_down)
-    return state.updated(viewport=centred_within(moved, bounds))
+def pan(
+    context: SessionContext,
+    state: State,
+    across: float,
+    down: float,
+    plane: ZoomPlane | None = None,
+) -> State:
+    """Move the viewport of a plane by shares of its size; its centre stays on the plane."""
+    plane = plane or map_plane(context.store, state)
+    view = state.viewport_of(plane.name) or plane.whole
+    moved = panned(view, across, down, plane.y_down)
+    return _with_viewport(state, plane, centred_within(moved, plane.whole))
+
+
+def _with_viewport(state: State, plane: ZoomPlane, view: Bounds | None) -> State:
+    viewports = {name: bounds for name, bounds in state.viewports if name != plane.name}
+    if view is None:
+        return state.updated(viewports=tuple(viewports.items()))
+    times = max(plane.whole.width, plane.whole.height) / max(view.width, view.height, 1e-12)
+    message = f"{plane.name} enlarged {times:.3g} times (0: all of it)"
+    viewports[plane.name] = view
+    return state.updated(viewports=tuple(viewports.items()), message=message)
+
+
+def toggle_full_screen(context: SessionContext, state: State) -> State:
+    """Fill the screen with the active view, or show all views again."""
+    return state.updated(fills_screen=not state.fills_screen)
 
 
 def change_other(context: SessionContext, state: State, steps: int = 1) -> State:
@@ -160,10 +212,14 @@ def drop_brush(context: SessionContext, state: State) -> State:
     return replace(state, brush=None)
 
 
-def toggle_lasso(context: SessionContext, state: State) -> State:
-    """Brush with a lasso, or with a box."""
+def toggle_lasso(context: SessionContext, state: State, panel: Panel | None = None) -> State:
+    """Brush with a lasso, or with a box; a brush on a plane `panel` is converted."""
     message = "brushes draw a box" if state.lasso else "brushes draw a lasso"
-    return state.updated(lasso=not state.lasso, brush=None, message=message)
+    brush = state.brush
+    if brush is not None and panel is not None and panel.shape == "plane":
+        convert = brush_geometry.as_box if brush.mark.lasso else brush_geometry.as_lasso
+        brush = convert(brush) if brush.mark.lasso == state.lasso else brush
+    return state.updated(lasso=not state.lasso, brush=brush, message=message)
 
 
 def cancel_input(context: SessionContext, state: State) -> State:

@@ -1,4 +1,4 @@
-"""Detect colours and characters of the terminal from environment variables alone."""
+"""Detect colours, background and characters of the terminal from environment variables alone."""
 
 from __future__ import annotations
 
@@ -8,34 +8,73 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import ColourMode
+from s2rtui.canvas import DARK, LIGHT, THEMES, ColourMode, RenderOptions, Theme
+from s2rtui.canvas.block_symbols import Symbols
 
 if TYPE_CHECKING:
     from s2rtui.terminal.graphics.probe import Graphics
 
 COLOURS = ("auto", *(mode.value for mode in ColourMode))
 _STREAMS = (0, 1, 2)
+_LIGHT_BACKGROUNDS = (7, *range(9, 16))
+"""Numbers of ANSI colours that are light; 8 is dark grey."""
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """The colours and characters to use, and why; `graphics` is None if not probed."""
+    """The colours and characters to use, and why; `graphics` is None if not probed.
+
+    `symbols` names the block characters of floor plans (see `s2rtui.canvas.block_symbols`).
+    """
 
     mode: ColourMode
     ascii: bool
     reason: str
     graphics: Graphics | None = None
+    theme: Theme = DARK
+    theme_reason: str = "by default"
+    symbols: Symbols = "quadrant"
+
+    @property
+    def render_options(self) -> RenderOptions:
+        """How views are drawn on this terminal."""
+        return RenderOptions(self.theme, self.mode, self.ascii, self.symbols)
 
 
 def detect(
-    colour: str = "auto", ascii: bool = False, environment: Mapping[str, str] | None = None
+    colour: str = "auto",
+    ascii: bool = False,
+    environment: Mapping[str, str] | None = None,
+    theme: str = "auto",
+    symbols: Symbols = "quadrant",
 ) -> Terminal:
-    """Detect the capabilities; options override the environment."""
+    """Detect the capabilities; options override the environment.
+
+    Inside tmux octants become sextants: versions that do not know octants drop them, and the rest
+    of the line moves.
+    """
     env = os.environ if environment is None else environment
+    if symbols == "octant" and env.get("TMUX"):
+        symbols = "sextant"
     mode, reason = _mode(colour, env)
+    chosen, why = _theme(theme, env)
     if not ascii and not _unicode(env):
-        return Terminal(mode, True, f"{reason}; ASCII because the locale is not UTF-8")
-    return Terminal(mode, ascii, reason)
+        ascii, reason = True, f"{reason}; ASCII because the locale is not UTF-8"
+    return Terminal(mode, ascii, reason, theme=chosen, theme_reason=why, symbols=symbols)
+
+
+def _theme(theme: str, env: Mapping[str, str]) -> tuple[Theme, str]:
+    """The theme for the terminal's background.
+
+    rxvt, konsole and others state their colours in COLORFGBG as `foreground;background`; no
+    terminal is asked, because an answer that arrives late would be read as keys.
+    """
+    if theme != "auto":
+        return THEMES[theme], "by option or setting"
+    number = env.get("COLORFGBG", "").rpartition(";")[2]
+    if number.isdecimal():
+        return LIGHT if int(number) in _LIGHT_BACKGROUNDS else DARK, "by COLORFGBG"
+    return DARK, "by default"
 
 
 def _mode(colour: str, env: Mapping[str, str]) -> tuple[ColourMode, str]:

@@ -9,6 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, symbol_stripes
 from s2rtui.terminal.capabilities import Terminal, detect
 from s2rtui.user_data.user_data_dir import user_data_dir
 
@@ -48,11 +49,26 @@ def terminal(detected: Terminal | None = None) -> Rows:
         ("terminal", f"{size.columns}x{size.lines}, {'yes' if sys.stdout.isatty() else 'none'}"),
         ("TERM", os.environ.get("TERM", "unset")),
         ("colours", f"{detected.mode.value}: {detected.reason}"),
+        ("theme", f"{detected.theme.name}: {detected.theme_reason}"),
         ("characters", "ASCII" if detected.ascii else "Unicode"),
+        ("symbols", "ASCII" if detected.ascii else detected.symbols),
         ("graphics", _graphics(detected)),
         ("over SSH", "yes" if os.environ.get("SSH_CONNECTION") else "no"),
         ("in tmux", "yes" if os.environ.get("TMUX") else "no"),
     ]
+
+
+def symbol_samples(detected: Terminal) -> Rows:
+    """Slanted stripes of each set of block characters, which a font without them breaks."""
+    if detected.ascii:
+        return []
+    samples = {name: symbol_stripes(symbols, 5) for name, symbols in SYMBOL_SETS.items()}
+    shown = [
+        # Python before 3.14 does not know octants, and such characters are escaped in output.
+        f"{name} {sample if sample.isprintable() else '(key D in the application)'}"
+        for name, sample in samples.items()
+    ]
+    return [("stripes", ", ".join(shown))]
 
 
 def _graphics(detected: Terminal) -> str:

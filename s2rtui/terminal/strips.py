@@ -22,6 +22,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 
 from s2rtui.canvas import Canvas, ColourMode, Pixels, Rgb
+from s2rtui.canvas.block_symbols import is_block
 from s2rtui.canvas.colour import to_16, to_256
 from s2rtui.terminal.textual_compat import LazyStrip
 
@@ -145,25 +146,25 @@ def _quantised(colours: Pixels, mode: ColourMode, ground: Pixels | None) -> NDAr
 def merge_similar_colours(canvas: Canvas, tolerance: int) -> None:
     """Let neighbouring cells share the first colours of a run within `tolerance`.
 
-    Only images change (half blocks and blanks); in place, per channel, from left to right.
+    Only images change (block characters and blanks); in place, per channel, from left to right.
     """
-    half = canvas.char == "▀"
-    if tolerance <= 0 or not half.any():
+    block = is_block(canvas.char)
+    if tolerance <= 0 or not block.any():
         return
-    image = half | (canvas.char == " ")
+    image = block | (canvas.char == " ")
     both = np.concatenate([canvas.fg, canvas.bg], axis=-1).astype(np.int16)
-    both[..., :3][~half] = 0
+    both[..., :3][~block] = 0
     start = both[:, 0].copy()
     empty = np.array(canvas.theme.background, dtype=np.uint8)
-    ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~half)
-    joins = image[:, 1:] & image[:, :-1] & (half[:, 1:] == half[:, :-1])
+    ground = (canvas.bg == empty).all(axis=-1) & ((canvas.fg == empty).all(axis=-1) | ~block)
+    joins = image[:, 1:] & image[:, :-1] & (block[:, 1:] == block[:, :-1])
     joins &= ground[:, 1:] == ground[:, :-1]  # an image keeps its edges
     for column in range(1, canvas.width):
         here = both[:, column]
         near = joins[:, column - 1] & (np.abs(here - start).max(axis=-1) <= tolerance)
         start = np.where(near[:, None], start, here)
         both[:, column] = start
-    canvas.fg[half] = both[..., :3][half].astype(np.uint8)
+    canvas.fg[block] = both[..., :3][block].astype(np.uint8)
     canvas.bg[image] = both[..., 3:][image].astype(np.uint8)
 
 
@@ -171,13 +172,16 @@ def _codes(canvas: Canvas, mode: ColourMode) -> tuple[NDArray[np.int64], NDArray
     """Foreground (with the bold bit) and background codes, (h, w) each.
 
     A blank takes the foreground of the glyph at its left, so that text does not break at spaces;
-    a half block whose halves agree becomes a blank.
+    a block character whose colours agree becomes a blank. Of 16 colours, glyphs get one that stands
+    out from the background.
     """
     ground = np.array(canvas.theme.background, dtype=np.uint8)
     fg = _quantised(canvas.fg, mode, None)
     bg = _quantised(canvas.bg, mode, ground)
-    flat = (canvas.char == "▀") & (fg == bg)
-    canvas.char[flat] = " "
+    block = is_block(canvas.char)
+    if mode is ColourMode.ANSI:
+        fg = np.where(block, fg, to_16(canvas.fg, canvas.theme.background))
+    canvas.char[block & (fg == bg)] = " "
     fg = fg | (canvas.bold.astype(np.int64) * _BOLD)
     columns = np.arange(canvas.width)
     inked = (canvas.char != " ") & (canvas.char != "")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from s2rtui.canvas import DEFAULT_OPTIONS, DIGITS, Canvas, RenderOptions, Size, turbo
+from s2rtui.canvas.block_symbols import SYMBOL_SETS, Symbols, symbol_stripes
 from s2rtui.canvas.raster import draw_braille, draw_half_blocks
 
 Rows = list[tuple[str, str]]
@@ -95,6 +96,19 @@ def _dots(canvas: Canvas, x: int, y: int) -> None:
     draw_braille(canvas, dots, canvas.theme.text)
 
 
+def _symbols(name: Symbols) -> Callable[[Canvas, int, int], None]:
+    """Draw slanted stripes of a set of block characters."""
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        if canvas.options.ascii:
+            canvas.text(x, y, "none: ASCII only", canvas.theme.text)
+            return
+        for place, char in enumerate(symbol_stripes(SYMBOL_SETS[name], 40)):
+            canvas.put(x + place, y, char, canvas.theme.text)
+
+    return draw
+
+
 def _bars(canvas: Canvas, x: int, y: int) -> None:
     canvas.text(x, y, ".#" if canvas.options.ascii else "▁▂▃▄▅▆▇█" * 4, canvas.theme.sim)
 
@@ -109,11 +123,15 @@ _SAMPLES: tuple[tuple[str, Callable[[Canvas, int, int], None]], ...] = (
     ("sim, real, truth", _roles),
     ("a scale, low to high", _scale),
     ("a picture", _picture),
+    ("quadrants: stripes", _symbols("quadrant")),
+    ("sextants: stripes", _symbols("sextant")),
+    ("octants: stripes", _symbols("octant")),
     ("dots, 8 in a cell", _dots),
     ("bars in eighths", _bars),
     ("arrows and lines", _lines),
 )
 _ADVICE = {
     True: "boxes or question marks disappear with --ascii; a UTF-8 locale shows more",
-    False: "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256",
+    False: "boxes or question marks instead of these: use --ascii; wrong colours: --colour 256; "
+    "--symbols sextant or octant draws finer floor plans where their stripes are whole",
 }

@@ -24,7 +24,8 @@ V = TypeVar("V")
 class SavedSelection:
     """An expression with the generation, run and number of instances at the time of saving.
 
-    `trajectories` are the visible ones; None means all. `parts` are the labels of the appended
+    `trajectories` are the visible ones; None means all. `with_trained` says whether instances that
+    the run's model was trained on were included. `parts` are the labels of the appended
     parts whose instances the expression names by iid; see `part_label`.
     """
 
@@ -34,6 +35,7 @@ class SavedSelection:
     count: int
     trajectories: tuple[str, ...] | None = None
     parts: tuple[str, ...] = ()
+    with_trained: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +159,8 @@ def _entries(
 def _selection(name: str, entry: Any) -> tuple[str, SavedSelection]:
     if valid_name(name, "name") != name:
         raise ValueError("name: blanks at its ends or a leading @ are not allowed")
+    if isinstance(entry, dict):  # entries of earlier releases included trained instances
+        entry = {"with_trained": True, **entry}
     saved = msgspec.convert(entry, SavedSelection, strict=False)
     names = saved.trajectories
     return name, replace(

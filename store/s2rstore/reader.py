@@ -15,6 +15,7 @@ from s2rstore.dataset_reader import DatasetReader, check_metadata
 from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.files import layout
 from s2rstore.geometry.map_grid import merged_aggregate
+from s2rstore.heatmap_kinds import HEATMAPS
 from s2rstore.index import column_loader
 from s2rstore.index.columns import RunColumns
 from s2rstore.lru_cache import LruCache
@@ -26,11 +27,17 @@ from s2rstore.records import (
     needs_network,
 )
 
-# Which plane of a heatmap's leading axis each mode shows.
-_PLANES: dict[str, dict[str, int]] = {"activation": {"x": 0, "y": 1, "heading": 2, "loss": 3}}
-DEFAULT_MODES = {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
+_PLANES = {
+    kind: {mode: index for index, mode in enumerate(facts.planes)}
+    for kind, facts in HEATMAPS.items()
+    if facts.planes
+}
+"""Which plane of a heatmap's leading axis each mode shows."""
+DEFAULT_MODES = {
+    kind: facts.default_mode for kind, facts in HEATMAPS.items() if facts.default_mode is not None
+}
 """The default mode of each heatmap kind that has modes."""
-NETWORK_KINDS = frozenset({"activation", "feature_distance", "harmonised_distance", "occlusion"})
+NETWORK_KINDS = frozenset(kind for kind, facts in HEATMAPS.items() if facts.needs_network)
 """The heatmap kinds that need a network, so that a run of imported predictions has none."""
 EMBEDDING_KINDS = frozenset({"embedding", "pca", "umap", "neighbour_distance"})
 """Arrays that are made of embeddings."""
@@ -74,7 +81,7 @@ class Store(DatasetReader):
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
 
-        `NO_RUN` gives blank columns where no run is computed.
+        `NO_RUN` gives blank columns, in which every instance is valid, where no run is computed.
         """
         with self._lock:
             if run == NO_RUN and not self.has_computed_run and run not in self._runs_columns:
@@ -137,6 +144,10 @@ class Store(DatasetReader):
         """Accuracies of one side of a run, (N,), NaN without a prediction; loads nothing else."""
         values = self._column_loader.of_side("accuracy", "prediction", run, side)
         return values.astype(np.float32)
+
+    def trained_instances(self, run: str) -> NDArray[np.bool_]:
+        """The instances that a run's model was trained on, (N,); keeps nothing in memory."""
+        return column_loader.trained_instances(self._column_loader, run)
 
     def stored(self, record: ArrayRecord) -> StoredArray:
         """Open the array that an index row describes. RequestError if array and row differ."""

@@ -15,11 +15,13 @@ DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
 
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
+TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
+"""The splits of images that a model was fitted or chosen on; they come first in `SPLITS`."""
 
 ARCHIVES = ("torchscript", "torch.export")
 """Architectures whose weights file holds the network, too."""
 NO_RUN = ""
-"""Stands for the run in a data set without poses, which has none."""
+"""Stands for the run in a store without a computed run, whose images can be browsed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,10 @@ async def test_keys_are_accepted_while_data_loads(tiny_store: Path, size: tuple[
     [
         ((80, 24), {"map"}),
         ((120, 40), {"overview", "map", "instance"}),
-        ((200, 60), {"overview", "umap", "orientation", "rooms", "errors", "map", "instance"}),
+        (
+            (200, 60),
+            {"overview", "umap", "orientation", "rooms", "errors", "map", "findings", "instance"},
+        ),
     ],
 )
 async def test_each_size_shows_its_views(

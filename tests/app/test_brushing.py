@@ -22,7 +22,17 @@ from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.session import Session, instance_list
 from s2rtui.user_data.notebook import Notebook
 
-BRUSHABLE = ("overview", "map", "umap", "orientation", "rooms", "errors", "list", "compare")
+BRUSHABLE = (
+    "overview",
+    "map",
+    "umap",
+    "orientation",
+    "rooms",
+    "errors",
+    "scatter",
+    "list",
+    "compare",
+)
 KEYS = {view.name: view.key for view in VIEWS}
 
 
@@ -286,15 +296,61 @@ async def test_the_jump_screen_opens_a_view_by_its_letter(tiny_store: Path) -> N
 
 async def test_the_compare_view_counts_better_and_worse_instances(tiny_store: Path) -> None:
     app = make_app(tiny_store)
-    async with app.run_test(size=(120, 40)) as pilot:
+    async with app.run_test(size=(80, 24)) as pilot:
         await press(app, pilot, "c", "9")
         text = take_screenshot(app).text
         assert "vanilla and dataaug" in text
         columns = [app.session.store.run_columns(run).real.error for run in ("vanilla", "dataaug")]
         better = int((columns[0] - columns[1] > 0.05).sum())
         worse = int((columns[0] - columns[1] < -0.05).sum())
-        assert f"▲ {better} " in text
-        assert f"▼ {worse} " in text
+        assert f"▼ {better} " in text
+        assert f"▲ {worse} " in text
+        assert f"dataaug is better on {better} of 40 instances" in " ".join(text.split())
+
+
+async def test_an_empty_selection_suggests_one_that_is_not_empty(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await press(app, pilot, "slash")
+        app.query_line.value = "worst(1, sim.error) & best(1, sim.error)"
+        await press(app, pilot, "enter")
+        assert "would give 1 (key Y)" in take_screenshot(app).text.splitlines()[-2]
+        suggested = app.session.state.suggested
+        await press(app, pilot, "Y")
+        state = app.session.state
+        assert (state.expression, state.selected.sum()) == (suggested, 1)
+        assert state.suggested == ""
+        await press(app, pilot, "u")
+        assert app.session.state.count.startswith("0 of")
+        await press(app, pilot, "c", "Y")
+        assert "there is no suggestion" in app.session.state.message
+
+
+async def test_a_lasso_in_the_scatter_view_selects_by_both_errors(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "X", "L")
+        panel = panels(app, "scatter")[0]
+        left, top = panel.x, panel.y + 1
+        right, bottom = left + panel.width - 2, top + panel.height - 2
+        await drag(app, pilot, "scatter", [(left, top), (right, top), (right, bottom),
+                                           (left, bottom)])  # fmt: skip
+        assert app.session.state.expression.startswith("error.lasso(")
+        assert app.session.state.selected.sum() > 0
+
+
+async def test_a_click_in_the_scatter_view_goes_to_the_nearest_dot(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "X")
+        columns = app.session.store.run_columns(app.session.state.run)
+        iid = int(np.argmax(columns.sim.error))
+        panel = panels(app, "scatter")[0]
+        place = panel.to_cells(float(columns.sim.error[iid]), float(columns.real.error[iid]))
+        await pilot.click("#scatter", offset=(int(place[0]), int(place[1]) + 1))
+        await settle(app, pilot)
+        assert app.session.state.cursor == iid
 
 
 async def test_the_heatmap_of_the_selection_is_aggregated(tiny_store: Path) -> None:
@@ -363,8 +419,8 @@ async def test_a_long_lasso_by_mouse_is_simplified(tiny_store: Path) -> None:
         await press(app, pilot, "c", "2", "L")
         panel = panels(app, "map")[0]
         turn = np.linspace(0, 2 * np.pi, 80)
-        column = panel.x + panel.width / 2 + panel.width / 3 * np.cos(turn)
-        row = panel.y + 1 + panel.height / 2 + panel.height / 3 * np.sin(turn)
+        column = panel.x + panel.width / 2 + panel.width / 2.3 * np.cos(turn)
+        row = panel.y + 1 + panel.height / 2 + panel.height / 2.3 * np.sin(turn)
         cells = [(int(c), int(r)) for c, r in zip(column, row, strict=True)]
         await drag(app, pilot, "map", cells)
         assert not app.session.state.is_error, app.session.state.message

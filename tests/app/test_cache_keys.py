@@ -17,7 +17,7 @@ from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.registry import VIEWS
 from s2rtui.charts.scene import Resources, RunAccuracies, Scene, TranslatorRow
 from s2rtui.charts.view import View
-from s2rtui.loaders import store_data
+from s2rtui.loaders import LoadContext, store_data
 from s2rtui.session import HeatChoice, Session, State
 from s2rtui.session.loaded_data_origin import (
     HeatProvenance,
@@ -25,7 +25,7 @@ from s2rtui.session.loaded_data_origin import (
     instance_provenance,
     visible_floor_key,
 )
-from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider
+from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider, Step
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.support import gaps, tiny
 
@@ -47,6 +47,8 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "trajectories": lambda _, state: ("a",),
     "expression": lambda _, state: "none",
     "selected": unselected,
+    "trained": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
+    "with_trained": lambda _, state: not state.with_trained,
     "base": lambda _, state: state.base & (np.arange(state.base.size) % 3 > 0),
     "cursor": lambda _, state: (state.cursor or 0) + 1,
     "heat": lambda _, state: HeatChoice("occlusion", "rgb", "sim"),
@@ -66,13 +68,19 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
-    "viewport": lambda _, state: Bounds(2.0, 2.0, 5.0, 4.0),
+    "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
+    "fills_screen": lambda _, state: not state.fills_screen,
+    "grouping": lambda _, state: "heading",
+    "group_sort": lambda _, state: "n",
+    "group_descending": lambda _, state: not state.group_descending,
+    "finding": lambda _, state: state.finding + 1,
     "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
     "keeps_message": lambda _, state: not state.keeps_message,
-    "past": lambda _, state: ("all",),
-    "future": lambda _, state: ("all",),
+    "suggested": lambda _, state: "all",
+    "past": lambda _, state: (Step("all"),),
+    "future": lambda _, state: (Step("all"),),
 }
 RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "translators": lambda resources: (
@@ -95,13 +103,15 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
     "live_source": lambda resources: replace(resources.live_source, run="another"),
     "live_floor_heat": lambda resources: np.ones((4, 4), dtype=np.float32),
     "history": lambda resources: gaps.history(*gaps.week()),
+    "groups": lambda resources: None,
+    "findings": lambda resources: replace(resources.findings, findings=()),
     "progress": lambda resources: {"live": 0.5},
     "failed": lambda resources: {"live": "no model"},
     "saving": lambda resources: "1 of 3",
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "pending", "keeps_message",
+    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
 }  # fmt: skip
 
 
@@ -120,6 +130,8 @@ def scenes(session: Session) -> dict[str, Scene]:
     store, state = session.store, session.state
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
+    loaded |= store_data.read_groups(store, state, LoadContext())
+    loaded |= store_data.read_findings(store, state, LoadContext())
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = {
         "pictures_source": instance_provenance(state),
@@ -137,14 +149,18 @@ def scenes(session: Session) -> dict[str, Scene]:
         heated, floor_heat_source=heat_provenance(rich), seen_floor_source=visible_floor_key(rich)
     )
     sliding = replace(state, view="adjust", tab="adjust", adjust=ADJUST, overlay="instance")
+    rank = np.arange(state.base.size)
     return {
         "plain": plain,
         "rich": replace(plain, state=rich, resources=heated),
         "sliding": replace(plain, state=sliding, resources=heated),
+        "trained": replace(
+            plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
+        ),
     }
 
 
-@pytest.fixture(params=["plain", "rich", "sliding"])
+@pytest.fixture(params=["plain", "rich", "sliding", "trained"])
 def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 
@@ -205,7 +221,7 @@ def test_every_field_except_the_listed_ones_is_drawn(
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
 def test_fields_that_are_not_drawn_keep_the_cache_key(view: View, scene: Scene) -> None:
     _, key = draw(view, scene)
-    changed = replace(scene, state=replace(scene.state, message="else", past=("all",)))
+    changed = replace(scene, state=replace(scene.state, message="else", past=(Step("all"),)))
     assert draw(view, changed)[1] == key
 
 

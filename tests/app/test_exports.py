@@ -79,10 +79,10 @@ async def test_the_exported_rows_equal_those_of_s2r_query(tiny_store: Path, tmp_
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         await press(app, pilot, "w", "F", "enter")
-        assert app.session.state.message.endswith("s2r-selection-001.csv: 6 instances")
+        assert app.session.state.message.endswith("s2r-selection-001.csv: 6 of 40 instances")
         await press(app, pilot, "F")
         shown = await answer(app, pilot, "mine.json")
-        assert shown.endswith("mine.json: 6 instances")
+        assert shown.endswith("mine.json: 6 of 40 instances")
     out = tmp_path / "by command.json"
     arguments = [
         "query",
@@ -242,7 +242,7 @@ async def test_a_restricted_session_writes_only_to_the_user_data_folder(
         app.output_folder = user_data_folder
         await press(app, pilot, "F")
         assert "restricted" in await answer(app, pilot, str(tmp_path / "a.csv"))
-        assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 instances")
+        assert (await answer(app, pilot, "a.csv")).endswith("a.csv: 6 of 40 instances")
         await press(app, pilot, "s")
     assert not list(tmp_path.glob("*.*"))
     assert (user_data_folder / "a.csv").exists()

@@ -28,7 +28,7 @@ from s2rtui.canvas.marks import Mark
 from s2rtui.jobs.precompute_job import JobProgress
 from s2rtui.loaders import store_data
 from s2rtui.session import Brush, Session, State, navigation, pending_target, shared_selection
-from s2rtui.session.state import PendingTarget
+from s2rtui.session.state import PendingTarget, Step
 from tests.support import tiny
 
 RUNS = ("vanilla", "b", "c")
@@ -123,7 +123,7 @@ async def test_a_shared_selection_waits_until_its_run_is_loaded(
         await settle(app, pilot)
         state = app.session.state
         assert (state.run, state.expression, state.pending) == ("b", "worst(3, real.error)", None)
-        assert state.past[-1] == "all"
+        assert state.past[-1] == Step("all")
         errors = app.session.store.run_columns("b").real.error
         assert set(np.flatnonzero(state.selected)) == set(np.argsort(-errors, kind="stable")[:3])
 
@@ -194,7 +194,11 @@ async def test_an_undone_expression_waits_for_its_columns(
     delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
-    assert (state.expression, state.past, state.future) == ("real.loss > 0", past[:-1], ("all",))
+    assert (state.expression, state.past, state.future) == (
+        "real.loss > 0",
+        past[:-1],
+        (Step("all"),),
+    )
     assert state.pending is None
     await press(app, pilot, "U")
     assert (app.session.state.expression, app.session.state.past) == ("all", past)
@@ -216,14 +220,14 @@ async def test_repeated_undo_accumulates_while_one_is_pending(
 ) -> None:
     app, pilot = delayed_losses.app, delayed_losses.pilot
     past = app.session.state.past
-    app.session.set_state(replace(app.session.state, past=(*past, "real.loss > 0.001")))
+    app.session.set_state(replace(app.session.state, past=(*past, Step("real.loss > 0.001"))))
     await press(app, pilot, "u", "u")
     assert app.session.state.expression == "all"
     delayed_losses.release.set()
     await settle(app, pilot)
     state = app.session.state
     assert (state.expression, state.past) == ("real.loss > 0", past[:-1])
-    assert state.future == ("all", "real.loss > 0.001")
+    assert state.future == (Step("all"), Step("real.loss > 0.001"))
 
 
 async def test_undo_cancels_a_pending_selection(delayed_losses: DelayedLossColumns) -> None:

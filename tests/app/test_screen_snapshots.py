@@ -21,6 +21,7 @@ from s2rtui.charts.registry import VIEWS
 from s2rtui.loaders.live_prediction import LivePredictor
 from s2rtui.terminal import diagnostics
 from s2rtui.terminal.diagnostics import PARTS
+from tests.support import tiny
 
 SCREENS = Path(__file__).parent / "screens"
 SIZES = ((80, 24), (120, 40), (200, 60))
@@ -34,6 +35,7 @@ KEYS |= {
     "orientation-brush": ("5", "x"),
     "rooms-brush": ("6", "x", "shift+down"),
     "errors-brush": ("7", "x"),
+    "scatter-brush": ("X", "x"),
     "help": ("question_mark",),
     "tour": ("T",),
     "jump": ("space",),
@@ -54,6 +56,13 @@ def test_ascii_screen(tiny_store: Path, name: str) -> None:
     screenshot = snapshot(tiny_store, (80, 24), ["w", *KEYS[name]], RenderOptions(ascii=True))
     assert screenshot.text.isascii()
     check(f"{name}-ascii", screenshot.text)
+
+
+@pytest.mark.parametrize("keys", ["c", "c,M", "c,M,9"])
+def test_screen_of_a_run_with_trained_instances(tmp_path: Path, keys: str) -> None:
+    store = tiny.build(tmp_path / "half.s2r", trained=("vanilla",))
+    screenshot = snapshot(store, (120, 40), keys.split(","), RenderOptions())
+    check(f"trained-{keys.replace(',', '')}-120x40", screenshot.text)
 
 
 @dataclass

@@ -6,12 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from s2rstore.findings import Finding, FindingReport
+from s2rstore.findings.groups import Group, GroupErrors
+from s2rstore.language.syntax_tree import Field, Named
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.records import Bounds, Room
 from s2rtui.charts.compare.model import CompareInput
 from s2rtui.charts.errors.model import ErrorsInput
 from s2rtui.charts.orientation.model import OrientationInput
 from s2rtui.charts.overview.model import OverviewLines
+from s2rtui.charts.rooms.groups import GroupsInput
 from s2rtui.charts.rooms.model import RoomsInput
+from s2rtui.charts.scatter.model import ScatterInput
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.base_map_model import MapInput
 from s2rtui.charts.shared.image_pair_model import InstanceInput, PoseNumbers, SideView
@@ -125,6 +131,17 @@ def errors_input(**changes: Any) -> ErrorsInput:
     return ErrorsInput(**(view | changes))
 
 
+def scatter_input(**changes: Any) -> ScatterInput:
+    random = np.random.default_rng(6)
+    view: dict[str, Any] = {
+        "sim": random.gamma(2, 0.6, N),
+        "real": random.gamma(2, 0.8, N),
+        "selected": np.arange(N) < 30,
+        "valid": np.arange(N) != 3,
+    }
+    return ScatterInput(**(view | changes))
+
+
 def umap_input(**changes: Any) -> UmapInput:
     """Two clusters; instance 4 has no real point."""
     random = np.random.default_rng(11)
@@ -177,3 +194,39 @@ def rooms_input(**changes: Any) -> RoomsInput:
         "cursor": 50,
     }
     return RoomsInput(**(view | changes))
+
+
+def groups_input(**changes: Any) -> GroupsInput:
+    """Five rooms with errors; the last one has too few instances for an interval."""
+    nan = float("nan")
+    figures = ((12, 2.0, 1.0, 3.5, 0.4), (30, 5.25, 4.0, 6.0, 0.5), (9, 0.5, 0.1, 14.0, 3.0),
+               (80, 104.0, 90.0, 120.0, 2.0), (2, 1.0, nan, nan, 0.9))  # fmt: skip
+    rows = tuple(
+        GroupErrors(Group(name, Named(Field("room"), name)), n, Interval(low, real, high), sim,
+                    real - sim)
+        for name, (n, real, low, high, sim) in zip(ROOM_NAMES, figures, strict=True)
+    )  # fmt: skip
+    view: dict[str, Any] = {
+        "rows": rows,
+        "grouping": "room",
+        "selected": {"hall": 12, "kitchen": 1},
+        "cursor": "kitchen",
+    }
+    return GroupsInput(**(view | changes))
+
+
+def finding_report(count: int = 4) -> FindingReport:
+    """Evident findings and others, in turn."""
+    found = tuple(
+        Finding(
+            kind=f"kind {number}",
+            text=f"größer: median real error {number}.00 m (0.50 to 9.00), n {10 * number} new",
+            run="vanilla",
+            n=10 * number,
+            evidence=f"+{number}.00 m from all others (+0.10 to +3.00 m, corrected for 7 rooms)",
+            evident=number % 2 == 0,
+            node=Named(Field("room"), "größer"),
+        )
+        for number in range(1, count + 1)
+    )
+    return FindingReport("vanilla", found, ("gap drift: fewer than two nights were measured",))

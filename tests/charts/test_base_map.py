@@ -74,15 +74,30 @@ def test_room_names_and_outlines_are_optional() -> None:
     assert "hall" not in without_names
 
 
-def test_room_names_are_drawn_between_unselected_and_selected_points() -> None:
+def test_room_names_are_whole_and_avoid_the_points() -> None:
     along = np.linspace(1.0, 9.0, 60)
     truth = np.stack([along, np.full(60, 5.0)], axis=1)
     room = (Room("corridor", 0, 0, 0, 10, 10),)
     view = map_input(truth=truth, rooms=room, cursor=None, heat=None, floor_plan=None)
-    none_selected = replace(view, selected=np.zeros(60, dtype=np.bool_))
-    assert "corridor" in "\n".join(draw_map(none_selected, SIZE).lines())
     all_selected = replace(view, selected=np.ones(60, dtype=np.bool_))
-    assert "corridor" not in "\n".join(draw_map(all_selected, SIZE).lines())
+    bare = draw_map(replace(all_selected, rooms=()), SIZE)
+    named = draw_map(all_selected, SIZE)
+    assert "corridor" in "\n".join(named.lines())
+    assert (named.char == "●").sum() == (bare.char == "●").sum() > 20
+
+
+def test_a_room_name_in_a_full_room_is_drawn_in_front_of_the_points() -> None:
+    across, down = np.meshgrid(np.linspace(0, 10, 200), np.linspace(0, 10, 200))
+    truth = np.stack([across.ravel(), down.ravel()], axis=1)
+    everywhere = np.ones(len(truth), dtype=np.bool_)
+    view = map_input(
+        truth=truth, sim=truth, real=truth, values=truth[:, 0], headings=None, cursor=None,
+        rooms=(Room("corridor", 0, 0, 0, 10, 10),), selected=everywhere, valid=everywhere,
+    )  # fmt: skip
+    canvas = draw_map(view, SIZE)
+    row = next(row for row, line in enumerate(canvas.lines()) if "corridor" in line)
+    column = canvas.lines()[row].index("corridor")
+    assert (canvas.bg[row, column : column + 8] == np.array(DARK.background)).all()
 
 
 @given(

@@ -14,7 +14,6 @@ from s2rtui.analysis.binning import (
     occupied_bins,
     selection_indices,
     sum_selected,
-    total_selected,
 )
 from s2rtui.charts.map.paper import _overlap
 
@@ -22,17 +21,6 @@ SIZE = 40
 masks = arrays.arrays(np.bool_, SIZE)
 positions = arrays.arrays(np.float64, SIZE, elements=st.floats(-2, 8) | st.just(np.nan))
 weights = arrays.arrays(np.float64, SIZE, elements=st.floats(-100, 100))
-
-
-@given(weights, masks, masks)
-def test_a_total_ignores_missing_values(
-    numbers: np.ndarray, selected: np.ndarray, base: np.ndarray
-) -> None:
-    numbers = np.where(numbers > 50, np.nan, numbers)
-    inside = selected & base & np.isfinite(numbers)
-    assert total_selected(numbers, selection_indices(selected, base)) == pytest.approx(
-        numbers[inside].sum(), abs=1e-9
-    )
 
 
 @given(positions, weights, masks, masks)

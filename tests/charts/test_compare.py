@@ -12,8 +12,9 @@ from hypothesis.extra import numpy as arrays
 
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
+from s2rtui.charts.compare.change import room_changes, words
 from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
-from s2rtui.charts.compare.terminal import compare_layout, draw_compare
+from s2rtui.charts.compare.terminal import compare_layout, comparison_text, draw_compare
 from tests.charts.examples import BOUNDS, N, compare_input
 
 SIZE = (80, 26)
@@ -27,13 +28,12 @@ def test_the_summary_counts_improved_and_worse_instances(
 ) -> None:
     view = compare_input(first=first, second=second, selected=selected, valid=valid)
     summary = compare_model(view).summary
-    differences = (first - second)[selected & valid]
+    differences = (second - first)[selected & valid]
     known = differences[np.isfinite(differences)]
-    assert summary.improved == (known > 0.05).sum()
-    assert summary.worse == (known < -0.05).sum()
+    assert summary.improved == (known < -0.05).sum()
+    assert summary.worse == (known > 0.05).sum()
     assert summary.equal == (np.abs(known) <= 0.05).sum()
     assert summary.unknown == np.isnan(differences).sum()
-    assert summary.mean == pytest.approx(known.mean() if known.size else np.nan, nan_ok=True)
 
 
 @given(errors, errors, masks, masks)
@@ -45,7 +45,7 @@ def test_a_cell_shows_the_mean_of_its_selected_instances(
     columns, rows, means, counts = cell_means(
         view.truth, first, second, selection_indices(selected, valid), frame
     )
-    differences = first - second
+    differences = second - first
     cells = np.floor(frame.to_cells(view.truth))
     known = selected & valid & np.isfinite(differences)
     inside = ((cells >= 0) & (cells < (frame.width, frame.height // 2))).all(axis=1)
@@ -73,10 +73,10 @@ def three_points() -> CompareInput:
 @pytest.mark.parametrize(
     ("options", "glyphs"),
     [
-        (RenderOptions(), "▴▾•"),
-        (RenderOptions(mode=ColourMode.ANSI), "▴▾•"),
-        (RenderOptions(mode=ColourMode.NONE), "+-="),
-        (RenderOptions(ascii=True), "+-="),
+        (RenderOptions(), "▾▴•"),
+        (RenderOptions(mode=ColourMode.ANSI), "▾▴•"),
+        (RenderOptions(mode=ColourMode.NONE), "-+="),
+        (RenderOptions(ascii=True), "-+="),
     ],
 )
 def test_glyphs_show_the_better_run(options: RenderOptions, glyphs: str) -> None:
@@ -91,19 +91,19 @@ def test_colours_diverge_at_zero() -> None:
     view = three_points()
     canvas, layout = draw_compare(view, SIZE), compare_layout(view, SIZE)
     cells = np.floor(layout.frame.to_cells(view.truth)).astype(int)
-    better, worse, equal = (canvas.fg[row, column + layout.x] for column, row in cells)
+    worse, better, equal = (canvas.fg[row, column + layout.x] for column, row in cells)
     assert int(better[0]) > int(better[2]) + 80
     assert int(worse[2]) > int(worse[0]) + 80
     assert np.ptp(equal.astype(int)) < 60
 
 
-def test_the_legend_shows_counts_and_the_mean() -> None:
+def test_the_legend_shows_counts() -> None:
     text = "\n".join(draw_compare(three_points(), (120, 26)).lines())
-    for part in ("1 better in dataaug", "1 better in vanilla", "1 within 0.05 m", "mean +0.32 m"):
+    for part in ("1 better in dataaug", "1 better in vanilla", "1 within 0.05 m"):
         assert part in text
-    assert "real error, vanilla - dataaug -2 " in text
+    assert "real error, dataaug - vanilla -2 " in text
     narrow = "\n".join(draw_compare(three_points(), (50, 20)).lines())
-    assert "▲ 1  ▼ 1  ● 1" in narrow
+    assert "▼ 1  ▲ 1  ● 1" in narrow
 
 
 def test_unselected_points_are_grey_and_the_cursor_is_marked() -> None:
@@ -123,4 +123,65 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
     draw_compare(compare_input(selected=none_selected), SIZE)
     summary = compare_model(compare_input(first=missing)).summary
     assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "mean" not in "\n".join(draw_compare(compare_input(first=missing), SIZE).lines())
+    assert "no instance" in compare_input(first=missing).words
+
+
+@given(errors, errors, masks, arrays.arrays(np.int64, N, elements=st.integers(-1, 2)))
+def test_changes_by_room_equal_direct_computation(
+    first: np.ndarray, second: np.ndarray, members: np.ndarray, room: np.ndarray
+) -> None:
+    changes = room_changes(first, second, members, None, room, ("a", "b", "c"))
+    known = members & np.isfinite(first) & np.isfinite(second)
+    parts = {"a": room == 0, "b": room == 1, "c": room == 2, "no room": room == -1}
+    assert [name for name, _ in changes.rooms] == [
+        name for name, inside in parts.items() if (known & inside).any()
+    ]
+    for name, part in (*changes.rooms, ("all", changes.whole)):
+        inside = known & parts.get(name, True)
+        one, two = first[inside], second[inside]
+        assert part.n == inside.sum()
+        if part.n:
+            assert part.first == pytest.approx(np.median(one))
+            assert part.second == pytest.approx(np.median(two))
+            assert part.change.value == pytest.approx(np.median(two - one))
+            assert part.large == pytest.approx(np.mean(np.abs(two - one) > 0.5))
+        assert part.better == (two < one - 0.05).sum()
+        assert part.worse == (two > one + 0.05).sum()
+
+
+def test_a_clear_change_is_evident_and_said_in_words() -> None:
+    random = np.random.default_rng(8)
+    first = random.gamma(3, 1, 400)
+    second = first - 0.4 + random.normal(0, 0.3, 400)
+    everything = np.ones(400, dtype=np.bool_)
+    trajectory = np.arange(400) // 100
+    whole = room_changes(first, second, everything, trajectory, None, ()).whole
+    assert whole.better_run == "B"
+    assert whole.change.low < whole.change.value < whole.change.high < 0
+    text = words(whole, ("vanilla", "dataaug"), "real")
+    assert f"dataaug is better on {whole.better} of 400 instances, worse on {whole.worse}" in text
+    assert "negative: dataaug is better), so dataaug is evidently better" in text
+    assert f"{100 * whole.large:.0f} % of the instances change by more than 0.5 m" in text
+    back = room_changes(second, first, everything, trajectory, None, ()).whole
+    assert (back.better_run, back.better, back.worse) == ("A", whole.worse, whole.better)
+    assert back.change.value == pytest.approx(-whole.change.value)
+    same = room_changes(first, first[::-1].copy(), everything, trajectory, None, ()).whole
+    assert same.better_run == ""
+    assert "no evident difference" in words(same, ("vanilla", "dataaug"), "real")
+
+
+@pytest.mark.parametrize("size", [(80, 21), (69, 36), (82, 57), (40, 10)])
+def test_the_comparison_in_words_is_complete_at_every_size(size: tuple[int, int]) -> None:
+    room = np.arange(N) % 3
+    view = compare_input(room=room, room_list=("a", "b", "hall with a long name, north"))
+    canvas = comparison_text(view, size, RenderOptions())
+    lines = canvas.lines()
+    text = " ".join(" ".join(lines).split())
+    assert canvas.width == size[0]
+    assert canvas.height <= size[1]
+    assert view.words in text
+    if size[0] >= 64:
+        table = [line.split() for line in lines if "+" in line or "-" in line]
+        changes = view.changes
+        for _, part in changes.rooms:
+            assert any(str(part.n) in row and f"{part.change.value:+.2f}" in row for row in table)

@@ -13,11 +13,15 @@ from s2rtui.canvas import LIGHT, Canvas, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark
 from s2rtui.charts.compare.terminal import draw_compare
 from s2rtui.charts.errors.terminal import draw_errors
+from s2rtui.charts.findings.model import FindingsInput
+from s2rtui.charts.findings.terminal import draw_findings
 from s2rtui.charts.history.terminal import draw_history
 from s2rtui.charts.map.terminal import draw_map
 from s2rtui.charts.orientation.terminal import draw_orientation
 from s2rtui.charts.overview.terminal import draw_overview
+from s2rtui.charts.rooms.groups_terminal import draw_groups
 from s2rtui.charts.rooms.terminal import draw_rooms
+from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
 from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
@@ -25,11 +29,14 @@ from tests.charts.examples import (
     ROWS,
     compare_input,
     errors_input,
+    finding_report,
+    groups_input,
     instance_input,
     map_input,
     orientation_input,
     overview_lines,
     rooms_input,
+    scatter_input,
     side,
     umap_input,
 )
@@ -74,9 +81,25 @@ VIEWS: dict[str, Draw] = {
     "marked orientation": lambda size, options: draw_orientation(
         orientation_input(mark=Mark("sim", ((170.0, 1.0), (-120.0, 9.0)))), size, options
     ),
+    "scatter": lambda size, options: draw_scatter(scatter_input(cursor=5), size, options),
+    "marked scatter": lambda size, options: draw_scatter(
+        scatter_input(mark=Mark("errors", ((0.5, 0.5), (9.0, 3.0), (1.0, -2.0)), lasso=True)),
+        size,
+        options,
+    ),
     "rooms": lambda size, options: draw_rooms(rooms_input(), size, options),
     "marked rooms": lambda size, options: draw_rooms(
         rooms_input(mark=Mark("truth", ((0.0, 1.0), (0.0, 9.0)))), size, options
+    ),
+    "groups": lambda size, options: draw_groups(groups_input(), size, options),
+    "marked groups": lambda size, options: draw_groups(
+        groups_input(mark=Mark("groups", ((0.0, 3.0), (0.0, 4.0)))), size, options
+    ),
+    "findings": lambda size, options: draw_findings(
+        FindingsInput(finding_report(), 6), size, options
+    ),
+    "no findings": lambda size, options: draw_findings(
+        FindingsInput(finding_report(0)), size, options
     ),
 }
 OPTIONS = [

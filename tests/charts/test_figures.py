@@ -13,22 +13,28 @@ from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, Theme
 from s2rtui.charts.compare.paper import compare_figure
 from s2rtui.charts.errors.paper import errors_figure
+from s2rtui.charts.findings.paper import findings_figure
 from s2rtui.charts.instance.paper import instance_figure
 from s2rtui.charts.map.paper import map_figure
 from s2rtui.charts.orientation.paper import orientation_figure
 from s2rtui.charts.overview.paper import overview_figure
+from s2rtui.charts.rooms.groups_paper import groups_figure
 from s2rtui.charts.rooms.paper import rooms_figure
+from s2rtui.charts.scatter.paper import scatter_figure
 from s2rtui.charts.shared.paper import colour_bar_ticks
 from s2rtui.charts.umap.paper import umap_figure
 from tests.charts.examples import (
     ROWS,
     compare_input,
     errors_input,
+    finding_report,
+    groups_input,
     instance_input,
     map_input,
     orientation_input,
     overview_lines,
     rooms_input,
+    scatter_input,
     side,
     umap_input,
 )
@@ -51,6 +57,9 @@ FIGURES: dict[str, Draw] = {
     "umap": lambda size, theme: umap_figure(umap_input(), size, theme),
     "orientation": lambda size, theme: orientation_figure(orientation_input(), size, theme),
     "rooms": lambda size, theme: rooms_figure(rooms_input(), size, theme),
+    "scatter": lambda size, theme: scatter_figure(scatter_input(cursor=5), size, theme),
+    "groups": lambda size, theme: groups_figure(groups_input(), size, theme, "vanilla"),
+    "findings": lambda size, theme: findings_figure(finding_report(), size, theme, "vanilla"),
     "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
 }
 

@@ -13,9 +13,18 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.canvas.marks import Panel
 from s2rtui.charts.errors.terminal import errors_panels
 from s2rtui.charts.orientation.terminal import orientation_panels
+from s2rtui.charts.rooms.groups_terminal import groups_panels
 from s2rtui.charts.rooms.terminal import rooms_panels
+from s2rtui.charts.scatter.terminal import scatter_panels
 from s2rtui.charts.umap.terminal import umap_panels
-from tests.charts.examples import errors_input, orientation_input, rooms_input, umap_input
+from tests.charts.examples import (
+    errors_input,
+    groups_input,
+    orientation_input,
+    rooms_input,
+    scatter_input,
+    umap_input,
+)
 
 Surface = Callable[[tuple[int, int], RenderOptions], tuple[Panel, ...]]
 VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
@@ -34,10 +43,20 @@ VIEWS: dict[str, tuple[Surface, str, tuple[str, ...]]] = {
         "turn",
         ("sim", "truth", "real"),
     ),
+    "scatter": (
+        lambda size, options: scatter_panels(scatter_input(), size, options),
+        "plane",
+        ("errors",),
+    ),
     "rooms": (
         lambda size, options: rooms_panels(rooms_input(), size, options),
         "steps",
         ("sim", "truth", "real"),
+    ),
+    "groups": (
+        lambda size, options: groups_panels(groups_input(), size, options),
+        "steps",
+        ("groups",),
     ),
     "errors": (
         lambda size, options: errors_panels(errors_input(), size, options),

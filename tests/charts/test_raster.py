@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from s2rtui.canvas import Canvas, ColourMode, RenderOptions
+from s2rtui.canvas.colour import contrast
 from s2rtui.canvas.raster import (
     braille_bits,
     dot_grid,
     draw_braille,
     draw_half_blocks,
     draw_image,
+    limit_ground,
     resample,
 )
 
@@ -56,12 +58,13 @@ def test_dots_outside_the_grid_are_dropped() -> None:
     assert np.argwhere(dots).tolist() == [[3, 1]]
 
 
-def test_a_dot_on_an_image_keeps_the_mean_colour_as_background() -> None:
-    canvas = Canvas(1, 1)
-    draw_half_blocks(canvas, 0, 0, np.array([[[100, 0, 0]], [[200, 0, 0]]], dtype=np.uint8))
-    draw_braille(canvas, np.ones((4, 2), dtype=np.bool_), canvas.theme.text)
-    assert canvas.char[0, 0] == "⣿"
-    assert canvas.bg[0, 0].tolist() == [150, 0, 0]
+def test_a_glyph_gets_a_ground_that_it_stands_out_from_and_an_image_stays() -> None:
+    canvas = Canvas(3, 1)
+    draw_half_blocks(canvas, 0, 0, np.full((2, 3, 3), 200, dtype=np.uint8))
+    canvas.put(1, 0, "●", canvas.theme.real)
+    limit_ground(canvas)
+    assert contrast(canvas.fg[0, 1], canvas.bg[0, 1]) >= 3
+    assert canvas.bg[0, ::2].tolist() == [[200] * 3] * 2
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,7 @@ def test_vector_files_contain_no_date(tiny_store: Path, tmp_path: Path) -> None:
         ("compare", ["--side", "sim"]), ("compare", ["--select", "best15"]),
         ("overview", ["--side", "sim"]), ("overview", ["--select", "worst15"]),
         ("list", ["--sort", "gap"]), ("list", ["--ascending"]),
+        ("scatter", ["--select", "worst15"]), ("scatter", ["--run", "dataaug"]),
         ("rooms", ["--select", "worst15"]), ("orientation", ["--run", "dataaug"]),
         ("workbench", ["--select", "worst15"]), ("workbench", ["--mode", "full"]),
     ],

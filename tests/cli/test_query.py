@@ -111,7 +111,7 @@ def test_columns_are_the_fields_of_the_selection_language(
         assert rows[0]["real.outlier"] == columns.real.outlier[7]
         assert rows[0]["sim.rank"] == columns.sim.rank[7]
         assert rows[0]["real.heading"] == pytest.approx(np.degrees(columns.real.heading[7]))
-        assert rows[0]["sim.split"] == "train"
+        assert rows[0]["sim.split"] == "test"
     outliers = json.loads(query(tiny_store, capsys, "real.outlier > 1.5", "--columns",
                                 "real.outlier", "--json"))  # fmt: skip
     assert outliers
@@ -161,3 +161,19 @@ def test_an_empty_result_is_a_valid_parquet_file(tmp_path: Path) -> None:
     write_rows(tmp_path / "a.parquet", ["n"], [])
     with duckdb.connect() as connection:
         assert connection.execute(f"SELECT * FROM '{tmp_path}/a.parquet'").fetchall() == []
+
+
+def test_an_empty_result_suggests_expressions_that_select_something(
+    tiny_store: Path, capsys
+) -> None:
+    empty = "worst(1, sim.error) & best(1, sim.error)"
+    for options in (["--count"], ["--format", "csv"]):
+        assert main(["query", str(tiny_store), empty, *options]) == 0
+        lines = capsys.readouterr().err.splitlines()
+        suggestions = [line for line in lines if line.startswith("nothing is selected; ")]
+        assert 1 <= len(suggestions) <= 2
+        for line in suggestions:
+            expression, count = line.removeprefix("nothing is selected; ").split(" would give ")
+            assert query(tiny_store, capsys, expression, "--count").strip() == count != "0"
+    assert main(["query", str(tiny_store), "ids(3)"]) == 0
+    assert "nothing is selected" not in capsys.readouterr().err

@@ -13,6 +13,7 @@ import pytest
 
 from s2rtui.cli import main
 from s2rtui.user_data.notebook import Notebook
+from tests.support import tiny
 
 TRAINING_SPLITS = "'train', 'validation'"
 
@@ -28,11 +29,14 @@ def query(tiny_store: Path, capsys):
     return rows
 
 
-def test_the_overview_uses_only_held_out_instances(query) -> None:
+def test_the_overview_uses_only_held_out_instances(tmp_path: Path, capsys) -> None:
+    path = str(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS))
     new = f"sim_split NOT IN ({TRAINING_SPLITS}) AND real_split NOT IN ({TRAINING_SPLITS})"
-    expected = query("sql", "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n "
-                            f"FROM pair WHERE {new} GROUP BY run")  # fmt: skip
-    shown = {row["run"]: row for row in query("show", "overview")}
+    text = "SELECT run, avg(sim_accuracy) s, avg(real_accuracy) r, count(*) n FROM pair"
+    assert main(["sql", path, f"{text} WHERE {new} GROUP BY run", "--json"]) == 0
+    expected = json.loads(capsys.readouterr().out)
+    assert main(["show", path, "overview", "--json"]) == 0
+    shown = {row["run"]: row for row in json.loads(capsys.readouterr().out)}
     assert len(shown) == len(expected) == 2
     for row in expected:
         computed = shown[row["run"]]
@@ -66,7 +70,10 @@ def test_orientation_counts_bins_of_five_degrees(query) -> None:
 
 
 def test_rooms_are_counted(query) -> None:
-    shown = {row["room"]: row for row in query("show", "rooms", "--select", "seq:0..9")}
+    shown = {
+        row["room"]: row
+        for row in query("show", "rooms", "--group-by", "counts", "--select", "seq:0..9")
+    }
     truth = query("sql", "SELECT room, count(*) n, count(*) FILTER (seq < 10) s FROM pair "
                          "WHERE run = 'vanilla' GROUP BY room")  # fmt: skip
     for row in truth:
@@ -131,7 +138,8 @@ def test_compare_counts_improved_instances(query) -> None:
     both = ("(SELECT a.room, a.real_error f, b.real_error s FROM pair a JOIN pair b USING (iid) "
             "WHERE a.run = 'vanilla' AND b.run = 'dataaug')")  # fmt: skip
     for where, name in (("true", "all"), ("room = 'right'", "right")):
-        computed = query("sql", "SELECT count(*) n, avg(f) f, avg(s) s, avg(f - s) d, "
+        computed = query("sql", "SELECT count(*) n, median(f) f, median(s) s, median(s - f) d, "
+                             "avg(f) fm, avg(s) sm, "
                              "count(*) FILTER (f - s > 0.05) better, "
                              f"count(*) FILTER (s - f > 0.05) worse FROM {both} WHERE {where}"
                              )[0]  # fmt: skip
@@ -140,8 +148,22 @@ def test_compare_counts_improved_instances(query) -> None:
             computed["n"], computed["better"], computed["worse"],
         )  # fmt: skip
         assert row["equal"] == computed["n"] - computed["better"] - computed["worse"]
-        for shown_name, column in (("first mean", "f"), ("second mean", "s"), ("difference", "d")):
+        for shown_name, column in (
+            ("first_median_m", "f"),
+            ("second_median_m", "s"),
+            ("median_change_m", "d"),
+            ("first mean", "fm"),
+            ("second mean", "sm"),
+        ):
             assert row[shown_name] == pytest.approx(computed[column], rel=1e-9)
+
+
+def test_the_scatter_view_counts_quadrants(query) -> None:
+    shown = {row["quadrant"]: row for row in query("show", "scatter", "--select", "gap > 0")}
+    assert shown["all"]["instances"] == 40
+    for row in shown.values():
+        assert row["instances"] == len(query("query", row["expression"]))
+        assert row["selected"] == len(query("query", f"({row['expression']}) & gap > 0"))
 
 
 def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
@@ -162,6 +184,7 @@ def test_tables_are_rounded_and_csv_is_not(tiny_store: Path, capsys) -> None:
         ("overview", "vanilla: sim"), ("map", "6 of 40 instances"), ("umap", "in the median"),
         ("orientation", "truth"), ("rooms", "left hall"), ("errors", "real"),
         ("instance", "real error"), ("list", "by real.error"), ("compare", "dataaug is better"),
+        ("scatter", "worst 15 % in sim"),
     ],
 )  # fmt: skip
 def test_every_view_has_a_summary(tiny_store: Path, view: str, expected: str, capsys) -> None:

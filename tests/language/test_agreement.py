@@ -38,7 +38,7 @@ def _named_strategy() -> st.SearchStrategy[n.Node]:
     values = {
         "rooms": st.sampled_from(["left hall", "right"]),
         "trajectories": st.sampled_from(["a", "b"]),
-        "splits": st.sampled_from(["train", "test", "unseen"]),
+        "splits": st.sampled_from(["train", "validation", "test", "unseen"]),
     }
     return st.sampled_from(sorted(fields.TEXT)).flatmap(
         lambda name: st.builds(
@@ -58,6 +58,7 @@ LEAVES = st.one_of(
     st.just(n.Everything()),
     st.just(n.Nothing()),
     st.builds(n.Bend, st.booleans()),
+    st.builds(n.Training, st.booleans(), RUN_NAMES),
     st.builds(
         lambda a, b: n.Ids(((min(a, b), max(a, b)),)), st.integers(0, 50), st.integers(0, 50)
     ),
@@ -101,7 +102,7 @@ EXPRESSIONS = st.recursive(
 @pytest.fixture(scope="module")
 def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store:
     """A store with missing values and embeddings, ties, points on edges and a missing room."""
-    path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48)
+    path = tiny.build(tmp_path_factory.mktemp("holey") / "holey.s2r", n=48, trained=("vanilla",))
     with edit(path) as draft:
         draft._connection.execute(
             """UPDATE prediction SET x = NULL, y = NULL, heading = NULL, error = NULL,
@@ -117,6 +118,11 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
         draft._connection.execute("UPDATE prediction SET x = round(x), y = round(y) WHERE iid > 30")
         draft._connection.execute("UPDATE instance SET x = round(x), y = round(y) WHERE iid > 30")
         draft._connection.execute("UPDATE prediction SET outlier = NULL WHERE iid % 4 = 0")
+        draft._connection.execute("UPDATE prediction SET split = NULL WHERE iid % 13 = 2")
+        draft._connection.execute(
+            """UPDATE prediction SET split = 'validation'
+               WHERE iid % 6 = 4 AND run = 'dataaug' AND side = 'real'"""
+        )
     rng = np.random.default_rng(5)
     for run in ("vanilla", "dataaug"):
         points = {side: rng.integers(0, 3, (48, 3)).astype(float) for side in ("sim", "real")}
@@ -127,14 +133,19 @@ def store_with_missing_values(tmp_path_factory: pytest.TempPathFactory) -> Store
 
 
 @settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]),
+@given(node=EXPRESSIONS, run=st.sampled_from(["vanilla", "dataaug"]), with_trained=st.booleans(),
        view=st.sampled_from([None, ("a",), ("b",), ("a", "b")]))  # fmt: skip
 def test_masks_and_sql_select_the_same_instances(
-    store_with_missing_values: Store, node: n.Node, run: str, view: tuple[str, ...] | None
+    store_with_missing_values: Store,
+    node: n.Node,
+    run: str,
+    with_trained: bool,
+    view: tuple[str, ...] | None,
 ) -> None:
-    text = to_text(node)
-    selected = np.flatnonzero(evaluation.select(store_with_missing_values, text, run, view))
-    query, parameters = evaluation.sql(store_with_missing_values, text, run, view)
+    text, store = to_text(node), store_with_missing_values
+    mask = evaluation.select(store, text, run, view, with_trained=with_trained)
+    selected = np.flatnonzero(mask)
+    query, parameters = evaluation.sql(store, text, run, view, with_trained=with_trained)
     try:
         selected_by_sql = [row[0] for row in store_with_missing_values.execute(query, parameters)]
     except duckdb.Error as error:
@@ -171,4 +182,8 @@ def test_the_complement_is_the_base_population_minus_the_selection(
     base = evaluation.select(store_with_missing_values, "all", "vanilla")
     assert not (selected & complement).any()
     assert ((selected | complement) == base).all()
-    assert (base == store_with_missing_values.run_columns("vanilla").valid).all()
+    columns = store_with_missing_values.run_columns("vanilla")
+    assert (base == columns.valid & ~columns.trained).all()
+    everything = evaluation.select(store_with_missing_values, "all", "vanilla", with_trained=True)
+    assert (everything == columns.valid).all()
+    assert 0 < base.sum() < everything.sum()

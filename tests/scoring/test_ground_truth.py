@@ -10,7 +10,8 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.metrics import run_metrics, store_summary
+from s2rstore.findings import store_summary
+from s2rstore.metrics import run_metrics
 from s2rtools.inference import open_backend
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute

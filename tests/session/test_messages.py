@@ -10,7 +10,7 @@ import pytest
 
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.session import Session, State, view_settings
-from s2rtui.session.state import Adjust, Slider
+from s2rtui.session.state import Adjust, Slider, Step
 
 BEFORE = "message of an earlier key"
 MESSAGE_FIELDS = ("message", "is_error", "keeps_message")
@@ -36,7 +36,9 @@ def session(tiny_store: Path) -> Session:
 @pytest.mark.parametrize("is_error", [False, True])
 def test_a_message_is_cleared_by_the_next_change(session: Session, is_error: bool) -> None:
     adjust = Adjust("vanilla", ((SLIDER.key, 1.0),), 0, (SLIDER,))
-    start = replace(session.state, adjust=adjust, past=("all",), future=("best15",), viewport=None)
+    start = replace(
+        session.state, adjust=adjust, past=(Step("all"),), future=(Step("best15"),), viewports=()
+    )
     kept_messages, change_count = [], 0
     for name, key in KEYS.items():
         session.set_state(replace(start, message=BEFORE, is_error=is_error))

@@ -15,7 +15,7 @@ from s2rstore.metrics import nearest_neighbours
 from s2rtui.app.key_bindings import ACTIONS
 from s2rtui.loaders import store_data
 from s2rtui.session import Session, navigation, pending_target, shared_selection, undo_history
-from s2rtui.session.state import State
+from s2rtui.session.state import State, Step
 from s2rtui.user_data.notebook import Notebook
 from tests.support import embeddings, tiny
 
@@ -56,8 +56,9 @@ class SessionPair:
             session.defers_loading = False
             session.set_state(self.first(session))
             selected = session.select("best15")
-            past = ("all", "real.loss > 0.1", "real.loss > 0.2")
-            session.set_state(replace(selected, past=past, future=("curved", "real.loss < 1")))
+            past = tuple(map(Step, ("all", "real.loss > 0.1", "real.loss > 0.2")))
+            future = tuple(map(Step, ("curved", "real.loss < 1")))
+            session.set_state(replace(selected, past=past, future=future))
         store = self.deferred.store
         store._columns.drop(lambda key: "loss" in key or key[:2] in (("run", "b"), ("run", "c")))
         store.evaluated.clear()
@@ -70,7 +71,7 @@ class SessionPair:
         state = session.state
         return replace(
             state, run="vanilla", trajectories=None, pending=None, past=(), future=(), cursor=20,
-            operator="replace", brush=None, other=None, heat=None, adjust=None, viewport=None,
+            operator="replace", brush=None, other=None, heat=None, adjust=None, viewports=(),
             sort="real.error", descending=True, overlay="off", map_mode="colour", clip=False,
         )  # fmt: skip
 

@@ -13,6 +13,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.lock_file import LockFile
 from s2rstore.files.locks import file_lock
 from s2rtui.session import Session, navigation, shared_selection, undo_history
+from s2rtui.session.state import Step
 from s2rtui.user_data import notebook
 from s2rtui.user_data.notebook import Notebook, Notes, SavedSelection
 from tests.support.shared_lines import shared_line
@@ -44,7 +45,7 @@ def test_undo_and_redo_skip_invalid_expressions(session: Session) -> None:
 
 def test_undo_reports_skipped_expressions(session: Session) -> None:
     session.writable_notebook.toggle_tag([1], "door")
-    session.set_state(replace(session.state, past=("@door",)))
+    session.set_state(replace(session.state, past=(Step("@door"),)))
     session.writable_notebook.toggle_tag([1], "door")
     before = session.state.expression
     state = session.dispatch(undo_history.undo)

@@ -206,7 +206,7 @@ def test_a_shared_line_restores_the_selection_or_reports_differences(session: Se
     session.select("all")
     assert session.dispatch(shared_selection.select_text, line).expression == "worst15"
     assert session.state.message == ""
-    changed = line.replace("6 instances", "9 instances")
+    changed = line.replace("6 new instances", "9 new instances")
     assert (
         "evaluated again: 6 on vanilla"
         in session.dispatch(shared_selection.select_text, changed).message

@@ -24,11 +24,11 @@ def session(tiny_store: Path) -> Session:
     return Session(tiny_store)
 
 
-def test_the_first_state_selects_the_worst_region(tmp_path: Path) -> None:
+def test_the_first_state_selects_the_worst_room(tmp_path: Path) -> None:
     session = Session(tiny.build(tmp_path / "s.s2r", n=120))
     state = session.state
     assert state.expression.startswith("room:")
-    assert "worst region" in state.message
+    assert "worst room" in state.message
     assert 0 < state.selected.sum() < state.base.sum()
     assert state.cursor is not None
     assert state.selected[state.cursor]
@@ -93,7 +93,7 @@ def test_heatmap_kinds_modes_and_sides_cycle(session: Session) -> None:
     kinds = {session.state.heat.kind}
     for _ in range(5):
         kinds.add(session.dispatch(view_settings.change_heat, 1).heat.kind)
-    assert kinds == {"activation", "feature_distance", "occlusion"}
+    assert kinds == {"activation", "feature_distance", "occlusion", "none"}
     while session.state.heat.kind != "occlusion":
         session.dispatch(view_settings.change_heat, 1)
     assert {session.dispatch(view_settings.change_mode).heat.mode for _ in range(3)} == {
@@ -132,8 +132,9 @@ def test_an_uncomputed_run_is_rejected(store_copy: Path) -> None:
     assert Session(store_copy).state.runs == ("vanilla",)
     with edit(store_copy) as draft:
         draft._connection.execute("UPDATE run SET key = NULL")
-    with pytest.raises(RequestError, match="s2r precompute"):
-        Session(store_copy)
+    state = Session(store_copy).state
+    assert (state.run, state.view) == ("", "instance")
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in state.message
 
 
 def test_view_inputs_equal_the_store(session: Session) -> None:
@@ -147,7 +148,9 @@ def test_view_inputs_equal_the_store(session: Session) -> None:
     instance = instance_input(session.store, "vanilla", 5, session.state.heat)
     assert instance.real.pose.error == columns.real.error[5]
     assert np.isnan(instance.sim.depth).any()
-    assert heatmap_choices(session.store, "vanilla")[0] == ("activation", "loss")
+    choices = [kind for kind, _ in heatmap_choices(session.store, "vanilla")]
+    assert list(dict.fromkeys(choices)) == ["feature_distance", "occlusion", "activation"]
+    assert ("activation", "loss") in heatmap_choices(session.store, "vanilla")
 
 
 def test_the_heatmap_of_an_instance_is_projected_on_the_map(session: Session) -> None:

@@ -23,7 +23,7 @@ def test_keys_change_the_selection(server: Sshd, tiny_store: Path, open_screen: 
     screen = open_screen(server.login(*application(tiny_store)))
     first = screen.wait_for("of 40")
     assert "tiny.s2r" in first
-    assert "worst15" in first
+    assert "room:right" in first
     screen.press("c")
     screen.wait_for("│ 40 of 40 │")
     screen.press("w")

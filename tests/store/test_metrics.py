@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy import stats
 
 import s2rstore
+from s2rstore.findings import store_summary, worst_room
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, pose_metrics, run_metrics, store_summary
+from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
 from tests.support import tiny
 
 
@@ -68,8 +71,8 @@ def test_repeated_neighbouring_values_widen_the_interval() -> None:
     assert single.low < single.value < single.high
 
 
-def test_metrics_exclude_training_instances(tiny_store) -> None:
-    with s2rstore.open(tiny_store) as store:
+def test_metrics_exclude_training_instances(tmp_path) -> None:
+    with s2rstore.open(tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)) as store:
         columns = store.run_columns("vanilla")
         result = run_metrics.side_metrics(store, "vanilla", "sim")
         held_out = np.arange(40) % 5 == 4
@@ -86,20 +89,22 @@ def test_metrics_exclude_training_instances(tiny_store) -> None:
 
 
 def test_the_summary_names_the_worst_room(tmp_path) -> None:
-    with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120)) as store:
-        worst_rooms = store_summary.worst_rooms(store, "vanilla")
+    with s2rstore.open(tiny.build(tmp_path / "s.s2r", n=120, trained=tiny.RUNS)) as store:
+        worst = worst_room(store, "vanilla")
         medians = store.execute(
             """SELECT room, median(real_error), count(*) FROM pair
                WHERE run = 'vanilla' AND sim_split = 'test' AND room IS NOT NULL GROUP BY room
                HAVING count(*) >= 5 ORDER BY 2 DESC"""
         )
-        assert [(r.room, r.n) for r in worst_rooms] == [(room, n) for room, _, n in medians]
-        assert np.isclose(worst_rooms[0].real_median, medians[0][1])
-        assert any(worst_rooms[0].room in line for line in store_summary.summary_lines(store))
+        assert worst is not None
+        assert (worst.values["room"], worst.n) == (medians[0][0], medians[0][2])
+        assert np.isclose(worst.values["median_real_error_m"], medians[0][1])
+        lines = store_summary.summary_lines(store)
+        assert any(line == f"worst room of vanilla: {worst.line}" for line in lines)
 
 
 def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_path) -> None:
-    path = tiny.build(tmp_path / "s.s2r")
+    path = tiny.build(tmp_path / "s.s2r", trained=tiny.RUNS)
     with s2rstore.open(path) as store:
         truth = store.instances
         x, y, heading = truth.x / 2, truth.y.copy(), truth.heading.copy()
@@ -114,3 +119,43 @@ def test_the_baseline_is_measured_from_the_poses_of_the_images_of_a_side(tmp_pat
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla"), expected)
         assert np.isclose(run_metrics.baseline_accuracy(store, "vanilla", side="real"), before)
         assert expected > before
+
+
+def _naive_median_interval(values: np.ndarray, trajectory: np.ndarray) -> tuple[float, float]:
+    """Percentiles of medians of resampled blocks, block by block."""
+    blocks = bootstrap.split_into_blocks(trajectory)
+    counts = bootstrap.block_counts(blocks)
+    pieces = np.split(values, blocks.start[1:-1])
+    medians = []
+    for row in counts:
+        drawn = [np.tile(piece, int(k)) for piece, k in zip(pieces, row, strict=True)]
+        medians.append(np.median(np.concatenate(drawn)))
+    factor = float(bootstrap.correction_factor(blocks.unit_count))
+    middle = float(np.median(values))
+    low, high = np.percentile(medians, [2.5, 97.5])
+    return middle + (low - middle) * factor, middle + (high - middle) * factor
+
+
+@pytest.mark.parametrize(("n", "trajectories"), [(16, 1), (60, 2), (200, 8), (512, 3)])
+def test_the_interval_of_a_median_is_that_of_resampled_blocks_or_wider(
+    n: int, trajectories: int
+) -> None:
+    values = np.random.default_rng(n).gamma(2, 1, n).round(2)
+    trajectory = np.arange(n) * trajectories // n
+    interval = bootstrap.median_interval(values, trajectory)
+    low, high = _naive_median_interval(values, trajectory)
+    place = int(stats.binom.ppf(0.025, n, 0.5))  # P(X < place) <= 0.025
+    ordered = np.sort(values)
+    assert interval.value == np.median(values)
+    ranks = [np.searchsorted(ordered, bound) / n for bound in (interval.low, interval.high)]
+    expected = min(low, ordered[place - 1]), max(high, ordered[-place])
+    exact = [np.searchsorted(ordered, bound) / n for bound in expected]
+    assert ranks == pytest.approx(exact, abs=1.5 / n + 0.005)
+
+
+def test_a_median_of_few_values_has_no_interval() -> None:
+    few = bootstrap.median_interval(np.arange(5.0))
+    assert (few.value, np.isnan(few.low), np.isnan(few.high)) == (2.0, True, True)
+    one = bootstrap.median_interval(np.array([3.0]))
+    assert (one.value, np.isnan(one.low), np.isnan(one.high)) == (3.0, True, True)
+    assert np.isnan(bootstrap.median_interval(np.array([])).value)

@@ -29,8 +29,17 @@ def poses(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) -> Path:
-    """Write a store of `n` instances at `path` and return the path."""
+def build(
+    path: Path,
+    n: int = 40,
+    runs: tuple[str, ...] = RUNS,
+    seed: int = 0,
+    trained: tuple[str, ...] = (),
+) -> Path:
+    """Write a store of `n` instances at `path` and return the path.
+
+    The runs `trained` were trained on four of five sim images, the others on none.
+    """
     path.mkdir(parents=True)
     rng = np.random.default_rng(seed)
     first = n * 5 // 8
@@ -52,7 +61,7 @@ def build(path: Path, n: int = 40, runs: tuple[str, ...] = RUNS, seed: int = 0) 
             },
         )
         for number, run in enumerate(runs):
-            _run(draft, run, number, (x, y, heading), rng)
+            _run(draft, run, number, (x, y, heading), rng, run in trained)
     _frames(path, n, first, rng)
     _heatmaps(path, n, runs, rng)
     return path
@@ -94,7 +103,12 @@ def _dataset(draft: IndexTransaction, n: int, first: int) -> None:
 
 
 def _run(
-    draft: IndexTransaction, run: str, number: int, truth: tuple[np.ndarray, ...], rng
+    draft: IndexTransaction,
+    run: str,
+    number: int,
+    truth: tuple[np.ndarray, ...],
+    rng: np.random.Generator,
+    trained: bool,
 ) -> None:
     x, y, heading = truth
     n = x.size
@@ -115,7 +129,8 @@ def _run(
         angle = np.mod(heading + rng.normal(0, 0.2, n) + np.pi, 2 * np.pi) - np.pi
         error = np.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         off = pose_metrics.heading_error(angle, heading)
-        split = np.where(np.arange(n) % 5 < 4, "train", "test") if side == "sim" else "unseen"
+        learned = "train" if trained else "test"
+        split = np.where(np.arange(n) % 5 < 4, learned, "test") if side == "sim" else "unseen"
         draft.insert(
             "prediction",
             {

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
+from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
 from s2rtui.canvas.marks import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -17,7 +18,6 @@ from s2rtui.session.state import Brush, Operator
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
-TITLE_ROWS = 1
 _WHEEL_ZOOM = 1 / 0.8
 _MAX_WHEEL_STEPS = 100
 """Largest zoom of one message; it leads from the whole map to the closest view."""
@@ -101,8 +101,9 @@ class BrushController:
         self._select(*present, operator)
 
     def toggle_lasso(self) -> None:
-        """Switch between lasso and box."""
-        self._app.session.dispatch(view_settings.toggle_lasso)
+        """Switch between lasso and box; the brush that is drawn is converted."""
+        present = self._present()
+        self._app.session.dispatch(view_settings.toggle_lasso, present[1] if present else None)
         self._app.renderer.refresh()
 
     def _select(self, brush: Brush, panel: Panel, operator: Operator | None = None) -> bool:
@@ -135,7 +136,8 @@ class BrushController:
         if dropped:
             self._app.session.dispatch(view_settings.drop_brush)
 
-    def _panel_under(self, view: View, cell: Cell) -> Panel | None:
+    def panel_under(self, view: View, cell: Cell) -> Panel | None:
+        """The panel of a view under a cell of its widget, whose first row is the title."""
         return panel_at(self.panels(view), cell[0], cell[1] - TITLE_ROWS)
 
     def on_pressed(self, message: PlotView.Pressed) -> None:
@@ -143,7 +145,7 @@ class BrushController:
         if message.view not in BY_NAME:
             return  # a plot on a modal screen
         view, session = BY_NAME[message.view], self._app.session
-        panel = self._panel_under(view, message.cell)
+        panel = self.panel_under(view, message.cell)
         session.dispatch(view_settings.activate, view.name)
         if panel is not None:
             middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
@@ -157,7 +159,7 @@ class BrushController:
         """The panel that a stroke began on, where its view shows it now."""
         start, view = (stroke.view, stroke.start), BY_NAME[stroke.view]
         if self._drag_panel is None or self._drag_panel[0] != start:
-            panel = self._panel_under(view, stroke.start)
+            panel = self.panel_under(view, stroke.start)
         else:
             known = self._drag_panel[1]
             panel = next((p for p in self.panels(view) if p.name == known.name), known)
@@ -189,17 +191,17 @@ class BrushController:
             self._app.renderer.refresh()
 
     def on_wheeled(self, message: PlotView.Wheeled) -> None:
-        """Zoom the map or move through the list."""
+        """Zoom the plane of the view, or move through the list."""
         wheel = message.wheel
         steps = wheel.take_steps()
         if wheel.view not in BY_NAME or not steps:
             return
         view, session = BY_NAME[wheel.view], self._app.session
-        panel = self._panel_under(view, wheel.cell)
-        if view.name == "map" and panel is not None:
+        panel = self.panel_under(view, wheel.cell)
+        if view.name == "list":
+            session.dispatch(instance_list.move, -steps)
+        elif panel is not None and (plane := view.zoom_plane(self._app.renderer.scene)) is not None:
             point = panel.to_data(wheel.cell[0] + 0.5, wheel.cell[1] - TITLE_ROWS + 0.5)
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
-            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point)
-        elif view.name == "list":
-            session.dispatch(instance_list.move, -steps)
+            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point, plane)
         self._app.renderer.refresh()

@@ -79,7 +79,9 @@ class ExportController:
 
         selections = saved(notes) or (RequestedSelection(state.expression),)
         runs = () if notes.selections else (state.run,)
-        request = ReportRequest(selections, runs, state.trajectories)
+        request = ReportRequest(
+            selections, runs, state.trajectories, with_trained=state.with_trained
+        )
         path.write_bytes(session_report(session, request, self._report_progress))
         return ""
 
@@ -131,11 +133,12 @@ class ExportController:
         from s2rtui.export.rows.selected_instances import DEPRECATED, selected_rows
 
         rows = selected_rows(
-            store, state.expression, state.run, state.trajectories, notes, selected=state.selected
-        )
+            store, state.expression, state.run, state.trajectories, notes, selected=state.selected,
+            with_trained=state.with_trained,
+        )  # fmt: skip
         names, values = with_deprecated(rows.names, rows.rows, DEPRECATED)
         write_rows(path, names, values, rows.facts.as_dict(), self.safe_csv)
-        return f": {rows.facts.count} instances"
+        return f": {rows.facts.count_text} instances"
 
     def _free_path(self, stem: str, suffix: str) -> Path:
         """The first free numbered path; raises RequestError if nothing may be written."""

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from s2rtui.app.key_bindings import BY_NAME as ACTIONS
 from s2rtui.app.screens.jump import JumpScreen, Target
+from s2rtui.charts.findings.view import VIEW as FINDINGS
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.session import view_settings
+from s2rtui.charts.view import View
+from s2rtui.session import findings, view_settings
+from s2rtui.session.view_settings import ZoomPlane
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 _CYCLE = [view.name for view in sorted(VIEWS, key=lambda view: view.key) if view.from_store]
+
+
+def _can_zoom(view: View) -> bool:
+    """Whether a view has a plane, in stores that it can show."""
+    return type(view).zoom_plane is not View.zoom_plane
 
 
 class NavigationController:
@@ -34,6 +43,62 @@ class NavigationController:
         present = self._app.session.state.view
         at = _CYCLE.index(present) if present in _CYCLE else 0
         self.show_view(_CYCLE[(at + steps) % len(_CYCLE)])
+
+    def zoom(self, factor: float) -> None:
+        """Zoom the active view at the cursor; factor 0 shows all of it."""
+        if (plane := self._plane()) is not None:
+            self._app.session.dispatch(view_settings.zoom, factor, None, plane)
+        self._app.renderer.refresh()
+
+    def pan(self, across: float, down: float) -> None:
+        """Move what the active view shows by shares of its size."""
+        if (plane := self._plane()) is not None:
+            self._app.session.dispatch(view_settings.pan, across, down, plane)
+        self._app.renderer.refresh()
+
+    def _plane(self) -> ZoomPlane | None:
+        """The plane of the active view; None after a message where it has none."""
+        scene = self._app.renderer.scene
+        view = BY_NAME[scene.state.view]
+        is_shown = not view.unavailable(scene.store)
+        plane = view.zoom_plane(scene) if is_shown else None
+        if plane is None:
+            keys = (f"{other.key} {other.name}" for other in VIEWS if _can_zoom(other))
+            fill = ACTIONS["fill_screen"].key
+            self._app.session.show_message(
+                f"{view.name} cannot be zoomed ({', '.join(keys)} can); {fill} fills the screen"
+            )
+        return plane
+
+    def fill_screen(self) -> None:
+        """Fill the screen with the active view, or show all views again."""
+        app = self._app
+        if app.renderer.shows_one_view:
+            app.session.show_message("this screen has room for one view, which fills it already")
+        else:
+            app.session.dispatch(view_settings.toggle_full_screen)
+        app.renderer.refresh()
+
+    def open_finding(self) -> None:
+        """Select the chosen finding's instances and show its view.
+
+        Where the findings stay on the screen beside that view, they keep the keys.
+        """
+        app = self._app
+        data = FINDINGS.input(app.renderer.scene)
+        finding = data.chosen_finding if data is not None else None
+        if finding is None:
+            app.session.show_message("there is no finding to select")
+            app.renderer.refresh()
+            return
+        app.session.dispatch(findings.open_finding, finding)
+        stays = app.renderer.is_placed("findings") and app.session.state.centre != "findings"
+        message = app.session.state.message
+        self.show_view(finding.view)
+        if stays:
+            app.session.dispatch(view_settings.activate, "findings")
+        app.session.show_message(message)
+        app.renderer.refresh()
 
     def jump(self) -> None:
         """Put a letter on every view and part of the status line; the letter goes there."""

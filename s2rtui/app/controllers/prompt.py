@@ -82,7 +82,7 @@ class PromptController:
         self.reload_notes()
         session = self._app.session
         state, notes = session.state, session.notes
-        history = list(dict.fromkeys((*notes.history, *state.past, state.expression)))
+        history = list(dict.fromkeys((*notes.history, *state.expressions)))
         accept = partial(session.dispatch, shared_selection.select_text)
         self.ask(accept, state.expression, "worst15 & room:right", history, self._completions)
 

@@ -56,7 +56,7 @@ class SelectionsScreen(ModalBase[str | None]):
             label = f"{reference(name)}   {saved.expression}   {summary(saved)}"
             options.append(Option(Content(printable(label)), id=f"@{name}"))
             self._texts[f"@{name}"] = shared_text(saved, self._session.store.identity)
-        past = dict.fromkeys(reversed((*notes.history, *state.past, state.expression)))
+        past = dict.fromkeys(reversed((*notes.history, *state.expressions)))
         for number, expression in enumerate(list(past)[:_MAX_HISTORY]):
             options.append(Option(Content(printable(expression)), id=f"past-{number}"))
             self._texts[f"past-{number}"] = expression

@@ -122,6 +122,12 @@ class PlotView(Widget, can_focus=False):
         drag: Drag
 
     @dataclass
+    class Hovered(Message):
+        """The mouse moved over the widget or left it; `take_hover` tells where it is."""
+
+        plot: PlotView
+
+    @dataclass
     class Wheeled(Message):
         """The wheel was turned; one message for all turns since the last."""
 
@@ -146,6 +152,8 @@ class PlotView(Widget, can_focus=False):
         self._strips: list[Strip] = []
         self._drag: Drag | None = None
         self._wheel = Wheel(name)
+        self._hover: Cell | None = None
+        self._is_hover_posted = False
         self._image_host = image_host
         self._attach_timer: TimerHandle | None = None
         self._places: frozenset[tuple[Region, int]] = frozenset()
@@ -240,8 +248,26 @@ class PlotView(Widget, can_focus=False):
         self._drag = Drag(self._view, (event.x, event.y))
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        if self._drag is not None and self._drag.move((event.x, event.y)):
+        if self._drag is None:
+            self._set_hover((event.x, event.y))
+        elif self._drag.move((event.x, event.y)):
             self._post_drag(self._drag)
+
+    def on_leave(self) -> None:
+        self._set_hover(None)
+
+    def _set_hover(self, cell: Cell | None) -> None:
+        """Post at most one message about all moves since the last."""
+        if cell != self._hover:
+            self._hover = cell
+            if not self._is_hover_posted:
+                self._is_hover_posted = True
+                self.post_message(self.Hovered(self))
+
+    def take_hover(self) -> tuple[str, Cell | None]:
+        """The view and the cell under the mouse, None outside; a later move posts again."""
+        self._is_hover_posted = False
+        return self._view, self._hover
 
     def on_mouse_up(self, event: events.MouseUp) -> None:
         self.release_mouse()

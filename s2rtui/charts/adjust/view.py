@@ -21,6 +21,7 @@ class AdjustView(View):
     name = "adjust"
     key = "a"
     description = "adjust images live, and save that as a run"
+    counts_instances = False
     from_store = False
     brushable = False
 

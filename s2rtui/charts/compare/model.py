@@ -16,11 +16,11 @@ from s2rtui.analysis.binning import (
     count_selected,
     selection_indices,
     sum_selected,
-    total_selected,
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels, diverging
+from s2rtui.charts.compare.change import EQUAL, Codes, RoomChanges, room_changes, words
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_background import MapBackground
 from s2rtui.charts.shared.base_map_model import selection_sizes
@@ -34,9 +34,11 @@ class CompareInput:
     """Errors of two runs on one map.
 
     truth: (N, 2) metres. first, second: (N,) errors of the runs `names` on `side` in `unit`, NaN
-    for none. Differences are first - second: above 0 the second run is better, within `equal` both
+    for none. Differences are second - first: below 0 the second run is better, within `equal` both
     are equal. scale: the difference of full colour (default: the 99th percentile of the valid
-    ones). Other fields as in `MapInput`.
+    ones). trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`; None
+    without them, as in `room_changes`. trained: (N,) marks instances that the model of either run
+    was trained on, None where none is shown. Other fields as in `MapInput`.
     """
 
     truth: Floats
@@ -48,7 +50,7 @@ class CompareInput:
     names: tuple[str, str] = ("first", "second")
     side: Side = "real"
     unit: str = "m"
-    equal: float = 0.05
+    equal: float = EQUAL
     scale: float | None = None
     cursor: int | None = None
     y_down: bool = True
@@ -57,11 +59,28 @@ class CompareInput:
     rooms: tuple[Room, ...] = ()
     room_names: bool = True
     mark: Mark | None = None
+    trajectory: Codes | None = None
+    room: Codes | None = None
+    room_list: tuple[str, ...] = ()
+    trained: Bools | None = None
 
     @property
     def ground(self) -> MapBackground:
         rooms = self.rooms if self.room_names else ()
         return MapBackground(self.bounds, self.y_down, self.floor_plan, clip=self.clip, rooms=rooms)
+
+    @property
+    def changes(self) -> RoomChanges:
+        """The change of the selected instances, in total and by room."""
+        members = _members(self.selected, self.valid)
+        return room_changes(
+            self.first, self.second, members, self.trajectory, self.room, self.room_list, self.equal
+        )
+
+    @property
+    def words(self) -> str:
+        """The comparison in sentences."""
+        return words(self.changes.whole, self.names, self.side, self.unit, self.equal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +88,13 @@ class CompareSummary:
     """Numbers of selected instances by the change from the first run to the second.
 
     improved: the second error is smaller by more than the margin; worse: larger; equal: neither;
-    unknown: an error is missing. mean: of first - second, NaN without known errors.
+    unknown: an error is missing.
     """
 
     improved: int
     worse: int
     equal: int
     unknown: int
-    mean: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,11 +126,13 @@ def _summary(
     first: Floats, second: Floats, equal: float, selection: SelectionIndices, highlighted: int
 ) -> CompareSummary:
     column = _verdicts(first, second, equal)
-    worse, same, improved = count_selected(column, selection)[0].tolist()
-    known = worse + same + improved
-    total = total_selected(differences(first, second), selection)
-    mean = total / known if known else float("nan")
-    return CompareSummary(improved, worse, same, highlighted - known, mean)
+    improved, same, worse = count_selected(column, selection)[0].tolist()
+    return CompareSummary(improved, worse, same, highlighted - worse - same - improved)
+
+
+@cached_by_identity(4)
+def _members(selected: Bools, valid: Bools) -> Bools:
+    return np.asarray(selected & valid)
 
 
 @cached_by_identity(4)
@@ -127,20 +147,20 @@ def cell_means(
     return held % frame.width, held // frame.width, means, counts[held]
 
 
-def better_run(means: Means, equal: float) -> NDArray[np.intp]:
-    """-1: the first is better, 1: the second is, 0: within the margin."""
+def change_signs(means: Means, equal: float) -> NDArray[np.intp]:
+    """-1: the second run is better, 1: the first is, 0: within the margin."""
     return np.sign(means).astype(np.intp) * (np.abs(means) > equal)
 
 
 @cached_by_identity(4)
 def differences(first: Floats, second: Floats) -> Means:
-    """first - second of every instance, (N,); NaN where one is unknown."""
-    return np.asarray(first, dtype=np.float64) - second
+    """second - first of every instance, (N,); NaN where one is unknown."""
+    return np.asarray(second, dtype=np.float64) - first
 
 
 @cached_by_identity(4)
 def _verdicts(first: Floats, second: Floats, equal: float) -> Bins:
-    """Worse, equal and improved as bins 0, 1 and 2."""
+    """Improved, equal and worse as bins 0, 1 and 2."""
     apart = differences(first, second)
     places = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
     return bin_values(np.where(np.isfinite(apart), places, np.nan), 3)

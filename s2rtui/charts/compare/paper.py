@@ -8,10 +8,11 @@ import numpy as np
 
 from s2rstore.records import Bounds
 from s2rtui.canvas import LIGHT, Theme
+from s2rtui.charts.compare.change import ALL, HEADINGS, signed, table_rows
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,
-    better_run,
+    change_signs,
     compare_model,
     difference_colours,
     sorted_by_difference,
@@ -25,6 +26,7 @@ from s2rtui.charts.shared.base_map_paper import (
     LegendMark,
     MapSheet,
     draw_pose,
+    draw_trained,
     draw_unselected,
     draw_values,
     map_panel,
@@ -43,9 +45,16 @@ from s2rtui.charts.shared.paper import (
 
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
 """Inches at the left, at the foot, above each map, between maps, and before the legends."""
+ROW = 0.19
+"""Height of a row of the table, inches."""
+COLUMNS = (1.5, 0.5, 0.7, 0.7, 0.8, 1.4, 0.9)
+"""Widths of the columns of the table, inches."""
+WIDEST = 22
+"""Most letters of a room's name in the table."""
 KEYS = 1.3
 """Height of the legend below the scales, inches."""
 MARKERS = {1: "^", 0: "o", -1: "v"}
+"""Markers of changes above, around and below 0: the first run is better, neither, the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,19 +81,23 @@ def compare_figure(
     """Draw the figure in `size` pixels; `maps` share a value range, `notes` follow the title."""
     first, second = difference.names
     title = f"{difference.side.capitalize()} error: {first} against {second}"
-    page = new_page(size, theme, title, "  ·  ".join(part for part in (subtitle, *notes) if part))
+    texts = (difference.words, subtitle, *notes)
+    page = new_page(size, theme, title, "  ·  ".join(part for part in texts if part))
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
-    plan = _plan(page, area)
+    table = _table_rows(page, difference)
+    plan = _plan(page, area, ROW * len(table))
     for data, name, box in zip(maps, difference.names, plan.boxes, strict=False):
         sheet = _panel(page, data.ground, area, box, name + _median(data) * (box[2] > 1.8))
         model = map_model(data)
         draw_unselected(sheet, data.truth, model.selection)
         draw_values(sheet, data, model)
+        draw_trained(sheet, data, model)
         if model.cursor is not None:
             draw_pose(sheet, data.truth, data.headings, model.cursor, page.inks.cursor)
     compared = compare_model(difference)
-    sheet = _panel(page, difference.ground, area, plan.boxes[2], f"{first} − {second}")
+    sheet = _panel(page, difference.ground, area, plan.boxes[2], f"{second} − {first}")
     draw_difference(sheet, difference, compared)
+    _draw_table(page, table)
     if page.inches[0] > 4.5:
         left, top = plan.corner
         bars, below = (2, 1.04) if plan.row else (1, 0.52)
@@ -97,12 +110,40 @@ def compare_figure(
     return page.encoded()
 
 
-def _plan(page: Page, area: Bounds) -> _Plan:
-    """The arrangement that gives the larger maps."""
+def _table_rows(page: Page, data: CompareInput) -> list[tuple[str, ...]]:
+    """The table of rooms, as many as the lower third of a wide page can hold; empty elsewhere."""
+    changes = data.changes
+    most = int(page.inches[1] / 3 / ROW) - 2
+    if page.inches[0] < sum(COLUMNS) + LEFT or most < 2 or len(changes.rooms) < 2:
+        return []
+    rooms = changes.by_size
+    rows = [HEADINGS, *table_rows(rooms[:most], changes.whole)]
+    if len(rooms) > most:
+        rows.append((f"{len(rooms) - most} more rooms",))
+    return rows
+
+
+def _draw_table(page: Page, table: list[tuple[str, ...]]) -> None:
+    """Draw the table along the lower edge of the page, numbers at their column's right end."""
+    inks = page.inks
+    for index, cells in enumerate(table):
+        y = 0.12 + ROW * (len(table) - 1 - index)
+        x = LEFT
+        for place, (text, width) in enumerate(zip(cells, COLUMNS, strict=False)):
+            ink = inks.muted if index == 0 else inks.text
+            weight = "bold" if cells[0] == ALL else "normal"
+            x += width
+            at, align = (x - width, "left") if place == 0 else (x, "right")
+            text = text if place or len(text) <= WIDEST else text[: WIDEST - 1] + "…"
+            page.text(at, y, text, ink, 8.5, ha=align, fontweight=weight)
+
+
+def _plan(page: Page, area: Bounds, below: float) -> _Plan:
+    """The arrangement that gives the larger maps, `below` inches left free at the foot."""
     (wide, _), top = page.inches, page.top
     side = SIDE + BESIDE if wide > 4.5 else 0.0
-    in_row = _scale(area, (wide - LEFT - 0.15 - side - 2 * GAP, top - TITLE - FOOT), (3, 1))
-    in_two = _scale(area, (wide - LEFT - 0.15 - GAP, top - 2 * (TITLE + FOOT)), (2, 2))
+    in_row = _scale(area, (wide - LEFT - 0.15 - side - 2 * GAP, top - TITLE - FOOT - below), (3, 1))
+    in_two = _scale(area, (wide - LEFT - 0.15 - GAP, top - 2 * (TITLE + FOOT) - below), (2, 2))
     row, scale = in_row >= in_two, max(in_row, in_two)
     width, height = area.width * scale, area.height * scale
     first = top - TITLE - height
@@ -145,13 +186,13 @@ def _median(data: MapInput) -> str:
 def draw_difference(sheet: MapSheet, data: CompareInput, model: CompareModel) -> None:
     """Draw unselected points, differences and the cursor.
 
-    Triangles point up where the second run is better, down where the first is; dots are equal.
+    Triangles point down where the second run is better, up where the first is; dots are equal.
     """
     draw_unselected(sheet, data.truth, model.selection)
     ids, apart = sorted_by_difference(data, model)
     held = sheet.last_per_spot(data.truth, ids)
     truth, apart = np.asarray(data.truth, dtype=np.float64)[ids[held]], apart[held]
-    which = better_run(apart, data.equal)
+    which = change_signs(apart, data.equal)
     colours = difference_colours(apart, model.scale) / 255.0
     size, width = (34, 0.6) if len(held) <= MANY else (5, 0)
     edge = [sheet.page.inks.background]
@@ -175,12 +216,12 @@ def _legend(
     high: float,
     keys: float,
 ) -> None:
-    """Draw the scale, how often each run is better, and the mean difference.
+    """Draw the scale, how often each run is better, and the median change.
 
     high: height of the scale in inches. keys: left end of the markers.
     """
     left, top = corner
-    label = f"{data.names[0]} −\n{data.names[1]} ({data.unit})"
+    label = f"{data.names[1]} −\n{data.names[0]} ({data.unit})"
     draw_colour_bar(
         page, left, top - 0.52 - high, high, (-model.scale, model.scale), label,
         lambda shares: difference_colours(2 * shares - 1, 1.0),
@@ -189,12 +230,13 @@ def _legend(
     ends = difference_colours([-1.0, 0.0, 1.0], 1.0) / 255
     blue, grey, orange = ((r, g, b) for r, g, b in ends.tolist())
     marks: list[LegendMark] = [
-        (f"{summary.improved} better in {data.names[1]}", "^", orange, True),
-        (f"{summary.worse} better in {data.names[0]}", "v", blue, True),
+        (f"{summary.improved} better in {data.names[1]}", "v", blue, True),
+        (f"{summary.worse} better in {data.names[0]}", "^", orange, True),
         (f"{summary.equal} within {short_number(data.equal)} {data.unit}", "o", grey, True),
     ]
-    if summary.improved + summary.worse + summary.equal:
-        marks.append((f"mean {summary.mean:+.2f} {data.unit}", "", inks.text, False))
+    if (whole := data.changes.whole).n:
+        text = f"median {signed(whole.change.value)} {data.unit}"
+        marks.append((text, "", inks.text, False))
     if model.others:
         marks.append(("not selected", ".", inks.unselected, True))
     if model.cursor is not None:

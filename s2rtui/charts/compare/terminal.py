@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
+from rich.cells import cell_len, set_cell_size
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Rgb, Size, legible
+from s2rtui.charts.compare.change import ALL, HEADINGS, NOT_EVIDENT, UNKNOWN, table_rows
 from s2rtui.charts.compare.model import (
     CompareInput,
     CompareModel,
-    better_run,
     cell_means,
+    change_signs,
     compare_model,
     difference_colours,
 )
@@ -26,15 +30,24 @@ from s2rtui.charts.shared.base_map_terminal import (
     map_panel,
     put_glyphs,
     several_legend,
+    trained_legend,
 )
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.points import marked_cells
+
+OUTLINED = "▽○△"
+"""The glyphs of `difference_glyphs` for cells with trained instances."""
+
+MIN_TABLE = 5
+"""Fewest rows of a table of rooms."""
+MIN_TABLE_WIDTH = 64
 
 SEVERAL, ONE = "▼●▲", "▾•▴"
 """Glyphs of cells with several instances, and of those with one."""
 
 
 def difference_glyphs(options: RenderOptions) -> str:
-    """Three glyphs: the first run is better, equal, the second is better."""
+    """Three glyphs: the change is negative (the second run is better), equal, positive."""
     return "-=+" if ramp_for_values(options) is not None else SEVERAL
 
 
@@ -77,10 +90,62 @@ def draw_compare(
 
     def draw_selected(chart: Canvas) -> None:
         _cells(chart, data, model, layout.frame)
+        _mark_trained(chart, data, model, layout.frame)
         if model.cursor is not None:
             draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+
+
+def comparison_text(data: CompareInput, size: Size, options: RenderOptions) -> Canvas:
+    """The comparison in sentences over the table of rooms, as high as they need within `size`.
+
+    Rooms that have no place in the table are counted in its last row.
+    """
+    (width, height), theme = size, options.theme
+    lines = textwrap.wrap(options.printable(data.words), max(10, width))[: max(1, height)]
+    changes = data.changes
+    free = height - len(lines)
+    table: list[tuple[str, ...]] = []
+    if free >= MIN_TABLE and width >= MIN_TABLE_WIDTH and len(changes.rooms) > 1:
+        rooms = changes.by_size
+        shown = rooms if len(rooms) + 2 <= free else rooms[: free - 3]
+        table = [HEADINGS, *table_rows(shown, changes.whole)]
+        if len(shown) < len(rooms):
+            table.append((f"{len(rooms) - len(shown)} more rooms",))
+    canvas = Canvas(width, max(1, len(lines) + len(table)), options)
+    for row, line in enumerate(lines):
+        canvas.text(0, row, line, theme.text)
+    _table(canvas, table, len(lines))
+    return canvas
+
+
+def _table(canvas: Canvas, table: list[tuple[str, ...]], top: int) -> None:
+    """Draw rows of text in columns, the room at the left, numbers at their column's right end."""
+    if not table:
+        return
+    theme, ends = canvas.theme, []
+    whole = [row for row in table if len(row) == len(HEADINGS)]
+    widths = [max(map(cell_len, column)) for column in zip(*whole, strict=True)]
+    rest = sum(widths[1:]) + 2 * len(widths[1:])
+    widths[0] = min(max(widths[0], 12), canvas.width - rest)
+    at = 0
+    for width in widths:
+        at += width
+        ends.append(at)
+        at += 2
+    for row, cells in enumerate(table, start=top):
+        name = canvas.options.printable(cells[0])
+        if cell_len(name) > widths[0] and len(cells) > 1:
+            name = set_cell_size(name, widths[0] - 1) + canvas.glyphs.ellipsis
+        heading = row == top
+        ink = theme.muted if heading or len(cells) == 1 else theme.text
+        canvas.text(0, row, name, ink, bold=cells[0] == ALL)
+        for text, end in zip(cells[1:], ends[1:], strict=False):
+            last = text == cells[-1] and not heading
+            evident = last and text not in (NOT_EVIDENT, UNKNOWN)
+            colour = theme.truth if evident else theme.muted if last else ink
+            canvas.text(end, row, text, colour, align="right")
 
 
 def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
@@ -89,15 +154,27 @@ def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFr
         data.truth, data.first, data.second, model.selection, frame
     )
     put_glyphs(canvas, columns, rows, " ", canvas.theme.text)
-    verdict = better_run(means, data.equal) + 1
+    sign = change_signs(means, data.equal) + 1
     glyphs = difference_glyphs(canvas.options)
     one = ONE if glyphs == SEVERAL else glyphs
     many = counts > 1
     canvas.char[rows, columns] = np.where(
-        many, np.array(list(glyphs))[verdict], np.array(list(one))[verdict]
+        many, np.array(list(glyphs))[sign], np.array(list(one))[sign]
     )
     canvas.fg[rows, columns] = legible(difference_colours(means, model.scale), canvas.theme)
     canvas.bold[rows, columns] = many
+
+
+def _mark_trained(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
+    """Outlined glyphs where a model of either run was trained on a selected instance."""
+    if data.trained is None:
+        return
+    cells = marked_cells(data.truth, data.trained, model.selection, frame)
+    if ramp_for_values(canvas.options) is not None:
+        canvas.char[cells] = canvas.glyphs.trained
+        return
+    for several, one, outlined in zip(SEVERAL, ONE, OUTLINED, strict=True):
+        canvas.char[cells & np.isin(canvas.char, (several, one))] = outlined
 
 
 def _legend(
@@ -105,7 +182,7 @@ def _legend(
 ) -> list[LegendPart]:
     first, second = (_name(name, options) for name in data.names)
     bar = colour_bar(
-        f"{data.side} error, {first} - {second}",
+        f"{data.side} error, {second} - {first}",
         data.unit,
         (-model.scale, model.scale),
         options,
@@ -117,24 +194,25 @@ def _legend(
     counts = _counts(data, model, (first, second), options)
     if counts.width > width:
         counts = _counts(data, model, None, options)
+    outlined = "" if ramp_for_values(options) is not None else "△▽○"
+    trained = [] if data.trained is None else [trained_legend(options, outlined)]
+    several = [several_legend(options, SEVERAL)] if model.highlighted > 1 else []
     rest = map_legend(frame, width, model.others, data.clip is not None, options)
-    if model.highlighted > 1:
-        rest.insert(0, several_legend(options, SEVERAL))
-    return [counts, bar, *rest]
+    return [counts, *trained, bar, *several, *rest]
 
 
 def _counts(
     data: CompareInput, model: CompareModel, names: tuple[str, str] | None, options: RenderOptions
 ) -> LegendPart:
-    """How often each run is better, and the mean difference; with `names` unless None."""
+    """How often each run is better; with `names` unless None."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
     lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
     for glyph, colour, number, explanation in (
-        (upper, orange, summary.improved, f" better in {names[1]}" if names else ""),
-        (lower, blue, summary.worse, f" better in {names[0]}" if names else ""),
+        (lower, blue, summary.improved, f" better in {names[1]}" if names else ""),
+        (upper, orange, summary.worse, f" better in {names[0]}" if names else ""),
         (
             same,
             grey,
@@ -143,8 +221,6 @@ def _counts(
         ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]
-    if summary.improved + summary.worse + summary.equal:
-        pieces.append((f"mean {summary.mean:+.2f} {data.unit}", theme.muted))
     return text_part(pieces)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -10,21 +9,24 @@ from types import MappingProxyType
 import numpy as np
 
 from s2rstore.errors import RequestError
-from s2rtui.analysis.identity_cache import identity_key
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
-from s2rtui.charts.compare.model import CompareInput, compare_model
-from s2rtui.charts.compare.terminal import compare_panels, draw_compare
+from s2rtui.charts.compare.change import ALL, Change, evidence
+from s2rtui.charts.compare.model import CompareInput
+from s2rtui.charts.compare.terminal import compare_panels, comparison_text, draw_compare
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
 from s2rtui.charts.shared.points import true_positions
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
 from s2rtui.session import pending_target, run_comparison
+from s2rtui.session.view_settings import ZoomPlane, map_plane
 
-_WIDE, _TALL = 56, 30
-_EQUAL = 0.05
-"""Metres within which two errors count as equal."""
+_WIDE, _TALL = 56, 40
+"""Columns and rows from which the maps of both runs are drawn, too."""
+_MAP_SHARE = 0.6
+"""Share of the rows of a high view that sentences and table leave to the maps; 0.4 of a low one."""
 
 
 class CompareView(PointsView):
@@ -35,32 +37,46 @@ class CompareView(PointsView):
     narrow_ratio = 1.6
     wide_ratio = 1.0
     loads = ("floor plan",)
-    figure_size = (2100, 900)
-    deprecated = MappingProxyType(
-        {
-            "first mean": "first_mean_m",
-            "second mean": "second_mean_m",
-            "difference": "difference_m",
-        }
-    )
+    figure_size = (2100, 1200)
+    deprecated = MappingProxyType({"first mean": "first_mean_m", "second mean": "second_mean_m"})
 
     def subtitle(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
         if other is None:
             return "there is only one run"
-        return f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
+        text = f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
+        if not pending_target.run_is_loaded(scene.store, other):
+            return text
+        return "; ".join(part for part in (text, self._left_out(scene, other)) if part)
 
     def pair_input(self, scene: Scene, other: str) -> CompareInput:
         """The errors of the current and of another run."""
         store, state = scene.store, scene.state
         first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
         return CompareInput(
-            true_positions(store), first.error, second.error, state.selected, state.base,
-            store.dataset.bounds, (state.run, other), state.side, equal=_EQUAL,
+            true_positions(store), first.error, second.error, state.selected,
+            scene.common_base(other), store.dataset.bounds, (state.run, other), state.side,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
+            trajectory=store.instances.trajectory, room=store.instances.room,
+            room_list=store.instances.room_names, trained=self._trained(scene, other),
         )  # fmt: skip
+
+    def _trained(self, scene: Scene, other: str) -> Bools | None:
+        """The shown instances that the model of either run was trained on; None without any."""
+        state, columns = scene.state, scene.store.run_columns(other)
+        if not state.with_trained:
+            return None
+        return _either(state.trained, columns.trained, scene.common_base(other))
+
+    def _left_out(self, scene: Scene, other: str) -> str:
+        """How many instances of the base population the model of the other run was trained on."""
+        state, columns = scene.state, scene.store.run_columns(other)
+        count = np.count_nonzero(state.base & columns.valid & columns.trained)
+        if not count:
+            return ""
+        return f"{count} trained on by {other} {'included' if state.with_trained else 'left out'}"
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_comparison.other_run(scene.state)
@@ -79,10 +95,10 @@ class CompareView(PointsView):
         if not pending_target.run_is_loaded(scene.store, other):
             canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
-        notes = run_comparison.differences(scene.store, scene.state.run, other)
-        top = min(len(notes), max(0, size[1] - 3))
-        for row, note in enumerate(notes[:top]):
-            canvas.text(0, row, note[: canvas.width], options.theme.truth)
+        view = self.pair_input(scene, other)
+        text = self._text(scene, other, view, size, options)
+        canvas.paste(text, 0, 0)
+        top = text.height
         height = canvas.height - top
         maps = height // 2 if self._both(size) else 0
         if maps:
@@ -91,9 +107,24 @@ class CompareView(PointsView):
                 canvas.paste(
                     draw_value_map(errors, (half, maps), options, scene.state.viewport), x, top
                 )
-        view = self.pair_input(scene, other)
         shown = draw_compare(view, (canvas.width, height - maps), options, scene.state.viewport)
         canvas.paste(shown, 0, top + maps)
+        return canvas
+
+    def _text(
+        self, scene: Scene, other: str, view: CompareInput, size: Size, options: RenderOptions
+    ) -> Canvas:
+        """What differs between the runs' cameras, the comparison in words, and its table."""
+        notes = run_comparison.differences(scene.store, scene.state.run, other)
+        height = max(1, size[1])
+        notes = notes[: max(0, height - 3)]
+        share = _MAP_SHARE if self._both(size) else 1 - _MAP_SHARE
+        room = max(1, height - len(notes) - int(share * height))
+        words = comparison_text(view, (max(1, size[0]), room), options)
+        canvas = Canvas(words.width, len(notes) + words.height, options)
+        for row, note in enumerate(notes):
+            canvas.text(0, row, note[: canvas.width], options.theme.truth)
+        canvas.paste(words, 0, len(notes))
         return canvas
 
     def _both(self, size: Size) -> bool:
@@ -104,13 +135,16 @@ class CompareView(PointsView):
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]
-        upper = max(value_range(column, state.base)[1] for column in errors)
+        base, trained = scene.common_base(other), self._trained(scene, other)
+        upper = max(value_range(column, base)[1] for column in errors)
         first, second = (
             replace(
                 map_input(
                     store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
                 ),
                 values=column,
+                valid=base,
+                trained=trained,
                 value_label=f"{run}, error",
                 value_range=(0.0, upper),
             )
@@ -122,13 +156,8 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        summary = compare_model(self.pair_input(scene, other)).summary
-        mean = "n/a" if math.isnan(summary.mean) else f"{summary.mean:+.2f} m"
-        return (
-            f"{scene.state.side.capitalize()} errors of {scene.state.run} and {other}: {other} is "
-            f"better on {summary.improved} instances, worse on {summary.worse}, equal on "
-            f"{summary.equal}; mean difference {mean}."
-        )
+        left_out = self._left_out(scene, other)
+        return self.pair_input(scene, other).words + (f" {left_out}." if left_out else "")
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.compare import paper
@@ -136,45 +165,56 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         if other is None:
             raise RequestError("--view compare: there is only one run")
-        notes = tuple(run_comparison.differences(scene.store, scene.state.run, other))
+        notes = (
+            self._left_out(scene, other),
+            *run_comparison.differences(scene.store, scene.state.run, other),
+        )
         return paper.compare_figure(
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
         )  # fmt: skip
 
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        return map_plane(scene.store, scene.state)
+
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_comparison.other_run(scene.state)
         if other is None or not pending_target.run_is_loaded(scene.store, other):
             return ()
-        notes = run_comparison.differences(scene.store, scene.state.run, other)
-        top = min(len(notes), max(0, size[1] - 3))
+        view = self.pair_input(scene, other)
+        top = self._text(scene, other, view, size, options).height
         maps = (size[1] - top) // 2 if self._both(size) else 0
         inner = (size[0], size[1] - top - maps)
-        panels = compare_panels(self.pair_input(scene, other), inner, options, scene.state.viewport)
+        panels = compare_panels(view, inner, options, scene.state.viewport)
         return [panel.moved_down(top + maps) for panel in panels]
 
     def numbers(self, scene: Scene) -> Table:
-        names = ("room", "n", *self.deprecated.values(), "improved", "worse", "equal")
+        names = ("room", "n", "first_median_m", "second_median_m", "median_change_m", "low_m",
+                 "high_m", "evident", "improved", "worse", "equal", "large_share", "first_mean_m",
+                 "second_mean_m")  # fmt: skip
         other = run_comparison.other_run(scene.state)
         if other is None:
             return names, []
-        view, truth = self.pair_input(scene, other), scene.store.instances
-        known = view.selected & view.valid & np.isfinite(view.first) & np.isfinite(view.second)
-        rows = []
-        for code, name in [*enumerate(truth.room_names), (-1, "no room"), (None, "all")]:
-            members = known if code is None else known & (truth.room == code)
-            if members.any() or code is None:
-                rows.append((name, *_summary(view.first[members], view.second[members])))
+        changes = self.pair_input(scene, other).changes
+        rows = [(name, *_numbers(part)) for name, part in (*changes.rooms, (ALL, changes.whole))]
         return names, rows
 
 
 VIEW = CompareView()
 
 
-def _summary(first: Floats, second: Floats) -> tuple[object, ...]:
-    """n, both means and their difference; how many improved, got worse, stayed equal."""
-    apart = first - second
-    better, worse = int((apart > _EQUAL).sum()), int((apart < -_EQUAL).sum())
-    n = first.size
-    means = (float(part.mean()) if n else math.nan for part in (first, second, apart))
-    return (n, *means, better, worse, n - better - worse)
+def _numbers(part: Change) -> tuple[object, ...]:
+    """The numbers of a row: counts, medians and interval in metres, the run that is better."""
+    interval = part.change
+    return (
+        part.n, part.first, part.second, interval.value, interval.low, interval.high,
+        part.better_run or evidence(part), part.better, part.worse, part.equal, part.large,
+        part.first_mean, part.second_mean,
+    )  # fmt: skip
+
+
+@cached_by_identity(2)
+def _either(first: Bools, second: Bools, base: Bools) -> Bools | None:
+    """The instances of `base` (N,) in either mask; None without any."""
+    marked = (first | second) & base
+    return marked if marked.any() else None

@@ -80,7 +80,7 @@ def errors_model(data: ErrorsInput, number: int) -> ErrorsModel:
     """Count both sides from 0 to `upper`, by default the 99th percentile of both."""
     upper = data.upper
     if upper is None:
-        upper = _upper(data.sim, data.real)
+        upper = _upper(data.sim, data.real, data.valid)
     upper = upper if upper > 0 else 1.0
     count = max(1, number)
     parts = _counts((data.sim, data.real), upper, count, data.selected, data.valid)
@@ -119,9 +119,9 @@ def _cursor(errors: Floats, data: ErrorsInput) -> float | None:
 
 
 @cached_by_identity(16)
-def _upper(sim: Floats, real: Floats) -> float:
-    """The 99th percentile of all known errors; 1 without any."""
-    both = np.concatenate([sim, real])
+def _upper(sim: Floats, real: Floats, valid: Bools) -> float:
+    """The 99th percentile of the known valid errors; 1 without any."""
+    both = np.concatenate([np.asarray(side)[np.asarray(valid)] for side in (sim, real)])
     both = both[np.isfinite(both)]
     return float(np.percentile(both, 99)) if both.size else 1.0
 

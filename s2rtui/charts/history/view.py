@@ -22,11 +22,13 @@ _COLUMNS = ("night", "outcome", "axis", "G", "low", "high", "result", "threshold
 
 class HistoryView(View):
     name = "history"
+    needs_run = False
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
     narrow_ratio = 1.6
     wide_ratio = 0.8
+    counts_instances = False
     loads = ("history",)
     needs_poses = False
     figure_size = (1600, 1100)

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError
 from s2rstore.index.columns import RunColumns
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import nearest_neighbours
+from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
@@ -20,6 +22,7 @@ from s2rtui.charts.shared.image_pair_model import (
     heat_fields,
     truth_fields,
 )
+from s2rtui.session import instance_list
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.state import HeatChoice
 
@@ -27,18 +30,25 @@ NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
 
 
-def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) -> InstanceInput:
+def instance_input(
+    store: Store,
+    run: str,
+    iid: int,
+    heat: HeatChoice | None,
+    population: Population = NEW_INSTANCES,
+) -> InstanceInput:
     """Images, heat and numbers of one instance; reads frames and heatmaps.
 
-    A note says so where the heat of this instance is not computed.
+    `population` holds the instances that may be named as similar to this one. A note says so where
+    the heat of this instance is not computed.
     """
     if not store.has_poses:
         return _image_input(store, iid)
     truth = store.instances
     room = truth.room[iid]
     trajectory = truth.trajectory_names[truth.trajectory[iid]]
-    columns = store.run_columns(run)
-    sim, real = (model_input(store, store.run(run), side, iid) for side in SIDES)
+    shown = store.displayed_run(run)
+    sim, real = (model_input(store, shown, side, iid) for side in SIDES)
     missing: tuple[tuple[str, str], ...] = ()
     try:
         heats = {side: _heat(store, run, side, iid, heat) for side in SIDES}
@@ -52,15 +62,39 @@ def instance_input(store: Store, run: str, iid: int, heat: HeatChoice | None) ->
         **heat_fields(store, run, None if missing else heat),
         notes=(
             *missing,
+            *_heat_note(store, run, None if missing else heat),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
-            ("gap", _gap(columns, iid)),
-            ("ranks", _ranks(store, run, iid)),
-            *_neighbours(store, run, iid),
+            *_predicted_notes(store, run, iid, population),
             *sim.notes,
             *real.notes,
         ),
     )
+
+
+def _predicted_notes(
+    store: Store, run: str, iid: int, population: Population
+) -> list[tuple[str, str]]:
+    """Split, gap, ranks and neighbours of an instance in a run, or why there are none."""
+    if run == NO_RUN:
+        return [("predictions", f"none: {store.missing_run}")]
+    columns = store.run_columns(run)
+    numbers = [("gap", _gap(columns, iid)), ("ranks", _ranks(store, run, iid, population))]
+    neighbours = _neighbours(store, run, iid, population)
+    return [*_split_note(columns, iid), *numbers, *neighbours]
+
+
+def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[str, str]]:
+    """What the shown heatmap means and how far it can be trusted; nothing without one."""
+    text = trust_line(store, run, heat.kind, heat.mode) if heat is not None else ""
+    return [("heat", text)] if text else []
+
+
+def _split_note(columns: RunColumns, iid: int) -> list[tuple[str, str]]:
+    """The split of an instance that the run's model was trained on; else nothing."""
+    if not columns.trained[iid]:
+        return []
+    return [("split", f"{SPLITS[columns.split[iid]]}: the model was trained on it")]
 
 
 def _pair_note(store: Store, iid: int) -> list[tuple[str, str]]:
@@ -102,21 +136,29 @@ def _gap(columns: RunColumns, iid: int) -> str:
     return f"{gap:+.2f} m (real - sim error), shift {shift:.2f} m"
 
 
-def _ranks(store: Store, run: str, iid: int) -> str:
+def _ranks(store: Store, run: str, iid: int, population: Population) -> str:
+    """Ranks among the new instances; among all of them where these are included."""
     columns = store.run_columns(run)
+    if columns.trained.any() and not population.with_trained and not columns.trained[iid]:
+        sides = (columns.side(side) for side in SIDES)
+        places = [instance_list.ranks_of_new(side.error, columns.trained) for side in sides]
+        sim, real = (int(column[iid]) or "none" for column in places)
+        return f"sim {sim}, real {real} of {int(places[1].max())} new instances by error"
     totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}
     ranks = {side: columns.side(side).rank[iid] or "none" for side in SIDES}
+    trained = int(np.count_nonzero(columns.valid & columns.trained))
+    known = f" by error, {trained} trained on included" if trained else " by error"
     if totals["sim"] == totals["real"]:
-        return f"sim {ranks['sim']}, real {ranks['real']} of {totals['real']} by error"
-    return ", ".join(f"{side} {ranks[side]} of {totals[side]}" for side in SIDES) + " by error"
+        return f"sim {ranks['sim']}, real {ranks['real']} of {totals['real']}{known}"
+    return ", ".join(f"{side} {ranks[side]} of {totals[side]}" for side in SIDES) + known
 
 
-def _neighbours(store: Store, run: str, iid: int) -> list[tuple[str, str]]:
+def _neighbours(store: Store, run: str, iid: int, population: Population) -> list[tuple[str, str]]:
     """The most similar instances by embedding on each side; nothing without embeddings."""
     sides = []
     for side in SIDES:
         try:
-            near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS)
+            near, _ = nearest_neighbours.neighbours(store, run, side, iid, NEIGHBOURS, population)
         except NotComputedError:
             return []
         listed = " ".join(str(other) for other in near if other != iid)

@@ -13,13 +13,18 @@ from s2rtui.charts.shared import image_pair_terminal
 from s2rtui.charts.view import Pixels, Table, View
 from s2rtui.session.loaded_data_origin import instance_provenance
 
+_TEXT_ROWS = 16
+"""Rows of titles, colour bars, poses and notes."""
+
 
 class InstanceView(View):
     name = "instance"
+    needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
     narrow_ratio = 2.5
     wide_ratio = 1.0
+    counts_instances = False
     loads = ("pictures",)
     single_instance = True
     needs_poses = False
@@ -80,11 +85,19 @@ class InstanceView(View):
             for role, side in (("sim", shown.sim), ("real", shown.real))
             if side.pose is not None
         ]
-        where = dict(shown.notes).get("where", "")
+        notes = dict(shown.notes)
+        where = "; ".join(notes[name] for name in ("where", "split") if name in notes)
         if not scene.store.has_poses:
             images = (("sim", shown.sim), ("real", shown.real))
             sides = [f"image in {side.title or role}" for role, side in images if side.rgb.size]
         return f"Instance {shown.iid} ({where}): {', '.join(sides) or 'not predicted'}."
+
+    def height(self, scene: Scene, width: int) -> int:
+        """The rows in which two images fill the width, with the numbers below."""
+        dataset = scene.store.dataset
+        share = dataset.frame_height / max(1, dataset.frame_width)
+        kinds = 1 + any(domain.has_depth for domain in scene.store.domains.values())
+        return kinds * math.ceil(width / 2 * share / 2) + _TEXT_ROWS
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.instance import paper
@@ -96,7 +109,8 @@ class InstanceView(View):
         if not (all if scene.store.has_poses else any)(has_images):
             reason = "this store has no frames to draw; `s2r show` prints the numbers"
             raise RequestError(f"--view instance: {reason}")
-        title = f"{scene.title}: instance {shown.iid}"
+        split = dict(shown.notes).get("split", "")
+        title = f"{scene.title}: instance {shown.iid}{f' ({split})' if split else ''}"
         return paper.instance_figure(shown, size, theme, title)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:

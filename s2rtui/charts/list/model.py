@@ -69,6 +69,11 @@ def _remark(scene: Scene, sorts: bool) -> _Column:
     return _texts(instance_list.REMARK, scene.remark, 24, "tags, note", sorts)
 
 
+def _split(scene: Scene) -> _Column:
+    """What the run's model knew of the instance, where trained instances are shown."""
+    return _texts("split", lambda iid: scene.splits(np.array([iid]))[0] or "", 11)
+
+
 def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
     scale = 180 / math.pi if name in _UNITS else 1.0
     title = name.replace("heading_error", "turn")

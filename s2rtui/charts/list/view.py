@@ -10,7 +10,7 @@ import numpy as np
 from s2rstore.language import fields
 from s2rtui.analysis.identity_cache import ArrayKey
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
-from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark
+from s2rtui.charts.list.model import ListColumn, ListInput, _Column, _column, _remark, _split
 from s2rtui.charts.list.terminal import draw_list, list_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
@@ -22,6 +22,7 @@ _SUMMARISED = 5
 
 class ListView(View):
     name = "list"
+    needs_run = False
     key = "8"
     pane: Pane = "centre"
     description = "the selection as a list"
@@ -50,9 +51,11 @@ class ListView(View):
         columns = [_Column("iid", ListColumn("iid", str, 8, sorts=sort == "iid"), int)]
         if sort != "iid":
             columns.append(_column(scene, sort, True))
-        names = instance_list.COLUMNS if scene.store.has_poses else instance_list.IMAGE_COLUMNS
+        names = instance_list.stored_columns(scene.store)
         if sort != "room" and "room" in names:
             columns.append(_column(scene, "room", False))
+        if scene.state.marked is not None:
+            columns.append(_split(scene))
         if scene.notes.remarks and sort != instance_list.REMARK:
             columns.append(_remark(scene, False))
         others = (name for name in names if name not in (sort, "iid", "room"))
@@ -82,7 +85,7 @@ class ListView(View):
         state = scene.state
         rows = ArrayKey(instance_list.order(scene.store, state, scene.notes))
         shown = state.generation, state.run, state.sort, state.descending, state.cursor
-        return rows, *shown, scene.notes.remarks
+        return rows, *shown, scene.state.with_trained, scene.notes.remarks
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return draw_list(self.input(scene), size, options)
@@ -94,6 +97,11 @@ class ListView(View):
         rows = instance_list.order(scene.store, scene.state, scene.notes)
         places = np.flatnonzero(rows == scene.state.cursor)
         return (0.0, float(places[0])) if places.size else (0.0, 0.0)
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        rows = instance_list.order(scene.store, scene.state, scene.notes)
+        index = round(panel.to_data(*cell)[1])
+        return int(rows[index]) if 0 <= index < rows.size else None
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         rows = instance_list.order(scene.store, scene.state, scene.notes)

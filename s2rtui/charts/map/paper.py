@@ -25,6 +25,7 @@ from s2rtui.charts.shared.base_map_paper import (
     LegendMark,
     MapSheet,
     draw_pose,
+    draw_trained,
     draw_unselected,
     draw_values,
     map_sheet,
@@ -69,6 +70,7 @@ def map_figure(
     sheet = map_sheet(data.ground, area, page, below)
     draw_unselected(sheet, data.truth, model.selection)
     DRAWINGS[data.mode](sheet, data, model)
+    draw_trained(sheet, data, model)
     if (cursor := model.cursor) is not None:
         draw_pose(sheet, data.truth, data.headings, cursor, page.inks.cursor)
         if data.mode == "full":
@@ -89,7 +91,7 @@ def _draw_side(
     letters = 16 if is_below else 23
     high = BAR if is_below else min(2.0, (top - 0.6) * 0.33)
     lowest = top
-    if data.mode == "colour":
+    if data.mode == "colour" and data.value_label:
         label = wrapped_label(label_with_unit(data.value_label, data.value_unit), letters)
         foot = top - 0.32 - 0.17 * label.count("\n") - high
         scale = model.value_range, label, value_colours, data.value_range is None
@@ -135,6 +137,8 @@ def _marks(data: MapInput, model: MapModel, inks: Inks) -> list[LegendMark]:
         ]
         if model.highlighted > 1:
             marks.append(("number: mean of n", "", inks.text, False))
+    if data.trained is not None:
+        marks.append(("trained on", "o", inks.text, False))
     if model.others:
         marks.append(("not selected", ".", inks.unselected, True))
     if model.cursor is not None:

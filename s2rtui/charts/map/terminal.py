@@ -28,6 +28,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     draw_dots,
     draw_point_map,
     draw_pose,
+    draw_trained,
     draw_values,
     layout_of_points,
     map_panel,
@@ -88,6 +89,7 @@ def draw_map(
 
     def draw_selected(chart: Canvas) -> None:
         DRAWINGS[data.mode](chart, data, model, layout.frame)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
         for pose in data.live:
             points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
             draw_pose(chart, points, headings, 0, layout.frame, pose.side)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -18,7 +19,8 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
-from s2rtui.session.heatmaps import sample_note
+from s2rtui.session.heatmaps import sample_note, trust_text
+from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _TITLES = {
     "colour": "distance between the sim and the real prediction",
@@ -32,11 +34,14 @@ _SUBTITLES = {
 }
 
 
+_FRAME_COLUMNS, _FRAME_ROWS = 4, 3
+"""Columns and rows of the axes and the legend."""
 _POSE = ("x_m", "y_m", "heading_deg")
 
 
 class MapView(PointsView):
     name = "map"
+    needs_run = False
     key = "2"
     pane: Pane = "centre"
     description = "map: truth, predictions and heat on the floor plan"
@@ -56,6 +61,8 @@ class MapView(PointsView):
 
     def subtitle(self, scene: Scene) -> str:
         state, text = scene.state, _SUBTITLES[scene.state.map_mode]
+        if scene.store.missing_run:
+            text = "true positions"
         if state.clip:
             seen = f"what the selection saw{sample_note(state)}"
             failed = scene.resources.failed.get("seen floor")
@@ -110,7 +117,7 @@ class MapView(PointsView):
             *(f"real_{name}" for name in _POSE),
             "shift_m",
         )
-        record = scene.store.run(scene.state.run)
+        record = scene.store.displayed_run(scene.state.run)
         for side in SIDES:
             if (domain := record.domain(side)) in scene.store.domains_with_own_poses:
                 x, y, heading = scene.store.poses(domain).T
@@ -118,6 +125,8 @@ class MapView(PointsView):
                 names += tuple(f"{side}_true_{name}" for name in _POSE)
         selection = np.flatnonzero(scene.state.selected)
         picked = [column[selection].tolist() for column in columns]
+        if scene.state.marked is not None:
+            names, picked = (*names, "split"), [*picked, scene.splits(selection)]
         return names, list(zip(selection.tolist(), *picked, strict=True))
 
     def summary(self, scene: Scene) -> str:
@@ -127,7 +136,8 @@ class MapView(PointsView):
         codes = truth.room[state.selected]
         counts = [(int((codes == code).sum()), name) for code, name in enumerate(truth.room_names)]
         rooms = ", ".join(f"{name} {n}" for n, name in sorted(counts, key=lambda r: -r[0]) if n)
-        text = f"Map of run {state.run}: {state.count} instances; {rooms or 'in no room'}."
+        of_run = f"Map of run {state.run}" if state.run else "Map of the true positions"
+        text = f"{of_run}: {state.count} instances; {rooms or 'in no room'}."
         if shift.size:
             text += (
                 f" Sim and real predictions lie {np.median(shift):.2f} m apart in the median, "
@@ -139,9 +149,24 @@ class MapView(PointsView):
         from s2rtui.charts.map import paper
 
         view, state = self.input(scene), scene.state
-        title = f"{state.run}: {_TITLES[state.map_mode]}"
+        shown = _TITLES[state.map_mode] if state.run else "true positions"
+        title = f"{scene.title}: {shown}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
-        return paper.map_figure(view, size, theme, title, scene.caption, state.viewport)
+        caption = scene.caption
+        if view.heat is not None and (trust := trust_text(scene.store, state)):
+            caption += f"  ·  heat: {trust}"
+        return paper.map_figure(view, size, theme, title, caption, state.viewport)
+
+    def height(self, scene: Scene, width: int) -> int:
+        """The rows in which the whole map fills the width."""
+        bounds = scene.store.dataset.bounds
+        if not (bounds.width > 0 and bounds.height > 0):
+            return 0
+        chart = max(1, width - _FRAME_COLUMNS)
+        return math.ceil(chart * bounds.height / bounds.width / 2) + _FRAME_ROWS
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        return map_plane(scene.store, scene.state)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.map_panels(self.input(scene), size, options, scene.state.viewport)

@@ -85,7 +85,7 @@ def overview_layout(
     cursor_numbers = CURSOR_NUMBERS if has_cursor and chart_width >= 27 else 0
     chart_width -= cursor_numbers
     top = 1 if height >= 4 else 0
-    axis_rows = 0 if height < 5 or chart_width == 0 else 2
+    axis_rows = 2 if chart_width and height - top - 2 >= min(2, len(rows)) else 0
     space = max(1, height - top - axis_rows)
     shown = min(len(rows), space)
     step = 1
@@ -126,6 +126,13 @@ def overview_panels(
         to_cells = partial(_to_cells, layout, model.axis, held[0])
         panels.append(Panel(model.rows[index].run, "range", *place, to_data, to_cells))
     return tuple(panels)
+
+
+def row_in_panel(panel: Panel, index: int, runs: int) -> int:
+    """The row of run `index` of `runs` in its panel, which reaches half-way to the next runs."""
+    if index == 0:
+        return panel.y
+    return panel.y + (panel.height - 1 if index == runs - 1 else panel.height // 2)
 
 
 def _to_data(

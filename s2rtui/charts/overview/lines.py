@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from s2rtui.analysis import joint_histogram
 from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
-from s2rtui.canvas import Canvas, ColourMode, Rgb, mix
+from s2rtui.canvas import Canvas, ColourMode, Rgb, Theme, mix
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
 from s2rtui.charts.overview.bands import MOST_LINES, band_density, binned_quantiles
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
-from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies
+from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies, selected_parts
 from s2rtui.charts.shared.axis_scale import Floats, Interval
 
 PIECE = 1 << 15
@@ -251,6 +251,10 @@ LIT_RAMP = "'+*#"
 OTHER_RAMP = "."
 
 
+PALE = 0.5
+"""Strength of the colour of trained instances."""
+
+
 DITHER = np.array([[0, 4], [6, 2], [1, 5], [7, 3]]) / 8
 """Thresholds of the dots of a cell: the denser a cell, the more of its dots are drawn."""
 
@@ -259,16 +263,26 @@ def draw_lines(
     canvas: Canvas, lines: OverviewLines, axis: Interval, layout: OverviewLayout
 ) -> None:
     """Draw all lines, then that of the cursor's instance."""
-    density = line_density(lines, axis, layout)
+    new, trained = selected_parts(lines)
+    density = line_density(new, axis, layout)
     chart = Canvas(layout.chart_width, layout.height, canvas.options)
     rows = slice(layout.top, layout.top + layout.height)
     chart.bg[:] = canvas.bg[rows, layout.chart : layout.chart + layout.chart_width]
     colour = getattr(canvas.theme, lines.side)
     _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
+    if trained is not None:
+        shown = line_density(trained, axis, layout).highlighted
+        _layer(chart, shown, pale_colour(colour, canvas.theme), canvas.glyphs.trained, faint=False)
     _layer(chart, density.highlighted, colour, LIT_RAMP, faint=False)
     if layout.step > 1 and lines.cursor is not None:
         _draw_cursor_line(chart, lines, axis, layout)
     canvas.paste(chart, layout.chart, layout.top)
+
+
+def pale_colour(colour: Rgb, theme: Theme) -> Rgb:
+    """The colour of lines of trained instances."""
+    red, green, blue = mix(theme.background, colour, PALE).tolist()
+    return red, green, blue
 
 
 def _layer(canvas: Canvas, density: Density, colour: Rgb, ramp: str, faint: bool) -> None:

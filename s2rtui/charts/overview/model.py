@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,8 @@ class OverviewLines:
     """Each instance as a line across the runs.
 
     values: accuracies (N,) on `side` per run, in the order of the rows; NaN for none. selected,
-    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers.
+    valid: (N,) bool. cursor: an iid whose line is drawn on top with its numbers. trained: (N,)
+    marks instances that the model of a run was trained on, None where none is shown.
     """
 
     values: tuple[Floats, ...]
@@ -31,18 +32,19 @@ class OverviewLines:
     valid: Bools
     side: Side = "real"
     cursor: int | None = None
+    trained: Bools | None = None
 
     @property
     def counts(self) -> tuple[int, int]:
-        """The number of selected valid instances, and of the other valid ones."""
-        valid = np.asarray(self.valid, dtype=np.bool_)
-        highlighted = int(np.count_nonzero(valid & np.asarray(self.selected)))
-        others = int(np.count_nonzero(valid)) - highlighted
-        return highlighted, others
+        """The number of selected valid instances without trained ones, and of those not selected."""
+        valid, selected = (np.asarray(part, dtype=np.bool_) for part in (self.valid, self.selected))
+        new = selected if self.trained is None else selected & ~np.asarray(self.trained)
+        others = int(np.count_nonzero(valid)) - int(np.count_nonzero(valid & selected))
+        return int(np.count_nonzero(valid & new)), others
 
     @property
     def banded(self) -> tuple[bool, bool]:
-        """Whether the selected instances, and the others, are so many that they become bands."""
+        """Whether the new selected instances, and those not selected, are so many that they become bands."""
         highlighted, others = self.counts
         return highlighted > MOST_LINES, others > MOST_LINES
 
@@ -140,6 +142,21 @@ def overview_rows(
             )
         )
     return rows, run_metrics.baseline_accuracy(store, rows[0].run) if rows else math.nan
+
+
+def selected_parts(lines: OverviewLines) -> tuple[OverviewLines, OverviewLines | None]:
+    """The lines with the new and with the trained instances selected; None where none is shown."""
+    if lines.trained is None:
+        return lines, None
+    new, trained = (_selected_part(lines.selected, lines.trained, known) for known in (False, True))
+    return replace(lines, selected=new, trained=None), replace(
+        lines, selected=trained, trained=None
+    )
+
+
+@cached_by_identity(4)
+def _selected_part(selected: Bools, trained: Bools, known: bool) -> Bools:
+    return np.asarray(selected & (trained == known))
 
 
 def cursor_accuracies(lines: OverviewLines) -> list[float | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.overview.bands import BAND_TEXT, accuracy_quantiles
-from s2rtui.charts.overview.lines import levels, pair_counts
+from s2rtui.charts.overview.bands import BAND_TEXT, MOST_LINES, accuracy_quantiles
+from s2rtui.charts.overview.lines import PALE, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
     cursor_accuracies,
     overview_model,
+    selected_parts,
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
@@ -207,19 +209,21 @@ def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, page: Page) -> 
 
     Each is a line, or all are bands where they are many (`OverviewLines.banded`).
     """
-    pairs = pair_counts(lines, axis, FINE)
-    valid = np.asarray(lines.valid, dtype=np.bool_)
-    highlighted = valid & np.asarray(lines.selected)
-    for part, members, ink, order, strength in (
-        (1, valid & ~highlighted, page.inks.unselected, 1.0, 0.45),
-        (0, highlighted, getattr(page.inks, lines.side), 1.2, 0.75),
-    ):
-        if lines.banded[part]:
-            _draw_bands(axes, accuracy_quantiles(lines.values, members), axis, ink, order)
+    valid, selected = (np.asarray(part, dtype=np.bool_) for part in (lines.valid, lines.selected))
+    new, trained = selected_parts(lines)
+    ink = getattr(page.inks, lines.side)
+    layers = [(valid & ~selected, page.inks.unselected, 1.0, 0.45)]
+    if trained is not None:
+        layers.append((valid & trained.selected, _pale(ink, page), 1.1, 0.75))
+    layers.append((valid & new.selected, ink, 1.2, 0.75))
+    for members, colour, order, strength in layers:
+        if np.count_nonzero(members) > MOST_LINES:
+            _draw_bands(axes, accuracy_quantiles(lines.values, members), axis, colour, order)
             continue
-        peak = max((float(pair[part].max()) for pair in pairs), default=0.0)
-        for row, pair in enumerate(pairs):
-            _draw_segments(axes, pair[part], axis, row, (peak, strength), ink, order)
+        pairs = pair_counts(replace(lines, selected=members), axis, FINE)
+        peak = max((float(highlighted.max()) for highlighted, _ in pairs), default=0.0)
+        for row, (highlighted, _) in enumerate(pairs):
+            _draw_segments(axes, highlighted, axis, row, (peak, strength), colour, order)
     if lines.cursor is not None:
         _draw_cursor_line(axes, lines, axis, page)
 
@@ -279,12 +283,23 @@ def _draw_cursor_line(axes: Axes, lines: OverviewLines, axis: Interval, page: Pa
             )  # fmt: skip
 
 
+def _pale(ink: Ink, page: Page) -> Ink:
+    """The ink of lines of trained instances."""
+    red, green, blue = (
+        PALE * part + (1 - PALE) * ground
+        for part, ground in zip(ink, page.inks.background, strict=True)
+    )
+    return red, green, blue
+
+
 def line_keys(lines: OverviewLines | None, page: Page) -> list[tuple[Ink, str]]:
     """Colours and names of the lines for the legend."""
     if lines is None:
         return []
     drawn = BAND_TEXT if lines.banded[0] else "an instance"
     keys = [(getattr(page.inks, lines.side), f"{drawn}, {lines.side}")]
+    if lines.trained is not None:
+        keys.append((_pale(keys[0][0], page), "a model was trained on it"))
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):
         keys.append((page.inks.unselected, "not selected"))
     if lines.cursor is not None:

@@ -9,7 +9,7 @@ from rich.cells import cell_len, set_cell_size
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Mark, RenderOptions, Rgb, Size
 from s2rtui.canvas.marks import mark_on_panel, mark_range
 from s2rtui.charts.overview.layout import OverviewLayout, overview_layout, overview_panels
-from s2rtui.charts.overview.lines import draw_lines
+from s2rtui.charts.overview.lines import draw_lines, pale_colour
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
@@ -83,8 +83,12 @@ def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines |
     if layout.chart_width < 24 or (lines is not None and layout.chart_width < 36):
         pieces = [("acc. %", theme.muted)]
     if lines is not None:
+        colour = getattr(theme, lines.side)
         drawn = "bands" if lines.banded[0] else "lines"
-        pieces.append((f"{drawn}: {lines.side}", getattr(theme, lines.side)))
+        pieces.append((f"{drawn}: {lines.side}", colour))
+        if lines.trained is not None:
+            dark = pale_colour(colour, theme)
+            pieces.append((f"{glyphs.trained if canvas.options.ascii else 'pale:'} trained", dark))
     if layout.chart_width >= 24:
         pieces.append((f"{glyphs.baseline} baseline", theme.muted))
     for text, colour in pieces:

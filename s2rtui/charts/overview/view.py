@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from s2rstore.language.canonical_text import string
 from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
@@ -18,6 +20,8 @@ from s2rtui.session import Session
 
 ROWS_PER_RUN = 3
 """Preferred number of rows per run, the lines to the next run included."""
+FRAME_ROWS = 3
+"""Rows of the header and the axis."""
 
 
 class OverviewView(View):
@@ -35,9 +39,9 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         found = self.lines(scene)
-        if found is not None and found.banded[0]:
-            return f"accuracy, {lines.side}; bands: {BAND_TEXT}"
-        return f"accuracy; one line per instance, {lines.side}"
+        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "one line per instance"
+        pale = ", pale where a model was trained on it" if lines.trained is not None else ""
+        return f"accuracy; {drawn}, {lines.side}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
@@ -46,7 +50,9 @@ class OverviewView(View):
         if lines is None or any(row.run not in lines.values for row in rows):
             return None
         values = tuple(lines.values[row.run] for row in rows)
-        return OverviewLines(values, state.selected, state.base, lines.side, state.cursor)
+        return OverviewLines(
+            values, state.selected, state.base, lines.side, state.cursor, lines.trained
+        )
 
     def _rows(self, scene: Scene) -> tuple[OverviewRow, ...]:
         """A row per run; only names until the accuracies are loaded."""
@@ -123,9 +129,11 @@ class OverviewView(View):
         )
 
     def height(self, scene: Scene, width: int) -> int:
+        if self.unavailable(scene.store):
+            return FRAME_ROWS
         rows = scene.resources.translators
         below = min(translators.MOST_ROWS, len(rows) + 1) if rows else 0
-        return ROWS_PER_RUN * len(scene.state.runs) + 1 + below
+        return ROWS_PER_RUN * (len(scene.state.runs) - 1) + 1 + FRAME_ROWS + below
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         chart = self._chart_size(scene, size)
@@ -137,6 +145,24 @@ class OverviewView(View):
             return None
         value = float(lines.values[panel.name][cursor])
         return (value, 0.0) if math.isfinite(value) else None
+
+    def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
+        """The selected instance whose line crosses the row of a run at a cell."""
+        lines = scene.resources.accuracies(scene.state)
+        names = [row.run for row in self._rows(scene)]
+        if lines is None or panel.name not in lines.values or panel.name not in names:
+            return None
+        if math.floor(cell[1]) != layout.row_in_panel(panel, names.index(panel.name), len(names)):
+            return None  # between the rows of runs, where lines run to the next one
+        values, value = lines.values[panel.name], panel.to_data(*cell)[0]
+        column = panel.to_cells(value, 0.0)[0]
+        distance = np.abs(values - value)
+        distance = np.where(scene.state.selected & np.isfinite(distance), distance, np.inf)
+        iid = int(np.argmin(distance)) if distance.size else 0
+        if not distance.size or not np.isfinite(distance[iid]):
+            return None
+        at = panel.to_cells(float(values[iid]), 0.0)[0]
+        return iid if abs(at - column) <= 1 else None
 
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
         if panel.name in session.state.runs:
@@ -153,7 +179,7 @@ VIEW = OverviewView()
 
 def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
-    parts = [scene.store.dataset.name, "accuracies over the instances that no model was trained on"]
+    parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
     if lines is not None:
         count = f"{scene.state.expression} ({scene.state.count} instances)"
         highlighted, others = lines.banded

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.cells import cell_len
 
 from s2rstore.errors import RequestError
 from s2rstore.files.image_header import floor_plan_bytes
@@ -20,9 +19,16 @@ from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame, sample
 from s2rtui.canvas import Canvas, Pixels, Theme, legible, luma, mix, turbo
-from s2rtui.canvas.raster import draw_braille, draw_half_blocks, draw_shades, line_dots
-from s2rtui.canvas.raster import flatten_half_blocks as prepare
+from s2rtui.canvas.block_symbols import BlockCells, SymbolSet, cells_of, fit_blocks
+from s2rtui.canvas.colour import ANSI_16
+from s2rtui.canvas.raster import draw_blocks, draw_braille, draw_shades, line_dots
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
+from s2rtui.charts.shared.base_map_floor import (
+    draw_walls,
+    floor_colours,
+    plan_tones,
+    wall_pixels,
+)
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
 HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
@@ -49,16 +55,21 @@ class MapBackground:
 
 
 def draw_background(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
-    """Draw floor plan and heat in half blocks, or in light and dense glyphs without them.
+    """Draw floor plan and heat in block characters, or in light and dense glyphs without them.
 
-    Unseen floor is dimmed or left blank. Rooms get dotted outlines.
+    Unseen floor is dimmed or left blank. Rooms get dotted outlines beside the walls of the plan.
     """
+    walls: Bools = np.zeros(canvas.char.shape, dtype=np.bool_)
     if ground.floor_plan is not None or ground.heat is not None:
         if canvas.options.supports_shading:
-            draw_half_blocks(canvas, 0, 0, background_layer(ground, frame, canvas.theme))
+            background = background_cells(ground, frame, canvas.theme, canvas.options.symbol_set)
+            draw_blocks(canvas, background.cells)
+            walls = background.walls
         else:
             _glyphs(canvas, ground, frame)
-    _outlines(canvas, ground.rooms, frame)
+            if canvas.options.supports_images:
+                walls = _walls(canvas, ground, frame)
+    _outlines(canvas, ground.rooms, frame, walls)
 
 
 def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
@@ -69,6 +80,8 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
         floor = _paired(floor)
         bright = luma(floor) if canvas.theme.dark else 1 - luma(floor)
         colours = mix(np.array(canvas.theme.background), np.nan_to_num(floor), 0.6)
+        if canvas.options.supports_images:
+            colours[:] = ANSI_16[8 if canvas.theme.dark else 7]
         levels = bright if hidden is None else np.where(hidden, np.nan, bright)
         draw_shades(canvas, 0, 0, levels, FLOOR_RAMPS[canvas.options.ascii], colours)
     heat = heat_layer(ground, frame)
@@ -81,6 +94,20 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
         )
 
 
+def _walls(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> Bools:
+    """Draw walls in one colour on the page; returns the cells that have one."""
+    symbols = canvas.options.symbol_set
+    parts = wall_layer(ground, frame, (symbols.rows, symbols.columns))
+    if parts is None:
+        return np.zeros(canvas.char.shape, dtype=np.bool_)
+    walls, _ = parts
+    seen = seen_layer(ground, frame, (symbols.rows, symbols.columns))
+    char, held = cells_of(walls if seen is None else walls & (seen >= 0.5), symbols)
+    canvas.char[held] = char[held]
+    canvas.fg[held] = canvas.theme.wall
+    return held
+
+
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     """Average pairs of rows, (2h, w[, C]) to (h, w[, C]), without NaN."""
     pair = pixels[: pixels.shape[0] // 2 * 2].reshape(-1, 2, *pixels.shape[1:])
@@ -90,8 +117,8 @@ def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
-    """Dotted outlines of rooms; in ASCII only their corners."""
+def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame, walls: Bools) -> None:
+    """Dotted outlines of rooms, except beside walls; in ASCII only their corners."""
     dots = np.zeros((4 * canvas.height, 2 * canvas.width), dtype=np.bool_)
     for room in rooms:
         (x0, y0), (x1, y1) = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]]).tolist()
@@ -102,26 +129,11 @@ def _outlines(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
             continue
         lines = [(corners[start], corners[end]) for start, end in ((0, 1), (2, 3), (0, 2), (1, 3))]
         dots |= line_dots(lines, canvas.width, canvas.height, every=3)
+    beside = np.pad(walls, 1)
+    beside[:, 1:-1] |= beside[:, :-2] | beside[:, 2:]
+    beside[1:-1] |= beside[:-2] | beside[2:]
+    dots &= ~np.repeat(np.repeat(beside[1:-1, 1:-1], 4, axis=0), 2, axis=1)
     draw_braille(canvas, dots, canvas.theme.muted)
-
-
-def draw_room_names(canvas: Canvas, rooms: Sequence[Room], frame: MapFrame) -> None:
-    """Write each room's name once in its middle, where it fits."""
-    named: set[str] = set()
-    for room in rooms:
-        if room.room in named:
-            continue
-        named.add(room.room)
-        name = canvas.options.printable(room.room)
-        corners = frame.to_cells([[room.x0, room.y0], [room.x1, room.y1]])
-        (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
-        if cell_len(name) > x1 - x0 or y1 - y0 < 1:
-            continue
-        row, column = int((y0 + y1) / 2), int((x0 + x1 - cell_len(name)) / 2)
-        if 0 <= row < canvas.height and 0 <= column <= canvas.width - cell_len(name):
-            columns = np.arange(column, column + cell_len(name))
-            prepare(canvas, columns, np.full_like(columns, row))
-            canvas.text(column, row, name, canvas.theme.muted)
 
 
 @lru_cache(maxsize=4)
@@ -138,7 +150,8 @@ def floor_plan_pixels(path: str) -> Pixels:
 
 
 Layer = NDArray[np.floating]
-
+PAIR = (2, 1)
+"""Rows and columns of pixels in a cell of layers that are drawn as glyphs."""
 
 DIMMED = 0.78
 """Opacity of the page colour over floor that was not seen."""
@@ -158,70 +171,104 @@ def _heat_scale(heat: Floats) -> Interval | None:
     return (0.0, high) if low >= 0 and high > 0 else (low, high)
 
 
-def background_layer(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
-    """(height, width, 3), read-only: pale floor plan, heat on it, unseen floor dimmed.
+@dataclass(frozen=True, slots=True, eq=False)
+class BackgroundCells:
+    """The cells of a background, and which of them (h, w) show a wall."""
+
+    cells: BlockCells
+    walls: Bools
+
+
+def background_cells(
+    ground: MapBackground, frame: MapFrame, theme: Theme, symbols: SymbolSet
+) -> BackgroundCells:
+    """Floor, heat on it and walls, in block characters; unseen floor is dimmed. Read-only.
 
     Cached for the last few frames; arrays must not be changed in place.
     """
-    bounds, y_down, scale = ground.bounds, ground.y_down, heat_scale(ground)
-    arrays = ground.floor_plan, ground.heat, scale, ground.clip
-    return _background_layer((bounds, y_down, *arrays), frame, theme)
+    arrays = ground.floor_plan, ground.heat, heat_scale(ground), ground.clip
+    return _background_cells((ground.bounds, ground.y_down, *arrays), frame, theme, symbols)
 
 
 @cached_by_identity(8)
-def _background_layer(background: tuple[Any, ...], frame: MapFrame, theme: Theme) -> Pixels:
-    ground = MapBackground(*background)
-    layer = _floor(ground, frame, theme)
-    shares = heat_layer(ground, frame)
+def _background_cells(
+    background: tuple[Any, ...], frame: MapFrame, theme: Theme, symbols: SymbolSet
+) -> BackgroundCells:
+    ground, pixels = MapBackground(*background), (symbols.rows, symbols.columns)
+    layer = _floor(ground, frame, theme, pixels)
+    parts = wall_layer(ground, frame, pixels)
+    if parts is not None:
+        layer[parts[1]] = theme.background
+    heated = np.zeros(layer.shape[:2], dtype=np.bool_)
+    shares = heat_layer(ground, frame, pixels)
     if shares is not None:
+        heated = np.isfinite(shares)
         opacity = 0.12 + 0.74 * np.nan_to_num(shares) ** 0.7
-        layer = mix(layer, turbo(shares), np.where(np.isfinite(shares), opacity, 0.0))
-    seen = seen_layer(ground, frame)
+        layer = mix(layer, turbo(shares), np.where(heated, opacity, 0.0))
+    if parts is not None:
+        draw_walls(layer, parts[0], heated, theme)
+    seen = seen_layer(ground, frame, pixels)
     if seen is not None:
         layer = mix(layer, np.array(theme.background), DIMMED * (1 - seen))
-    layer.setflags(write=False)
-    return layer
+    cells = fit_blocks(layer, symbols, theme.background)
+    for array in (cells.char, cells.fg, cells.bg):
+        array.setflags(write=False)
+    held = np.zeros(cells.char.shape, dtype=np.bool_)
+    return BackgroundCells(cells, held if parts is None else cells_of(parts[0], symbols)[1])
 
 
-def _floor(ground: MapBackground, frame: MapFrame, theme: Theme) -> Pixels:
-    base = np.empty((frame.height, frame.width, 3), dtype=np.uint8)
+def _floor(ground: MapBackground, frame: MapFrame, theme: Theme, pixels: tuple[int, int]) -> Pixels:
+    floor = floor_layer(ground, frame, pixels)
+    if floor is not None and ground.floor_plan is not None:
+        return floor_colours(floor, plan_tones(ground.floor_plan, ground.bounds.width), theme)
+    base = np.empty((frame.height * pixels[0] // 2, frame.width * pixels[1], 3), dtype=np.uint8)
     base[:] = theme.background
-    floor = floor_layer(ground, frame)
-    if floor is None:
-        return base
-    seen = np.asarray(np.isfinite(floor).all(axis=-1))
-    floor = np.nan_to_num(floor)
-    grey = np.repeat((luma(floor) * 255)[..., None], 3, axis=-1)
-    share = 0.46 if theme.dark else 0.55
-    paled = mix(base, 0.45 * floor + 0.55 * grey, share)
-    return np.where(seen[..., None], paled, base).astype(np.uint8)
+    return base
 
 
-def floor_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The floor plan's colours (height, width, 3), NaN outside its bounds."""
+def wall_layer(
+    ground: MapBackground, frame: MapFrame, pixels: tuple[int, int]
+) -> tuple[Bools, Bools] | None:
+    """Whether each pixel is drawn as wall, and as empty; None without a floor plan."""
     if ground.floor_plan is None or _empty(ground.bounds):
         return None
-    return _sampled(ground.floor_plan, ground.bounds, frame, ground.y_down)
+    return _wall_pixels(ground.floor_plan, ground.bounds, frame, ground.y_down, pixels)
 
 
-def heat_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The heat as fractions of its range (height, width), NaN where there is none."""
+_wall_pixels = cached_by_identity(8)(wall_pixels)
+
+
+def floor_layer(
+    ground: MapBackground, frame: MapFrame, pixels: tuple[int, int] = PAIR
+) -> Layer | None:
+    """The floor plan's colours (rows, columns, 3), NaN outside its bounds."""
+    if ground.floor_plan is None or _empty(ground.bounds):
+        return None
+    return _sampled(ground.floor_plan, ground.bounds, frame, ground.y_down, pixels)
+
+
+def heat_layer(
+    ground: MapBackground, frame: MapFrame, pixels: tuple[int, int] = PAIR
+) -> Layer | None:
+    """The heat as fractions of its range (rows, columns), NaN where there is none."""
     scale = heat_scale(ground)
     if scale is None or ground.heat is None or _empty(ground.bounds):
         return None
-    return scale_fraction(_sampled(ground.heat, ground.bounds, frame, True), scale)
+    return scale_fraction(_sampled(ground.heat, ground.bounds, frame, True, pixels), scale)
 
 
-def seen_layer(ground: MapBackground, frame: MapFrame) -> Layer | None:
-    """The share of each pixel (height, width) that was seen, 0 .. 1; None without clip."""
+def seen_layer(
+    ground: MapBackground, frame: MapFrame, pixels: tuple[int, int] = PAIR
+) -> Layer | None:
+    """The share of each pixel (rows, columns) that was seen, 0 .. 1; None without clip."""
     if ground.clip is None or _empty(ground.bounds):
         return None
-    return _seen(ground.clip, ground.bounds, frame)
+    return _seen(ground.clip, ground.bounds, frame, pixels)
 
 
 @cached_by_identity(8)
-def _seen(clip: Floats | Bools, bounds: Bounds, frame: MapFrame) -> Layer:
-    return np.nan_to_num(sample(seen_cells(clip), bounds, frame, True))
+def _seen(clip: Floats | Bools, bounds: Bounds, frame: MapFrame, pixels: tuple[int, int]) -> Layer:
+    return np.nan_to_num(sample(seen_cells(clip), bounds, frame, True, pixels))
 
 
 def seen_cells(clip: NDArray[np.generic]) -> NDArray[np.float32]:

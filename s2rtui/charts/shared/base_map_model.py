@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.records import Bounds, Room, Side
+from s2rstore.records import NO_RUN, Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
@@ -41,12 +41,13 @@ class MapInput:
     """The map of one run.
 
     truth, sim, real: (N, 2) metres. values: (N,) of mode "colour", NaN for none;
-    `value_label` and `value_unit` name it, `value_range` fixes its scale (default: the 1st ..
-    99th percentile of the valid). selected, valid: (N,) bool; cursor: an iid. headings, (N,)
-    radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns must never change in
-    place: results computed from them are cached for the same arrays. `live`
+    `value_label` (empty without values) and `value_unit` name it, `value_range` fixes its scale
+    (default: the 1st .. 99th percentile of the valid). selected, valid: (N,) bool; cursor: an
+    iid. headings, (N,) radians: the truth's. floor_plan, heat, clip: see `MapBackground`. Columns
+    must never change in place: results computed from them are cached for the same arrays. `live`
     are predictions for the cursor that no column has. `sim_truth`, `real_truth`: (N, 2) true
     positions of the side's images where they differ from `truth`, those of the instances.
+    `trained` (N,) marks instances that the model was trained on; None where none is shown.
     """
 
     truth: Floats
@@ -77,6 +78,7 @@ class MapInput:
     live: tuple[LivePose, ...] = ()
     sim_truth: Floats | None = None
     real_truth: Floats | None = None
+    trained: Bools | None = None
 
     def true_positions(self, side: Side) -> Floats:
         """(N, 2) positions of the side's images, from which its errors are measured."""
@@ -170,8 +172,9 @@ def map_input(
     heat_note: str = "",
 ) -> MapInput:
     """The map of the state's run; `heat_note` names the source of outdated heat."""
-    truth, columns, run = store.instances, store.run_columns(state.run), store.run(state.run)
-    choice = state.heat
+    truth, columns = store.instances, store.run_columns(state.run)
+    run = store.displayed_run(state.run)
+    choice = state.shown_heat
     has_heat = heat is not None and choice is not None
     return MapInput(
         truth=true_positions(store),
@@ -187,6 +190,7 @@ def map_input(
         cursor=state.cursor,
         y_down=store.dataset.y_down,
         mode=state.map_mode,
+        value_label="shift" if state.run != NO_RUN else "",
         floor_plan=floor_plan,
         heat=heat if has_heat else None,
         heat_label=_heat_label(state, choice, heat_note) if has_heat and choice else "heat",
@@ -197,13 +201,19 @@ def map_input(
         mark=mark,
         sim_truth=own_positions(store, run.sim_domain),
         real_truth=own_positions(store, run.real_domain),
+        trained=state.marked,
     )
 
 
 def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
-    """Kind and side of the heat, the aggregate if it is not the mean, and the note."""
+    """Kind and side of the heat, the aggregate if it is not the mean, and the note.
+
+    The stored heat of a run is that of all instances, also of those that it was trained on.
+    """
     aggregated = state.overlay in ("selection", "run") and state.aggregate != "mean"
-    parts = [choice.label, choice.side, state.aggregate if aggregated else "", note]
+    trained = int(np.count_nonzero(state.trained)) if state.overlay == "run" else 0
+    whole = f"all instances, {trained} trained on" if trained else ""
+    parts = [choice.label, choice.side, state.aggregate if aggregated else "", whole, note]
     return ", ".join(part for part in parts if part)
 
 

@@ -230,6 +230,16 @@ def draw_values(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
     )
 
 
+def draw_trained(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
+    """A hole in the marks of the selected instances that the model was trained on."""
+    if data.trained is None:
+        return
+    ids = model.selection.members
+    x, y = sheet.thinned(data.truth, ids[data.trained[ids]]).T
+    hole = [sheet.page.inks.background]
+    sheet.axes.scatter(x, y, s=2 if len(ids) > MANY else 9, color=hole, linewidths=0, zorder=7)
+
+
 def draw_pose(sheet: MapSheet, points: Floats, headings: Floats | None, iid: int, ink: Ink) -> None:
     """Draw a ring at one of `points` (N, 2), and an arrow where its heading is known."""
     x, y = (float(part) for part in np.asarray(points)[iid])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.analysis.binning import SelectionIndices
+from s2rtui.analysis.binning import Bools, SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import (
     Canvas,
@@ -20,22 +21,24 @@ from s2rtui.canvas import (
     RenderOptions,
     Rgb,
     Size,
+    Theme,
     heading_arrow,
     legible,
     turbo,
 )
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import braille_bits, draw_braille, flatten_half_blocks
+from s2rtui.canvas.raster import braille_bits, draw_braille, limit_ground
 from s2rtui.charts.shared.axis_scale import Floats, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_background import (
     HEAT_RAMPS,
     MapBackground,
     draw_background,
-    draw_room_names,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
+    Scale,
     colour_bar,
     draw_rows,
     fit_rows,
@@ -43,7 +46,12 @@ from s2rtui.charts.shared.legend import (
     scale_bar,
     text_part,
 )
-from s2rtui.charts.shared.points import highest_levels, level_shares, unselected_dots
+from s2rtui.charts.shared.points import (
+    highest_levels,
+    level_shares,
+    marked_cells,
+    unselected_dots,
+)
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
@@ -144,7 +152,6 @@ def put_glyphs(
     canvas: Canvas, columns: Places, rows: Places, glyph: str, colour: Rgb, bold: bool = True
 ) -> None:
     """Put a glyph into each of some cells."""
-    flatten_half_blocks(canvas, columns, rows)
     canvas.char[rows, columns] = glyph
     canvas.bold[rows, columns] = bold
     canvas.fg[rows, columns] = colour
@@ -185,7 +192,24 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
     if (digits := ramp_for_values(canvas.options)) is not None:
         steps = np.clip(np.nan_to_num(shares) * len(digits), 0, len(digits) - 1).astype(np.intp)
         canvas.char[rows, columns] = np.where(known, np.array(list(digits))[steps], "?")
-    canvas.fg[rows[known], columns[known]] = legible(turbo(shares[known]), canvas.theme)
+    canvas.fg[rows[known], columns[known]] = point_colours(canvas.theme)(shares[known])
+
+
+def draw_trained(
+    canvas: Canvas, points: Floats, trained: Bools | None, selection: SelectionIndices,
+    frame: MapFrame,
+) -> None:  # fmt: skip
+    """Replace the glyph of cells that hold a selected instance that the model was trained on."""
+    if trained is not None:
+        cells = marked_cells(points, trained, selection, frame)
+        canvas.char[cells] = canvas.glyphs.trained
+
+
+def trained_legend(options: RenderOptions, glyphs: str = "") -> LegendPart:
+    """The part that explains the glyph of trained instances, or the given ones."""
+    theme = options.theme
+    shown = glyphs or options.glyphs.trained
+    return text_part(((f"{shown} ", theme.text), ("trained on", theme.muted)))
 
 
 def draw_pose(
@@ -225,6 +249,8 @@ def layout_of_points(
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         parts = explain(data, model, options, width)
+        if data.trained is not None:
+            parts.append(trained_legend(options))
         if model.heat_range is not None:
             ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
             length = 12 if width >= 50 else 8
@@ -239,12 +265,20 @@ def layout_of_points(
 def value_legend(
     data: MapInput, model: MapModel, options: RenderOptions, width: int
 ) -> list[LegendPart]:
-    """The colour bar of the points' values."""
+    """The colour bar of the points' values, if they have any."""
+    if not data.value_label:
+        return []
     ramp, length = ramp_for_values(options), 12 if width >= 50 else 8
     values = data.value_label, data.value_unit, model.value_range
-    clipped = data.value_range is None
-    bar = colour_bar(*values, options, length, ramp=ramp, room=width, clipped=clipped)
+    clipped, colours = data.value_range is None, point_colours(options.theme)
+    bar = colour_bar(*values, options, length, colours, ramp, width, clipped)
     return [bar, several_legend(options)] if model.highlighted > 1 else [bar]
+
+
+@lru_cache(4)
+def point_colours(theme: Theme) -> Scale:
+    """The colours of points by value, 0 .. 1, as a theme shows them."""
+    return lambda shares: legible(turbo(shares), theme)
 
 
 def map_legend(
@@ -276,19 +310,25 @@ def draw_point_map(
     options: RenderOptions,
     draw_selected: Callable[[Canvas], None],
 ) -> Canvas:
-    """A map in `size` (columns, rows): floor, unselected points and rooms, then the selected."""
+    """A map in `size` (columns, rows): floor, unselected points, the selected, names of rooms.
+
+    Every glyph gets a ground that it stands out from.
+    """
     canvas = Canvas(*size, options)
     chart = Canvas(layout.width, layout.height, options)
     draw_background(chart, data.ground, layout.frame)
     dots = unselected_dots(data.truth, selection, layout.frame)
     draw_dots(chart, dots, options.theme.unselected)
-    draw_room_names(chart, data.ground.rooms, layout.frame)
+    before = Canvas(layout.width, layout.height, options)
+    before.paste(chart, 0, 0)
     draw_selected(chart)
+    draw_room_names(chart, data.ground.rooms, layout.frame, mark_costs(before, chart))
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
         draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
     draw_mark(canvas, map_panel(layout), data.mark)
+    limit_ground(canvas)
     return canvas
 
 
@@ -301,6 +341,7 @@ def draw_value_map(
 
     def draw_selected(chart: Canvas) -> None:
         draw_values(chart, data, model, layout.frame)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
     return draw_point_map(data, model.selection, layout, size, options, draw_selected)

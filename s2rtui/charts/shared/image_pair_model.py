@@ -120,7 +120,7 @@ HEADINGS = ("x m", "y m", "deg", "err m", "deg")
 
 def truth_fields(store: Store, run: str, iid: int) -> dict[str, Any]:
     """The fields of `InstanceInput` that hold the true poses of an instance and of its images."""
-    columns, record = store.instances, store.run(run)
+    columns, record = store.instances, store.displayed_run(run)
     truth = tuple(float(part[iid]) for part in (columns.x, columns.y, columns.heading))
     fields: dict[str, Any] = {"truth": truth}
     for side in SIDES:

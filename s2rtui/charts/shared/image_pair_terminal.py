@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -43,12 +44,13 @@ class ImagePanel:
 
 @dataclass(frozen=True, slots=True)
 class InstanceLayout:
-    """Images, rows of colour bars from `bars_y`, the table from `table_y` (or None)."""
+    """Images, rows of colour bars from `bars_y`, the table from `table_y` (or None), the notes."""
 
     panels: tuple[ImagePanel, ...]
     bars: tuple[tuple[LegendPart, ...], ...]
     bars_y: int
     table_y: int | None
+    notes: tuple[str, ...] = ()
 
 
 def instance_layout(
@@ -59,12 +61,11 @@ def instance_layout(
     model = instance_model(data)
     kinds = _kinds(data, model, options)
     bars = [tuple(row) for row in fit_rows(_bars(data, model, options, width), width)]
-    table = 1 + len(model.poses) + len(data.notes)
+    table = 1 + len(model.poses)
     title = 1 if height >= 4 else 0
     plans: tuple[tuple[list[str], list[tuple[LegendPart, ...]], int], ...] = (
         (kinds, bars, table),
-        (kinds, bars, table - len(data.notes)),
-        (kinds[:1], bars[:1], table - len(data.notes)),
+        (kinds[:1], bars[:1], table),
         (kinds[:1], [], 0),
     )
     for what, rows, lines in plans:
@@ -73,8 +74,36 @@ def instance_layout(
             break
     else:
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
-    panels, used = _arrange(what, _sides(data), _shape(data), width, space, title)
-    return InstanceLayout(panels, tuple(rows), used, used + len(rows) if lines else None)
+    images = what, _sides(data), _shape(data), width
+    notes = note_lines(data, width, options) if lines else []
+    shown = notes[: _note_rows(len(notes), space, images, title)]
+    if len(shown) < len(notes) and shown:
+        shown[-1] = f"{shown[-1][: width - 2]} {options.glyphs.ellipsis}"
+    panels, used = _arrange(*images, space - len(shown), title)
+    table_y = used + len(rows) if lines else None
+    return InstanceLayout(panels, tuple(rows), used, table_y, tuple(shown))
+
+
+_Images = tuple[list[str], list[str], tuple[int, int], int]
+"""Kinds and sides of the images, their rows and columns, and the width to show them in."""
+_KEPT_AREA = 0.75
+"""Share of the area of the images that notes below them leave."""
+
+
+def _note_rows(most: int, space: int, images: _Images, top: int) -> int:
+    """How many rows of notes fit below images that keep most of their size."""
+
+    def area(rows: int) -> int:
+        panels, _ = _arrange(*images, rows, top)
+        return panels[0].width * panels[0].height if panels else 0
+
+    least = 4 * len(images[0]) if images[0] else 0
+    fitting = (
+        count
+        for count in range(min(most, space - least), 0, -1)
+        if area(space - count) >= _KEPT_AREA * area(space)
+    )
+    return next(fitting, 0)
 
 
 def _kinds(data: InstanceInput, model: InstanceModel, options: RenderOptions) -> list[str]:
@@ -144,7 +173,7 @@ def draw_instance(
     _titles(canvas, layout, data)
     draw_rows(canvas, 0, layout.bars_y, layout.bars)
     if layout.table_y is not None:
-        _table(canvas, layout.table_y, data, model)
+        _table(canvas, layout.table_y, data, model, layout.notes)
     return canvas
 
 
@@ -245,7 +274,9 @@ def _bars_of_length(
     return parts
 
 
-def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) -> None:
+def _table(
+    canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel, notes: Sequence[str]
+) -> None:
     theme = canvas.theme
     longest = max((len(line.label) for line in model.poses), default=0)
     label = max(8, longest + 3) if canvas.width >= 42 else 2
@@ -261,5 +292,16 @@ def _table(canvas: Canvas, y: int, data: InstanceInput, model: InstanceModel) ->
             ink = colour if strong else theme.text
             at = label + (index + 1) * column
             canvas.text(at, row, text, ink, bold=strong, align="right")
-    for row, (name, value) in enumerate(data.notes, start=y + 1 + len(model.poses)):
-        canvas.text(0, row, canvas.options.printable(f"{name} {value}"), theme.muted)
+    for row, text in enumerate(notes, start=y + 1 + len(model.poses)):
+        canvas.text(0, row, text, theme.muted)
+
+
+def note_lines(data: InstanceInput, width: int, options: RenderOptions) -> list[str]:
+    """The notes, wrapped at `width` columns; lines that continue a note are indented."""
+    return [
+        line
+        for name, value in data.notes
+        for line in textwrap.wrap(
+            options.printable(f"{name} {value}"), max(12, width), subsequent_indent="  "
+        )
+    ]

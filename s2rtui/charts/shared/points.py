@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rtui.analysis.binning import Bins, Codes, SelectionIndices, count_selected, occupied_bins
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    Codes,
+    SelectionIndices,
+    count_selected,
+    occupied_bins,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.charts.shared.axis_scale import Floats, Interval, scale_fraction
@@ -60,6 +67,19 @@ def selected_counts(
     counts = counts.reshape(frame.height // 2, frame.width)
     counts.setflags(write=False)
     return counts
+
+
+@cached_by_identity(6)
+def marked_cells(
+    points: Floats, marked: Bools, selection: SelectionIndices, frame: MapFrame
+) -> NDArray[np.bool_]:
+    """(rows, columns), read-only: cells with a selected point of `marked` (N,)."""
+    places, ids = point_cells(points, frame), selection.members
+    codes = places.codes[ids[marked[ids]]]
+    cells = np.zeros((frame.height // 2, frame.width), dtype=np.bool_)
+    cells.flat[codes[codes < places.count]] = True
+    cells.setflags(write=False)
+    return cells
 
 
 @cached_by_identity(4)

@@ -39,7 +39,9 @@ class UmapInput:
 
     sim, real: (N, 2), NaN for none. values: (N,) that colour the points, NaN for none (default:
     the distance between an instance's two points); `value_range` fixes its scale (default: the 1st
-    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid.
+    .. 99th percentile). selected, valid: (N,) bool; cursor: an iid. viewport: the rectangle to
+    show, by default all points. trained: (N,) marks instances that the model was trained on, None
+    where none is shown.
     """
 
     sim: Floats
@@ -52,6 +54,8 @@ class UmapInput:
     value_label: str = "distance"
     value_unit: str = ""
     value_range: Interval | None = None
+    viewport: Bounds | None = None
+    trained: Bools | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +98,13 @@ def umap_model(data: UmapInput, frame: MapFrame) -> UmapModel:
 
 
 def umap_frame(data: UmapInput, columns: int, rows: int) -> MapFrame:
-    """The window of `columns` x `rows` cells that shows every point of both sides."""
-    return fit_frame(_extent(data.sim, data.real), columns, 2 * rows, y_down=False)
+    """The window of `columns` x `rows` cells that shows the viewport."""
+    return fit_frame(data.viewport or umap_extent(data), columns, 2 * rows, y_down=False)
+
+
+def umap_extent(data: UmapInput) -> Bounds:
+    """The rectangle that holds every point of both sides."""
+    return _extent(data.sim, data.real)
 
 
 def umap_values(data: UmapInput) -> Floats:
@@ -104,7 +113,7 @@ def umap_values(data: UmapInput) -> Floats:
 
 
 def value_range(data: UmapInput) -> Interval:
-    """The scale of the values, from all instances: it does not depend on trajectories in view."""
+    """The scale of the values, from all known points: independent of the trajectories in view."""
     return data.value_range or _percentiles(umap_values(data))
 
 
@@ -184,15 +193,30 @@ def _population(points: Floats, frame: MapFrame, base: Bools) -> Bools:
     return np.asarray(count_selected(point_dots(points, frame), nothing_selected)[1] > 0)
 
 
-def umap_input(store: Store, state: State, mark: Mark | None = None) -> UmapInput:
+def umap_input(
+    store: Store, state: State, mark: Mark | None = None, viewport: Bounds | None = None
+) -> UmapInput:
     """The embeddings of the state's run in the plane."""
     columns = store.run_columns(state.run)
+    sim, real = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
+    if not state.with_trained and columns.trained.any():
+        sim, real = (_new_points(points, columns.trained) for points in (sim, real))
     return UmapInput(
-        stacked_points(columns.sim.u, columns.sim.v),
-        stacked_points(columns.real.u, columns.real.v),
+        sim,
+        real,
         None,
         state.selected,
         state.base,
         cursor=state.cursor,
         mark=mark,
+        viewport=viewport,
+        trained=state.marked,
     )
+
+
+@cached_by_identity(4)
+def _new_points(points: NDArray[np.float64], trained: Bools) -> NDArray[np.float64]:
+    """The points (N, 2) with NaN for trained instances, which then count in no scale."""
+    shown = np.array(points)
+    shown[trained] = np.nan
+    return shown

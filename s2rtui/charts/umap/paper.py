@@ -99,6 +99,8 @@ def _draw_side(
     dots: list[tuple[str, Ink, float, Ink | str, float]] = []
     if model.sim.selected < model.sim.total:
         dots.append(("not selected", inks.unselected, 4.0, inks.unselected, 0.0))
+    if data.trained is not None:
+        dots.append(("trained on", inks.text, 6.0, "none", 1.6))
     if model.cursor is not None:
         dots.append((f"instance {model.cursor}", inks.cursor, 8.0, "none", 1.6))
     for text, ink, size, face, edge in dots:
@@ -150,6 +152,9 @@ def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, 
     colours[~np.isfinite(shares)] = inks.muted
     (x, y), edge = points[highlighted[order]].T, [inks.background]
     axes.scatter(x, y, s=24, c=colours, edgecolors=edge, linewidths=0.5, zorder=4)
+    if data.trained is not None:
+        x, y = points[highlighted[data.trained[highlighted]]].T
+        axes.scatter(x, y, s=8, color=edge, linewidths=0, zorder=5)
 
 
 def _draw_cells(axes: Axes, model: UmapModel, layer: UmapLayer, inks: Inks) -> None:

@@ -6,12 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, legible, turbo
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import cells_with_dots, draw_braille
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
-from s2rtui.charts.shared.base_map_terminal import plane_panel, several_legend
+from s2rtui.charts.shared.base_map_terminal import (
+    draw_trained,
+    plane_panel,
+    several_legend,
+    trained_legend,
+)
 from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.umap.model import (
     LEVELS,
@@ -80,6 +86,9 @@ def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTI
     for panel, layer in zip(panels, (model.sim, model.real), strict=False):
         chart = Canvas(layout.width, layout.height, options)
         _points(chart, layer)
+        points = data.sim if panel.name == "sim" else data.real
+        selection = selection_indices(data.selected, data.valid)
+        draw_trained(chart, points, data.trained, selection, layout.frame)
         canvas.paste(chart, panel.x, panel.y)
         _cursor(canvas, panel, data, model)
         draw_mark(canvas, panel, data.mark)
@@ -142,6 +151,8 @@ def _header(
     parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
     parts.append(text_part(((counts, canvas.theme.muted),)))
+    if data.trained is not None:
+        parts.append(trained_legend(canvas.options))
     if layer.several.any():
         full = several_legend(canvas.options)
         used = sum(part.width + 2 for part in parts)

@@ -10,9 +10,11 @@ from s2rtui.canvas import Canvas, Mark, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import area_expression
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import known_point
 from s2rtui.charts.umap import terminal
-from s2rtui.charts.umap.model import UmapInput, umap_input
+from s2rtui.charts.umap.model import UmapInput, umap_extent, umap_input
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.session.view_settings import ZoomPlane
 
 
 class UmapView(PointsView):
@@ -27,23 +29,27 @@ class UmapView(PointsView):
         return "embeddings, coloured by sim-real distance"
 
     def input(self, scene: Scene) -> UmapInput:
-        return umap_input(scene.store, scene.state, scene.mark(self.name))
+        viewport = scene.state.viewport_of(self.name)
+        return umap_input(scene.store, scene.state, scene.mark(self.name), viewport)
 
     def numbers(self, scene: Scene) -> Table:
         view = self.input(scene)
         selection = np.flatnonzero(scene.state.selected)
         sim, real = view.sim[selection], view.real[selection]
         distance = np.hypot(*(real - sim).T)
-        names = ("iid", "sim u", "sim v", "real u", "real v", "distance")
+        names: tuple[str, ...] = ("iid", "sim u", "sim v", "real u", "real v", "distance")
         columns = (selection, sim[:, 0], sim[:, 1], real[:, 0], real[:, 1], distance)
-        return names, list(zip(*(column.tolist() for column in columns), strict=True))
+        listed: list[Sequence[object]] = [column.tolist() for column in columns]
+        if scene.state.marked is not None:
+            names, listed = (*names, "split"), [*listed, scene.splits(selection)]
+        return names, list(zip(*listed, strict=True))
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         return terminal.draw_umap(self.input(scene), size, options)
 
     def summary(self, scene: Scene) -> str:
         _, rows = self.numbers(scene)
-        distances = np.array([row[-1] for row in rows], dtype=np.float64)
+        distances = np.array([row[5] for row in rows], dtype=np.float64)
         distances = distances[np.isfinite(distances)]
         if not distances.size:
             return f"Embeddings of run {scene.state.run}: none of the selection."
@@ -57,6 +63,11 @@ class UmapView(PointsView):
 
         title = f"{scene.state.run}: embeddings in simulation and in reality (UMAP)"
         return paper.umap_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        view = self.input(scene)
+        side = view.sim if scene.state.side == "sim" else view.real
+        return ZoomPlane(self.name, umap_extent(view), False, known_point(side, view.cursor))
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         return terminal.umap_panels(self.input(scene), size, options)

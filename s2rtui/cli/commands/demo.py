@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ _PRETRAINED_SEED = 1
 _QUICK_VIEWS = 1500
 _QUICK_MINUTES = 2.0
 _SCORED_INSTANCES = 48
+_LINE_WIDTH = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rstore.metrics import store_summary
+    from s2rstore.findings import store_summary
     from s2rtui.cli import main
 
     _check(options)
@@ -82,7 +84,8 @@ def execute(options: argparse.Namespace) -> int:
             return code
         timings.append((" ".join(stage.arguments[:3]), time.monotonic() - began))
     with s2rstore.open(store) as opened:
-        print("\n".join(store_summary.summary_lines(opened)))
+        for line in store_summary.summary_lines(opened):
+            print(textwrap.fill(line, _LINE_WIDTH, subsequent_indent="      "))
         if QUICK in opened.runs:
             print(_training_summary(opened))
     opens = not options.no_open and sys.stdin.isatty() and sys.stdout.isatty()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.cli.formatting import rows as output
 
 EXAMPLE = "s2r doctor lab.s2r --graphics"
@@ -14,19 +15,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", nargs="?", help="store folder to report on as well")
     parser.add_argument("--graphics", action="store_true",
                         help="query the terminal for its graphics protocol")  # fmt: skip
+    add_display_options(parser)
     output.add_output_options(parser, with_parquet=False)
 
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtui.terminal import diagnostics
-    from s2rtui.terminal.capabilities import detect
 
-    terminal = detect()
+    terminal = detect_display(options)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import probe_terminal
 
         terminal = replace(terminal, graphics=probe_terminal(terminal))
-    rows = [*diagnostics.machine(), *diagnostics.terminal(terminal), *diagnostics.packages()]
+    rows = [*diagnostics.machine(), *diagnostics.terminal(terminal)]
+    rows += [*diagnostics.symbol_samples(terminal), *diagnostics.packages()]
     if options.store:
         rows += diagnostics.of_store(options.store)
     output.write(("what", "state"), rows, options)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtui.cli import page_arguments, scene_arguments
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows
 
 Pixels = tuple[int, int]
@@ -51,6 +51,7 @@ def execute(options: argparse.Namespace) -> int:
             raise RequestError(f"--view {SCREEN}: takes none of --title, --width, --dpi, --cmap")
         with open_scene(options.store, scene_options) as scene:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
+            print_population(scene)
             image = screen_of(
                 options.store, scene.state, page.size or _SCREEN_SIZE, RenderOptions(page.theme)
             )
@@ -58,6 +59,7 @@ def execute(options: argparse.Namespace) -> int:
         view = STORED[options.view]
         with open_scene(options.store, scene_options, view) as scene:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
+            print_population(scene)
             image = draw_figure(scene, view, page, form)
     rows.write_file(options.out, image)
     return 0

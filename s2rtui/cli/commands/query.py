@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli import scene_arguments
+from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
+
+if TYPE_CHECKING:
+    from s2rstore.reader import Store
+    from s2rtui.user_data.notebook import Notes
 
 EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.error"
 
@@ -24,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "without one, expressions of the ground truth work)",
     )
     add("--trajectory", action="append", help="select from this trajectory only (repeatable)")
+    scene_arguments.add_with_trained(add)
     add("--count", action="store_true", help="print only the number of instances")
     add("--columns", metavar="F,...",
         help="columns: fields of the selection language, tags and note; for example "
@@ -36,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.language import evaluation
-    from s2rtui.export.rows.selected_instances import DEPRECATED, selected_rows
+    from s2rtui.export.rows.selected_instances import DEPRECATED, count_in_view, selected_rows
     from s2rtui.user_data.notebook import ReadNotebook
 
     with s2rstore.open(options.store) as store:
@@ -50,16 +58,46 @@ def execute(options: argparse.Namespace) -> int:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
+        print_left_out(store, *query, notes.nodes, options.with_trained)
         if options.count:
-            text, parameters = evaluation.sql(store, *query, notes.nodes)
-            print(store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0])
+            text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)
+            count = store.execute(f"SELECT count(*) FROM ({text})", parameters)[0][0]
+            print(count)
+            in_view, trained = count_in_view(store, run, options.trajectory)
+            if trained:
+                _print_count(count_text(count, in_view, trained, options.with_trained), run)
+            if not count:
+                _print_suggestions(store, *query, notes, options.with_trained)
             return 0
         columns = options.columns.split(",") if options.columns else None
-        selection = selected_rows(store, *query, notes, columns)
+        selection = selected_rows(store, *query, notes, columns, with_trained=options.with_trained)
+        if not selection.facts.count:
+            _print_suggestions(store, *query, notes, options.with_trained)
     metadata = selection.facts.as_dict() if options.with_expression else None
     deprecated = DEPRECATED if columns is None else {}
     rows.write(selection.names, selection.rows, options, metadata, deprecated)
-    if options.format == "table" and options.out is None:
-        of_run = f" of run {run}" if run else ""
-        print(f"{selection.facts.count} instances{of_run}", file=sys.stderr)
+    if selection.facts.trained_on or (options.format == "table" and options.out is None):
+        _print_count(selection.facts.count_text, run)
     return 0
+
+
+def _print_count(text: str, run: str) -> None:
+    print(f"{text} instances{f' of run {run}' if run else ''}", file=sys.stderr)
+
+
+def _print_suggestions(
+    store: Store,
+    expression: str,
+    run: str | None,
+    trajectories: list[str] | None,
+    notes: Notes,
+    with_trained: bool,
+) -> None:
+    """Print on standard error which wider expressions would select something."""
+    from s2rstore.language import evaluation, parse, widening
+
+    if not store.has_poses or run == NO_RUN:
+        return
+    context = evaluation.context(store, run, trajectories, notes.nodes, with_trained)
+    for wider in widening.widenings(parse(expression), context):
+        print(f"nothing is selected; {wider.text} would give {wider.count}", file=sys.stderr)

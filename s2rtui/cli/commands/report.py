@@ -7,6 +7,7 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 from s2rtui.cli.formatting.progress import reporter
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--run", action="append", default=[], help="run to report (repeatable)")
     add("--trajectory", action="append", help="use only this trajectory (repeatable)")
     add("--with", dest="other", metavar="RUN", help="run to compare with the first run")
+    scene_arguments.add_with_trained(add)
     add("--heat", metavar="KIND[:MODE]", help="heatmap on the example images")
     add = parser.add_argument_group("page").add_argument
     add("--out", type=Path, required=True, help="output file, *.html")
@@ -46,6 +48,7 @@ def execute(options: argparse.Namespace) -> int:
         runs=tuple(options.run),
         trajectories=tuple(options.trajectory) if options.trajectory else None,
         other=options.other,
+        with_trained=options.with_trained,
         heat=options.heat,
         title=options.title,
         date=options.date,

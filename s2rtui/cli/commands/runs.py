@@ -46,6 +46,8 @@ def execute(options: argparse.Namespace) -> int:
                 note = store.coverage(run.run).summary
                 if not sides[0].n:
                     note = note or "trained on every instance"
+                elif not run_metrics.knows_training_set(store, run.run):
+                    note = note or "training set unknown"
             rows.append((run.run, run.model, *domains, *figures, note))
     output.write(_NAMES, rows, options)
     return 0

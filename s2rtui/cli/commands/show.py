@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows as output
 
 EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
@@ -31,9 +31,12 @@ def execute(options: argparse.Namespace) -> int:
     with open_scene(options.store, scene_arguments.scene_options(options), view) as scene:
         print_coverage(scene.store, scene_arguments.runs(scene.state))
         if options.words:
-            print(view.summary(scene))
+            note = f" {scene.trained_note.capitalize()}." if scene.trained_note else ""
+            print(view.summary(scene) + note * view.counts_instances)
+            print_population(scene)
             return 0
         names, rows = view.numbers(scene)
+        print_population(scene)
         without_nan = [[None if value != value else value for value in row] for row in rows]
         output.write(names, without_nan, options, deprecated=view.deprecated)
     return 0

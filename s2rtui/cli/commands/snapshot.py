@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
+from s2rtui.cli.display_arguments import add_symbols
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
@@ -15,15 +17,18 @@ EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
     parser.add_argument("--run", help="initial run (default: the first)")
+    scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
-    add = parser.add_argument_group("screen").add_argument
+    screen = parser.add_argument_group("screen")
+    add = screen.add_argument
     add("--size", default="120x40", metavar="COLUMNSxROWS",
         help="size in characters (default 120x40)")  # fmt: skip
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
     add("--light", action="store_true", help="use a light background")
+    add_symbols(screen)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -35,7 +40,8 @@ def execute(options: argparse.Namespace) -> int:
     if options.colour not in ("truecolor", "256", "16", "none"):
         raise RequestError(f"--colour {options.colour}: must be truecolor, 256, 16 or none")
     mode = ColourMode(options.colour)
-    render_options = RenderOptions(LIGHT if options.light else DARK, mode, options.ascii)
+    theme = LIGHT if options.light else DARK
+    render_options = RenderOptions(theme, mode, options.ascii, options.symbols)
     from s2rtui.app.pilot import is_key, snapshot
 
     keys = [key.strip() for key in options.keys.split(",") if key.strip()]
@@ -44,7 +50,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(
             f"--keys {unknown[0]}: unknown key; use characters, or names such as enter, right, tab"
         )
-    shot = snapshot(options.store, size, keys, render_options, options.run)
+    shot = snapshot(options.store, size, keys, render_options, options.run, options.with_trained)
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
     rows.write_file(options.out, content)
     return 0

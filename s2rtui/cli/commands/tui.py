@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import scene_arguments
+from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r tui lab.s2r --run finetune"
@@ -16,6 +18,7 @@ EXAMPLE = "s2r tui lab.s2r --run finetune"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
     parser.add_argument("--run", help="initial run (default: the first)")
+    scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip
     rows.add_safe_csv(parser)
@@ -23,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
         help="colours to use (default: detected from the terminal)")  # fmt: skip
+    add_display_options(parser)
     add("--graphics", action="store_true",
         help="draw images of an instance in true pixels: kitty and ghostty, also over SSH, and in "
         "tmux after `tmux set -g allow-passthrough on`")  # fmt: skip
@@ -38,7 +42,7 @@ def execute(options: argparse.Namespace) -> int:
         restrict_process,
         server_process_id,
     )
-    from s2rtui.terminal.capabilities import detect, prepare_environment, refuse_unusable
+    from s2rtui.terminal.capabilities import prepare_environment, refuse_unusable
 
     if options.graphics and options.ascii:
         raise RequestError("--graphics and --ascii: give one of them")
@@ -55,7 +59,7 @@ def execute(options: argparse.Namespace) -> int:
     permissions = Permissions.for_store(options.store, options.restricted)
     if options.restricted:
         restrict_process(permissions)
-    terminal = detect(options.colour, options.ascii)
+    terminal = detect_display(options, options.colour, options.ascii)
     if options.graphics:
         from s2rtui.terminal.graphics.probe import probe_terminal
 
@@ -63,5 +67,8 @@ def execute(options: argparse.Namespace) -> int:
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
 
-    run_app(options.store, options.run, terminal, permissions, options.history, options.safe_csv)
+    run_app(
+        options.store, options.run, terminal, permissions, options.history, options.safe_csv,
+        options.with_trained,
+    )  # fmt: skip
     return 0

@@ -8,7 +8,8 @@ from itertools import count
 from pathlib import Path
 
 from s2rstore.errors import DamagedStoreError, RequestError
-from s2rstore.metrics import run_metrics, store_summary
+from s2rstore.findings import store_summary
+from s2rstore.metrics import run_metrics
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.charts.view import Scene
 from s2rtui.export.load_scene import SceneOptions, apply_options, load_scene
@@ -19,6 +20,7 @@ from s2rtui.export.report.report_model import Report, ReportImage, ReportTable, 
 from s2rtui.export.report.report_request import ReportRequest, RequestedSelection, StepCallback
 from s2rtui.export.report.worst_instances import worst_instances
 from s2rtui.session import Session
+from s2rtui.session.error_groups import COUNTS
 from s2rtui.user_data.notebook import ReadNotebook
 
 _SELECTION_VIEWS = ("map", "errors", "rooms", "orientation")
@@ -48,6 +50,8 @@ def session_report(session: Session, request: ReportRequest, on_step: StepCallba
 def build_report(session: Session, request: ReportRequest, on_step: StepCallback) -> Report:
     """Evaluate the selections and draw all figures. Raises RequestError as `render_report`."""
     session.store.require_poses("a report")
+    if reason := session.store.missing_run:
+        raise RequestError(f"{session.store.path}: {reason}; a report needs a run")
     plan = [(selection, _runs(session, request, selection)) for selection in request.selections]
     for selection, runs in plan:
         if selection.saved is None:
@@ -67,6 +71,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         ("data set hash", store.dataset.hash[:_HASH_CHARACTERS]),
         ("store", f"{store.path.name}, generation {store.generation}"),
         ("instances", f"{len(store.instances)} in {trajectories}"),
+        ("population", _population(request)),
         ("accuracy", f"1 − error / {store.dataset.accuracy_scale:.4g} m, at least 0"),
     ]
     overview = _overview_images(session, request)
@@ -102,15 +107,24 @@ def _runs(
 def _set_state(
     session: Session, request: ReportRequest, run: str, expression: str, room_names: bool = True
 ) -> None:
-    session.set_state(replace(session.state, trajectories=request.trajectories))
+    session.set_state(
+        replace(session.state, trajectories=request.trajectories, with_trained=request.with_trained)
+    )
     session.select("all")
     session.set_run(run)
     other = request.other if request.other != run else None
     options = SceneOptions(
         select=expression, run=run, trajectories=request.trajectories, other=other,
-        heat=request.heat, overlay="off", room_names=room_names,
+        with_trained=request.with_trained, heat=request.heat, overlay="off", room_names=room_names,
     )  # fmt: skip
     apply_options(session, options)
+
+
+def _population(request: ReportRequest) -> str:
+    """Which instances the sections hold, for the facts of the report."""
+    if request.with_trained:
+        return "with the instances that the models were trained on, which are marked"
+    return "the instances that are new to the run: its model was not trained on them"
 
 
 def _scene(session: Session, *names: str) -> Scene:
@@ -181,13 +195,19 @@ def _saved_facts(selection: RequestedSelection, session: Session) -> Iterator[tu
         return
     view = f" in {', '.join(saved.trajectories)}" if saved.trajectories else ""
     state = f"{saved.count} instances of run {saved.run} at generation {saved.generation}"
-    yield "saved", state + view
+    population = (
+        ""
+        if saved.with_trained == session.state.with_trained
+        else (", trained ones included" if saved.with_trained else ", new ones only")
+    )
+    yield "saved", state + view + population
     if saved.run not in session.state.runs:
         yield "run", f"{saved.run} is not in this store; evaluated in {session.state.run}"
 
 
 def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
     scene = _scene(session, *_SELECTION_VIEWS)
+    scene = replace(scene, state=replace(scene.state, grouping=COUNTS))
     state, store = session.state, session.store
     images = []
     for name in _SELECTION_VIEWS:
@@ -196,14 +216,14 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
             numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
         images.append(figure(BY_NAME[name], scene, request.dark, numbers=numbers))
     members = state.selected & state.base
-    trained = int((members & ~run_metrics.held_out(store, run)).sum())
+    trained = int((members & state.trained).sum())
     summary = f"{state.count} instances."
     if trained:
         summary += (
-            f" The model was trained on {trained} of them: they appear in the figures "
-            "and are left out of the table."
+            f" The model was trained on {trained} of them: they are marked in the figures and left "
+            "out of the table."
         )
-    examples = worst_instances(scene, state.heat if request.heat else None)
+    examples = worst_instances(scene, state.shown_heat if request.heat else None)
     return RunPart(run, summary, metric_tables.sides(store, run, members), images, examples)
 
 

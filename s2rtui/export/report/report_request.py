@@ -30,13 +30,15 @@ class ReportRequest:
     """Selections and options of a report.
 
     Without `runs`, a saved selection uses the run of its saving, the others the first run.
-    `heat` is KIND[:MODE] for the images of instances; `date` is printed unchanged.
+    `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE] for
+    the images of instances; `date` is printed unchanged.
     """
 
     selections: tuple[RequestedSelection, ...]
     runs: tuple[str, ...] = ()
     trajectories: tuple[str, ...] | None = None
     other: str | None = None
+    with_trained: bool = False
     heat: str | None = None
     title: str = ""
     date: str = ""

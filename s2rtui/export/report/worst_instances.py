@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from s2rstore.index.population import Population
 from s2rtui.charts.instance.model import instance_input
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import short_number
@@ -25,7 +26,13 @@ def worst_instances(scene: Scene, heat: HeatChoice | None) -> list[Example]:
     by_error = replace(scene.state, sort="real.error", descending=True)
     examples = []
     for iid in instance_list.order(scene.store, by_error, scene.notes)[:WORST_COUNT].tolist():
-        instance = instance_input(scene.store, scene.state.run, iid, heat)
+        instance = instance_input(
+            scene.store,
+            scene.state.run,
+            iid,
+            heat,
+            Population(with_trained=scene.state.with_trained),
+        )
         remark = scene.notes.remarks.get(iid, Remark())
         content = _pose_table(instance), instance.notes, _images(instance)
         examples.append(Example(iid, *content, remark.tags, remark.note))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
+from s2rstore.index.population import SPLIT_SQL, Population, count_text
 from s2rstore.language import evaluation, expand, fields, parse, to_text
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SPLITS
@@ -28,6 +29,8 @@ OFFSET_COLUMNS = ("pair_offset_m", "pair_offset_deg")
 """Further default columns where some pairs are loose."""
 IMAGE_COLUMNS = ("iid", "trajectory", "seq", "timestamp_s")
 """Default columns in a data set without poses."""
+SPLIT_COLUMN = f"{SPLIT_SQL} AS split"
+"""A further default column where trained instances are included."""
 DEPRECATED = {
     "x": "x_m", "y": "y_m", "heading": "heading_deg", "sim_error": "sim_error_m",
     "real_error": "real_error_m", "gap": "gap_m", "sim_heading_error": "sim_heading_error_deg",
@@ -44,7 +47,9 @@ _INTEGER_FIELDS = ("iid", "seq", "sim.rank", "real.rank")
 class EvaluationFacts:
     """Expression, run and data of an evaluation; `expanded` has no saved names in it.
 
-    `note` says for how many instances the run is computed where these are not all.
+    `in_view` counts the valid instances in view, `trained_on` those of them that the run's model
+    was trained on; these are left out unless `with_trained`. `note` says for how many instances the
+    run is computed where these are not all.
     """
 
     expression: str
@@ -55,13 +60,24 @@ class EvaluationFacts:
     dataset: str
     dataset_name: str
     count: int
+    in_view: int = 0
+    trained_on: int = 0
+    with_trained: bool = False
     note: str = ""
+
+    @property
+    def count_text(self) -> str:
+        """`8 of 40 (32 trained on)`."""
+        return count_text(self.count, self.in_view, self.trained_on, self.with_trained)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the facts without those that add no information."""
         facts = asdict(self)
         if self.expanded == self.expression:
             del facts["expanded"]
+        if not self.trained_on:
+            for name in ("in_view", "trained_on", "with_trained"):
+                del facts[name]
         if self.trajectories is None:
             del facts["trajectories"]
         if not self.note:
@@ -86,22 +102,28 @@ def selected_rows(
     notes: Notes | None = None,
     columns: Sequence[str] | None = None,
     selected: NDArray[np.bool_] | None = None,
+    with_trained: bool = False,
 ) -> SelectedRows:
     """Return the rows of the instances that an expression selects.
 
-    `columns` are fields of the selection language, with or without units, `tags` and `note`.
-    `selected` (N,) is the result of the expression if it is known, which then is not evaluated
-    again. Raises ExpressionError, and RequestError for columns and runs that do not exist.
+    Instances that the run's model was trained on are left out unless `with_trained`; the default
+    columns then have the `split`. `columns` are fields of the selection language, with or without
+    units, `tags` and `note`. `selected` (N,) is the result of the expression if it is known, which
+    then is not evaluated again. Raises ExpressionError, and RequestError for columns and runs that
+    do not exist.
     """
     notes = notes or Notes()
     name = store.run_name(run)
     default: tuple[str, ...] = COLUMNS if name != NO_RUN else TRUTH_COLUMNS
     default = default if store.has_poses else IMAGE_COLUMNS
     default += OFFSET_COLUMNS if store.has_loose_pairs else ()
+    default += (SPLIT_COLUMN,) if with_trained and store.has_poses else ()
     if columns is None and selected is not None:
         rows = _rows_of(store, name, np.flatnonzero(selected), default)
     else:
-        text, parameters = evaluation.sql(store, expression, name, trajectories, notes.nodes)
+        text, parameters = evaluation.sql(
+            store, expression, name, trajectories, notes.nodes, with_trained
+        )
         if columns is None:
             pairs = evaluation.pairs(store)
             query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
@@ -117,10 +139,19 @@ def selected_rows(
     facts = EvaluationFacts(
         to_text(node), expanded, name, tuple(trajectories) if trajectories else None,
         store.generation, store.dataset.hash, store.dataset.name, len(rows),
+        *count_in_view(store, name, trajectories), with_trained,
         store.coverage(name).note,
     )  # fmt: skip
     names = [column.split(" AS ")[-1] for column in columns or default]
     return SelectedRows(tuple(names), rows, facts)
+
+
+def count_in_view(store: Store, run: str, trajectories: Sequence[str] | None) -> tuple[int, int]:
+    """Numbers of valid instances in view, and of those that the run's model was trained on."""
+    view = Population(None if trajectories is None else tuple(trajectories))
+    columns = store.run_columns(run)
+    in_view = view.in_view(store.instances, columns)
+    return int(np.count_nonzero(in_view)), int(np.count_nonzero(in_view & columns.trained))
 
 
 def _rows_of(

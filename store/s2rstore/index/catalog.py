@@ -19,6 +19,7 @@ from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import locked_connection, reading_statements, row_check, row_files, schema
 from s2rstore.records import (
     NO_RUN,
+    SIDES,
     ArrayRecord,
     Bounds,
     Dataset,
@@ -345,8 +346,10 @@ class IndexCatalog:
         if self.runs:
             names = ", ".join(self.runs)
             return f"no run is computed ({names}); `s2r precompute {self.path}` computes them"
+        model = next(iter(self.models), None)
+        add = "s2r run add" if model is None else f"s2r run add NAME --model {model}"
         return (
-            "no run; register one of a model (`s2r run add`, then `s2r precompute`), or import "
+            f"no run; register one of a model (`{add}`, then `s2r precompute`), or import "
             "predictions (`s2r run import`)"
         )
 
@@ -354,6 +357,22 @@ class IndexCatalog:
         """Whether the index has an optional table."""
         query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
         return self.execute(query, [table]) != [(0,)]
+
+    @property
+    def missing_run(self) -> str:
+        """Why there are no predictions, and what to do; empty where a run is computed."""
+        if not self.has_poses:
+            return NO_POSES
+        return "" if self.has_computed_run else self.no_run
+
+    def displayed_run(self, name: str) -> Run:
+        """As `run`; for `NO_RUN` a record of the first domain of each kind, without a model."""
+        if name != NO_RUN:
+            return self.run(name)
+        sim, real = (
+            next((d.domain for d in self.domains.values() if d.kind == kind), "") for kind in SIDES
+        )
+        return Run(NO_RUN, None, sim, real, [], [], None, None, "")
 
     def run_name(self, name: str | None = None) -> str:
         """The name of a run as `run` finds it; `NO_RUN` where there are no poses and no name.
@@ -389,6 +408,11 @@ class IndexCatalog:
         """A fact that is a JSON object; empty where it was not recorded. Raises RequestError."""
         text = self.provenance(what).get(key, "{}")
         return parse_object(text, f"{self.path}: provenance of {what}: {key}")
+
+    @cached_property
+    def score_report(self) -> dict[str, Any]:
+        """The report of `s2r score`; empty where none was stored. Raises RequestError."""
+        return self.provenance_object("score", "report")
 
     def rig_offset(self, sim: str, real: str) -> RigOffset | None:
         """Offset of the declared real rig, as calibrated; None where it was not calibrated."""

@@ -16,7 +16,7 @@ from s2rstore.geometry import rooms as room_geometry
 from s2rstore.index import schema
 from s2rstore.index.columns import InstanceColumns, RunColumns, SideColumns
 from s2rstore.lru_cache import LruCache
-from s2rstore.records import NO_RUN, SIDES, SPLITS, Room, Side
+from s2rstore.records import NO_RUN, SIDES, SPLITS, TRAINING_SPLITS, Room, Side
 
 _PROJECTED = ("u", "v")
 _SELECT = "SELECT iid, {} AS value FROM {} WHERE run = ? AND side = ?"
@@ -138,14 +138,27 @@ def load_run_columns(
             return np.asarray(real.error - sim.error)
         if name == "valid":
             return np.asarray(~(np.isnan(sim.error) | np.isnan(real.error)))
+        if name == "trained":
+            return trained_instances(loader, run)
+        if name == "split":
+            known = [np.where(side.split < 0, len(SPLITS), side.split) for side in (sim, real)]
+            first = np.minimum(*known).astype(np.int32)
+            return np.where(first < len(SPLITS), first, np.int32(-1))
         dx, dy = real.x - sim.x, real.y - sim.y
         return np.asarray(np.sqrt(dx * dx + dy * dy))
 
     return RunColumns(cached(None, of_run), run, sim, real)
 
 
+def trained_instances(loader: ColumnLoader, run: str) -> NDArray[np.bool_]:
+    """(n,) the instances of which an image of either side is in `records.TRAINING_SPLITS`."""
+    splits = ", ".join(f"'{split}'" for split in TRAINING_SPLITS)
+    sql = f"SELECT iid, 1 AS value FROM prediction WHERE run = ? AND split IN ({splits})"
+    return loader.column(sql, (run,), 0).astype(np.bool_)
+
+
 def unpredicted(n: int) -> RunColumns:
-    """Columns in place of a run's in a data set without poses, where every instance is valid."""
+    """Columns in place of a run's in a store without one, where every instance is valid."""
     cache: dict[str, NDArray[Any]] = {}
 
     def read(name: str) -> NDArray[Any]:
@@ -154,8 +167,8 @@ def unpredicted(n: int) -> RunColumns:
             blank = np.full(n, -1, dtype=np.int32)
         elif name == "rank":
             blank = np.zeros(n, dtype=np.int32)
-        elif name == "valid":
-            blank = np.ones(n, dtype=np.bool_)
+        elif name in ("valid", "trained"):
+            blank = np.full(n, name == "valid")
         return cache.setdefault(name, blank)
 
     return RunColumns(read, NO_RUN, SideColumns(read), SideColumns(read))

@@ -93,12 +93,16 @@ class SideColumns(Columns):
 class RunColumns(Columns):
     """A run's two sides, with gap = real error - sim error and shift between predictions, metres.
 
-    `valid` marks the instances that both sides predicted.
+    `valid` marks the instances that both sides predicted, and `trained` those of which an image
+    was used to fit or to choose the model. `split` is the first in `records.SPLITS` of the splits
+    of both sides, as a code with -1 for NULL.
     """
 
     gap: FloatColumn
     shift: FloatColumn
     valid: BoolColumn
+    split: IntColumn
+    trained: BoolColumn
 
     def __init__(self, read: Read, run: str, sim: SideColumns, real: SideColumns) -> None:
         super().__init__(read)
@@ -108,15 +112,3 @@ class RunColumns(Columns):
 
     def side(self, side: Side) -> SideColumns:
         return self.sim if side == "sim" else self.real
-
-
-def valid_in_trajectories(
-    valid: BoolColumn, truth: InstanceColumns, trajectories: tuple[str, ...] | None
-) -> BoolColumn:
-    """The instances of `valid` (N,) in the named trajectories, or in all where None."""
-    if trajectories is None:
-        return valid
-    codes = [truth.trajectory_names.index(n) for n in trajectories if n in truth.trajectory_names]
-    is_named = np.zeros(len(truth.trajectory_names) + 1, dtype=np.bool_)  # the last for code -1
-    is_named[codes] = True
-    return valid & is_named[truth.trajectory]

@@ -53,7 +53,7 @@ def complete(text: str, words: Vocabulary) -> list[Option]:
         saved = [(f"@{quoted(name)}", "saved") for name in words.saved]
         return _completed(text, match["saved"], saved)
     if groups.get("run"):
-        options = [(word, fields.WORDS[word]) for word in ("worst15", "best15")]
+        options = [(word, fields.WORDS[word]) for word in fields.RUN_WORDS]
         options += [option for option in _FUNCTIONS if option[0] != "ids("]
         return _completed(text, match["of_run"], [*options, *_FIELDS])
     if groups.get("name") is not None:

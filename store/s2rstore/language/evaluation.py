@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.index import schema
+from s2rstore.index.population import Population
 from s2rstore.language import (
     MaskContext,
     Node,
@@ -22,10 +24,10 @@ from s2rstore.language import (
 )
 from s2rstore.language.fields import is_truth
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Like, leaves
+from s2rstore.language.syntax_tree import Like, Named, Training, leaves
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
-from s2rstore.records import NO_RUN, SIDES, Side
+from s2rstore.records import NO_RUN, SIDES, TRAINING_SPLITS, Side
 
 Saved = Mapping[str, Node]
 
@@ -42,12 +44,16 @@ def context(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> MaskContext:
-    """The context to evaluate masks of a run, by default of the first computed one."""
+    """The context to evaluate masks of a run, by default of the first computed one.
+
+    `trajectories` are those in view, by default all. Instances that the run's model was trained on
+    are left out unless `with_trained`.
+    """
     return MaskContext(
         store.instances, store.run_name(run), store.run_columns, vocabulary(store, saved),
-        None if trajectories is None else tuple(trajectories),
-        partial(_neighbours, store), store.evaluated,
+        _population(trajectories, with_trained), partial(_neighbours, store), store.evaluated,
     )  # fmt: skip
 
 
@@ -57,12 +63,36 @@ def select(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> NDArray[np.bool_]:
-    """The instances that an expression selects, shape (N,).
+    """The instances that an expression selects among those of `context`, shape (N,).
 
     Raises ExpressionError, a RequestError that names the column.
     """
-    return mask(parse(expression), context(store, run, trajectories, saved))
+    return mask(parse(expression), context(store, run, trajectories, saved, with_trained))
+
+
+def trained_left_out(node: Node, used: MaskContext, selected: NDArray[np.bool_]) -> int:
+    """How many trained instances an expression selects beyond `selected`, its result in `used`.
+
+    0 where the context includes trained instances, and for expressions that select new ones and
+    name no split of training images.
+    """
+    columns = used.run_columns(used.run)
+    if used.population.with_trained or not columns.trained.any():
+        return 0
+    expanded = expand(node, used.words)
+    if selected.any() and not any(map(_names_trained, leaves(expanded))):
+        return 0
+    included = replace(used, population=replace(used.population, with_trained=True))
+    return int(np.count_nonzero(mask(expanded, included) & columns.trained))
+
+
+def _names_trained(leaf: Node) -> bool:
+    """Whether a leaf asks for instances that a model was trained on."""
+    if isinstance(leaf, Named):
+        return leaf.field.name.endswith("split") and leaf.value in TRAINING_SPLITS
+    return isinstance(leaf, Training) and leaf.trained
 
 
 def sql(
@@ -71,6 +101,7 @@ def sql(
     run: str | None = None,
     trajectories: Sequence[str] | None = None,
     saved: Saved | None = None,
+    with_trained: bool = False,
 ) -> tuple[str, list[object]]:
     """The same selection as a DuckDB query with bound parameters.
 
@@ -82,7 +113,7 @@ def sql(
     missing = {f"{side}_{name}" for name in store.missing_columns("prediction") for side in SIDES}
     context = SqlContext(
         name, vocabulary(store, saved),
-        None if trajectories is None else tuple(trajectories), partial(_neighbours, store),
+        _population(trajectories, with_trained), partial(_neighbours, store),
         frozenset(missing | store.missing_columns("instance")), store.stored_rooms, pairs(store),
     )  # fmt: skip
     return to_sql(node, context)
@@ -106,6 +137,10 @@ def pairs(store: Store) -> str:
 
 
 def _neighbours(
-    store: Store, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+    store: Store, run: str, side: Side, iid: int, count: int, population: Population
 ) -> NDArray[np.int64]:
-    return nearest_neighbours.neighbours(store, run, side, iid, count, trajectories)[0]
+    return nearest_neighbours.neighbours(store, run, side, iid, count, population)[0]
+
+
+def _population(trajectories: Sequence[str] | None, with_trained: bool) -> Population:
+    return Population(None if trajectories is None else tuple(trajectories), with_trained)

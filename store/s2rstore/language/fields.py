@@ -29,7 +29,10 @@ class Numeric:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A field of names: `column` in view `pair` (not for rooms of predictions), `path` of codes."""
+    """A field of names: `path` of codes, and `column` in view `pair`.
+
+    Rooms of predictions and the split of both sides together have no column.
+    """
 
     column: str
     path: str
@@ -91,6 +94,7 @@ NUMERIC: dict[str, Numeric] = {
 TEXT: dict[str, Text] = {
     "room": Text("room", "instances.room", "rooms", "room of the ground truth"),
     "traj": Text("trajectory", "instances.trajectory", "trajectories", "trajectory"),
+    "split": Text("", "split", "splits", "what the model knew of either image"),
     **{
         f"{side}.{name}": Text(f"{side}_{name}", f"{side}.{name}", vocabulary, f"{side}: {text}")
         for side in SIDES
@@ -108,6 +112,7 @@ PLANES: dict[str, tuple[str, str]] = {
     "real.": ("real.x", "real.y"),
     "umap.sim.": ("sim.u", "sim.v"),
     "umap.real.": ("real.u", "real.v"),
+    "error.": ("sim.error", "real.error"),
 }
 
 _SHAPES = (
@@ -121,6 +126,7 @@ _PLANE_TEXTS = {
     "real.": ("x", "y", "real predictions", ", m"),
     "umap.sim.": ("u", "v", "sim side of the UMAP", ""),
     "umap.real.": ("u", "v", "real side of the UMAP", ""),
+    "error.": ("s", "r", "sim error s and real error r", ", m"),
 }
 
 FUNCTIONS: dict[str, str] = {
@@ -148,7 +154,12 @@ WORDS: dict[str, str] = {
     "max15": "the same as best15",
     "straight": "heading change under 10 degrees",
     "curved": "heading change of 10 degrees or more",
+    "new": "the model was not trained on either image",
+    "trained": "the model was trained on an image: split train or validation",
 }
+
+RUN_WORDS = ("worst15", "best15", "new", "trained")
+"""The words that may follow `run("name").`."""
 
 
 _SUFFIXES = {"m": "_m", "degrees": "_deg", "s": "_s"}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import DamagedStoreError, ExpressionError, RequestError, unknown
+from s2rstore.index.population import Population
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
 from s2rstore.records import SPLITS, Side
@@ -24,9 +25,9 @@ class Neighbours(Protocol):
     """Finds similar instances in the embeddings of one side of a run."""
 
     def __call__(
-        self, run: str, side: Side, iid: int, count: int, trajectories: tuple[str, ...] | None
+        self, run: str, side: Side, iid: int, count: int, population: Population
     ) -> NDArray[np.int64]:
-        """The instance and its `count` nearest neighbours in the base population.
+        """The instance and its `count` nearest neighbours in the population.
 
         Raises RequestError for an unknown instance.
         """
@@ -149,6 +150,8 @@ def used_fields(node: tree.Node) -> tuple[tree.Field, ...]:
     """The fields that a leaf reads."""
     if isinstance(node, tree.Compare | tree.Between | tree.Around | tree.Named | tree.Extreme):
         return (node.field,)
+    if isinstance(node, tree.Training):
+        return (tree.Field("split", node.run),)
     return (node.x, node.y) if isinstance(node, tree.Box | tree.Near | tree.Lasso) else ()
 
 
@@ -163,7 +166,7 @@ def _runs(leaf: tree.Node) -> set[str]:
 
 
 def similar_instances(
-    node: tree.Like, run: str, trajectories: tuple[str, ...] | None, neighbours: Neighbours | None
+    node: tree.Like, run: str, population: Population, neighbours: Neighbours | None
 ) -> NDArray[np.int64]:
     """The instances that `like` selects, where `run` is the current run.
 
@@ -173,7 +176,7 @@ def similar_instances(
     if neighbours is None:
         raise ExpressionError(node.column, "like needs a store with embeddings")
     try:
-        return neighbours(node.run or run, node.side, node.iid, node.count, trajectories)
+        return neighbours(node.run or run, node.side, node.iid, node.count, population)
     except DamagedStoreError:
         raise
     except RequestError as error:

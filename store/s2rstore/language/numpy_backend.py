@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry import angles
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
-from s2rstore.index.columns import InstanceColumns, RunColumns, valid_in_trajectories
+from s2rstore.index.columns import InstanceColumns, RunColumns
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.language import fields, lasso
 from s2rstore.language import syntax_tree as tree
 from s2rstore.language.name_resolution import (
@@ -43,15 +44,15 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
 class MaskContext:
     """Columns to evaluate on: `run_columns` returns those of a named run.
 
-    `trajectories` are those in view; None means all of them. `neighbours` resolves `like`.
-    `evaluated` caches the masks of leaves: share it between contexts of the same columns.
+    `population` says which instances count. `neighbours` resolves `like`. `evaluated` caches the
+    masks of leaves: share it between contexts of the same columns.
     """
 
     instances: InstanceColumns
     run: str
     run_columns: Callable[[str], RunColumns]
     words: Vocabulary
-    trajectories: tuple[str, ...] | None = None
+    population: Population = NEW_INSTANCES
     neighbours: Neighbours | None = None
     evaluated: LruCache = field(default_factory=lambda: LruCache(64 * 2**20))
 
@@ -63,13 +64,12 @@ def mask(node: tree.Node, context: MaskContext) -> Mask:
 
 
 def base_population(context: MaskContext, run: str | None = None) -> Mask:
-    """The valid instances of the run in the trajectories in view; read-only."""
-    name, view = run or context.run, context.trajectories
-    valid = context.run_columns(name).valid
-    if view is None:
-        return valid
+    """The instances of the run that count, as `context.population` says; read-only."""
+    name, population = run or context.run, context.population
     return _cached(
-        context, ("base", name, view), lambda: valid_in_trajectories(valid, context.instances, view)
+        context,
+        ("base", name, population),
+        lambda: population.mask(context.instances, context.run_columns(name)),
     )
 
 
@@ -111,7 +111,7 @@ def _operand(node: tree.Node, context: MaskContext, base: Mask) -> Mask:
 def _key(node: tree.Node, context: MaskContext) -> Hashable:
     """All that a leaf's mask depends on."""
     if isinstance(node, tree.Extreme | tree.Like):
-        return node, context.run, context.trajectories
+        return node, context.run, context.population
     needs_run = not all(fields.is_truth(used.name) for used in used_fields(node))
     return node, context.run if needs_run else None
 
@@ -148,9 +148,13 @@ def _leaf(node: tree.Node, context: MaskContext) -> Mask:
                 return lasso.inside(_bands(x, y, context), corners, len(context.instances))
             case tree.Like():
                 chosen = np.zeros(len(context.instances), dtype=np.bool_)
-                view, neighbours = context.trajectories, context.neighbours
-                chosen[similar_instances(node, context.run, view, neighbours)] = True
+                chosen[
+                    similar_instances(node, context.run, context.population, context.neighbours)
+                ] = True
                 return chosen
+            case tree.Training(trained, run):
+                columns = context.run_columns(run or context.run)
+                return np.asarray(columns.valid & (columns.trained == trained))
             case tree.Bend(straight):
                 compare = np.less if straight else np.greater_equal
                 return _blockwise(lambda v: compare(np.abs(v), STRAIGHT_BELOW), context, _CURVATURE)
@@ -203,7 +207,7 @@ def _bands(x: tree.Field, y: tree.Field, context: MaskContext) -> lasso.Bands:
     run = None if fields.is_truth(x.name) else x.run or context.run
     return context.evaluated.get(
         ("bands", x.name, y.name, run),
-        lambda: lasso.bands(_values(x, context), _values(y, context)),
+        lambda: lasso.bands(field_values(x, context), field_values(y, context)),
     )
 
 
@@ -220,10 +224,11 @@ def _extreme(node: tree.Extreme, context: MaskContext) -> Mask:
     base = base_population(context, node.field.run)
     total = np.count_nonzero(base)
     count = math.ceil(node.amount * total / 100) if node.percent else int(node.amount)
-    return top_k(_values(node.field, context), base, count, node.which == "worst")
+    return top_k(field_values(node.field, context), base, count, node.which == "worst")
 
 
-def _values(field: tree.Field, context: MaskContext) -> Values:
+def field_values(field: tree.Field, context: MaskContext) -> Values:
+    """A field of every instance in the unit of the index, shape (N,), NaN for NULL."""
     return _nan_for_null(field, _column(fields.NUMERIC[field.name].path, field.run, context))
 
 

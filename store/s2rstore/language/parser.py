@@ -178,12 +178,14 @@ class _Build(Transformer[Token, Any]):
             return tree.Everything() if head.name == "all" else tree.Nothing()
         if head.run is None and head.name in ("straight", "curved"):
             return tree.Bend(head.name == "straight")
+        if head.name in ("new", "trained"):
+            return tree.Training(head.name == "trained", head.run)
         after = head.column + len(name if isinstance(name, Token) else head.name)
         if head.name in fields.NUMERIC or head.name in fields.TEXT:
             raise ExpressionError(after, f"{head.name} needs a condition", [" > 1", ":value"])
         if head.name in fields.FUNCTIONS:
             raise ExpressionError(after, f"{head.name} needs ( and its arguments")
-        words = ["worst15", "best15"] if head.run else [*fields.WORDS, *fields.FUNCTIONS]
+        words = list(fields.RUN_WORDS if head.run else [*fields.WORDS, *fields.FUNCTIONS])
         raise unknown(head.column, "word", head.name, words)
 
     def comparison(self, head: Head, operator: Token, value: tuple[float, str]) -> tree.Node:

@@ -9,6 +9,7 @@ from typing import Any
 
 from s2rstore.geometry import angles
 from s2rstore.geometry.curvature import STRAIGHT_BELOW
+from s2rstore.index.population import NEW_INSTANCES, Population, new_to_run
 from s2rstore.language import fields, lasso
 from s2rstore.language import syntax_tree as tree
 from s2rstore.language.name_resolution import Neighbours, Vocabulary, expand, similar_instances
@@ -17,7 +18,7 @@ from s2rstore.records import NO_RUN, SIDES
 
 @dataclass(frozen=True, slots=True)
 class SqlContext:
-    """The current run and the trajectories in view (None = all).
+    """The current run and the population that counts.
 
     `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
     written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
@@ -27,7 +28,7 @@ class SqlContext:
 
     run: str
     words: Vocabulary
-    trajectories: tuple[str, ...] | None = None
+    population: Population = NEW_INSTANCES
     neighbours: Neighbours | None = None
     missing: frozenset[str] = frozenset()
     stored_rooms: Mapping[str, str] = field(default_factory=dict)
@@ -67,12 +68,21 @@ def to_sql(node: tree.Node, context: SqlContext) -> tuple[str, list[Any]]:
 def _base(writer: _Writer, run: str | None, alias: str) -> str:
     """The condition on `alias` of the base population of a run, by default the current one."""
     parts = [f"{alias}.run = {writer.bind(run or writer.context.run)}"]
-    if writer.context.run != NO_RUN:
-        parts += [_known(f"{alias}.{side}_error_m") for side in SIDES]
-    if writer.context.trajectories is not None:
-        listed = writer.bind(list(writer.context.trajectories))
+    parts += _predicted(writer, alias)
+    population = writer.context.population
+    if population.trajectories is not None:
+        listed = writer.bind(list(population.trajectories))
         parts.append(f"list_contains({listed}, {alias}.trajectory)")
+    if not population.with_trained:
+        parts.append(new_to_run(alias))
     return " AND ".join(parts)
+
+
+def _predicted(writer: _Writer, alias: str) -> list[str]:
+    """The conditions that both sides of a row have a prediction; none in a data set without."""
+    if writer.context.run == NO_RUN:
+        return []
+    return [_known(f"{alias}.{side}_error_m") for side in SIDES]
 
 
 def _known(column: str) -> str:
@@ -137,8 +147,12 @@ def _operand(node: tree.Node, writer: _Writer) -> str:
             return _among(writer, x, lambda w: _lasso(node, w))
         case tree.Like():
             context = writer.context
-            iids = similar_instances(node, context.run, context.trajectories, context.neighbours)
+            iids = similar_instances(node, context.run, context.population, context.neighbours)
             return f"q.iid IN (SELECT unnest({writer.bind(iids.tolist())}::INTEGER[]))"
+        case tree.Training(trained, run):
+            is_new = f"{'NOT ' if trained else ''}({new_to_run('q')})"
+            condition = " AND ".join([*_predicted(writer, "q"), is_new])
+            return _among(writer, tree.Field("split", run), lambda w: condition)
         case tree.Bend(straight):
             sign = "<" if straight else ">="
             column = "q.curvature_deg"
@@ -207,6 +221,8 @@ def _named(node: tree.Named, writer: _Writer) -> str:
     value = node.value
     if name == "room":
         value = writer.context.stored_rooms.get(value, value)
+    if node.field.name == "split":
+        return _split(value, writer)
     if name != "room" or not side:
         return f"q.{fields.TEXT[node.field.name].column} = {writer.bind(value)}"
     x, y = f"q.{side}_x", f"q.{side}_y"
@@ -214,6 +230,19 @@ def _named(node: tree.Named, writer: _Writer) -> str:
         "(SELECT arg_min(r.room, r.position) FROM room r WHERE "
         f"{x} >= r.x0 AND {x} <= r.x1 AND {y} >= r.y0 AND {y} <= r.y1) = {writer.bind(value)}"
     )
+
+
+def _split(value: str, writer: _Writer) -> str:
+    """The first of `records.SPLITS` among the splits of both sides is `value`."""
+    columns = [f"q.{side}_split" for side in SIDES]
+    is_value = " OR ".join(f"{column} = {writer.bind(value)}" for column in columns)
+    earlier = writer.context.words.splits[: writer.context.words.splits.index(value)]
+    if not earlier:
+        return f"({is_value})"
+    is_earlier = " OR ".join(
+        f"list_contains({writer.bind(list(earlier))}, {column})" for column in columns
+    )
+    return f"({is_value}) AND NOT coalesce({is_earlier}, false)"
 
 
 def _extreme(node: tree.Extreme, writer: _Writer) -> str:

@@ -127,6 +127,14 @@ class Bend:
 
 
 @dataclass(frozen=True)
+class Training:
+    """`trained` (an image is in split `train` or `validation`) or `new` (the others)."""
+
+    trained: bool
+    run: str | None = None
+
+
+@dataclass(frozen=True)
 class Saved:
     """`@name`: a saved selection."""
 
@@ -161,7 +169,7 @@ class Or(Operation):
 
 Node = (
     Everything | Nothing | Ids | Compare | Between | Around | Named | Extreme | Box | Near | Lasso
-    | Like | Bend | Saved | Not | Operation
+    | Like | Bend | Training | Saved | Not | Operation
 )  # fmt: skip
 
 

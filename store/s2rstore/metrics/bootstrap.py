@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import comb
 from statistics import NormalDist
 
 import numpy as np
@@ -31,6 +32,11 @@ LEVEL = 0.95
 LEVEL_TEXT = f"{100 * LEVEL:g} %"
 REPLICATES = 1000
 SEED = 1
+
+RANKS = 1024
+"""Ranks that medians are resampled with: exact up to this number of values."""
+_REPLICATES_AT_ONCE = 500
+_MOST_REPLICATES = 4000
 
 MIN_TRAJECTORIES = 6
 """Fewest trajectories that are resampled as a whole."""
@@ -51,6 +57,11 @@ class Interval:
     def unknown(cls, value: float = np.nan) -> Interval:
         """An estimate without bounds."""
         return cls(np.nan, value, np.nan)
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the bounds are known and lie on one side of zero."""
+        return self.low > 0 or self.high < 0
 
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
@@ -275,6 +286,99 @@ def mean_interval(
     if blocks.unit_count < 2:
         return Interval.unknown(value)
     return percentile_interval(value, mean_replicates(values, blocks, settings), settings.level)
+
+
+def median_replicates(
+    values: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> Floats:
+    """Corrected replicates (R,) of the median of `values` (n,) over their rows.
+
+    More than `RANKS` values are rounded up to that many quantiles, so that a replicate errs by at
+    most 1 / `RANKS` of the ranks.
+    """
+    ordered = np.sort(values)
+    edges = ordered[np.unique(np.linspace(0, values.size - 1, min(values.size, RANKS)).round())
+                    .astype(np.intp)]  # fmt: skip
+    ranks = np.searchsorted(edges, values)
+    row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+    cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
+    table = cells.reshape(blocks.count, edges.size).astype(np.float64)
+    counts = block_counts(blocks, settings)
+    parts = []
+    for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
+        below = np.cumsum(counts[start : start + _REPLICATES_AT_ONCE] @ table, axis=1)
+        half = below[:, -1:] / 2
+        lower, upper = (below >= half).argmax(axis=1), (below > half).argmax(axis=1)
+        parts.append((edges[lower] + edges[upper]) / 2)
+    medians = np.concatenate(parts)
+    return corrected(medians, float(np.median(values)), blocks.unit_count, settings.level)
+
+
+def median_interval(
+    values: Floats,
+    trajectories: NDArray[np.integer] | None = None,
+    settings: BootstrapSettings = DEFAULT_SETTINGS,
+) -> Interval:
+    """Median of `values` (n,) in recording order, without NaN, with its interval.
+
+    `trajectories` (n,) as in `mean_interval`. The interval is that of the block bootstrap, and at
+    least as wide as that of n independent values: medians of few blocks take few values, so that
+    their percentiles alone are too narrow. The bounds are NaN where n is too small for the level
+    (below 6 at 95 %) or there are fewer than two blocks. In simulations of correlated errors
+    (0 and 0.6 between neighbours) 95 % intervals covered the truth in 90 to 99 % of the cases.
+    """
+    if not values.size:
+        return Interval.unknown()
+    value = float(np.median(values))
+    codes = np.zeros(values.size, dtype=np.int64) if trajectories is None else trajectories
+    blocks = split_into_blocks(codes, settings.block_length)
+    place = _median_bound(values.size, settings.level)
+    if blocks.unit_count < 2 or place < 1:
+        return Interval.unknown(value)
+    low, high = percentile_bounds(median_replicates(values, blocks, settings), settings.level)
+    ordered = np.sort(values)
+    independent = float(ordered[place - 1]), float(ordered[-place])
+    return Interval(min(low, independent[0]), value, max(high, independent[1]), settings.level)
+
+
+@lru_cache(maxsize=4096)
+def _median_bound(n: int, level: float) -> int:
+    """The k for which the k-th smallest and the k-th largest of n values bound the median.
+
+    The largest k with P(X < k) <= (1 - level) / 2 for a binomial X of n trials with probability
+    1/2, by its normal approximation above 100 trials; 0 where there is none. Source: Conover,
+    "Practical nonparametric statistics", 1999, section 3.2.
+    """
+    tail = (1 - level) / 2
+    if n > 100:
+        return int(n / 2 - NormalDist().inv_cdf(1 - tail) * np.sqrt(n) / 2)
+    below = np.cumsum([float(comb(n, k)) for k in range(n + 1)]) / 2.0**n
+    return int(np.count_nonzero(below <= tail))
+
+
+def difference_of(first: Interval, second: Interval) -> Interval:
+    """`first` minus `second`, two independent estimates, from their intervals of one level.
+
+    The distances from the estimates to the bounds add in squares. Source: Zou and Donner,
+    "Construction of confidence limits about effect measures", Statistics in Medicine 27, 2008.
+    """
+    value = first.value - second.value
+    below = np.hypot(first.value - first.low, second.high - second.value)
+    above = np.hypot(first.high - first.value, second.value - second.low)
+    return Interval(value - float(below), value, value + float(above), first.level)
+
+
+def simultaneous(
+    comparisons: int, settings: BootstrapSettings = DEFAULT_SETTINGS
+) -> BootstrapSettings:
+    """Settings whose intervals hold in all of several comparisons at once with the level.
+
+    Bonferroni's correction: each has the level 1 - (1 - level) / comparisons. The number of
+    replicates grows with it, because fewer of them lie beyond each bound.
+    """
+    level = 1 - (1 - settings.level) / max(1, comparisons)
+    needed = min(settings.replicates * max(1, comparisons), _MOST_REPLICATES)
+    return replace(settings, level=level, replicates=max(settings.replicates, needed))
 
 
 def circular_block_sums(values: Floats, length: int, starts: NDArray[np.int64]) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import NotComputedError
-from s2rstore.index.columns import valid_in_trajectories
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics.top_k import top_k
 from s2rstore.reader import Store
 from s2rstore.records import Side
@@ -24,17 +24,16 @@ def neighbours(
     side: Side,
     iid: int,
     count: int,
-    trajectories: tuple[str, ...] | None = None,
+    population: Population = NEW_INSTANCES,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """An instance and its nearest in one side's embeddings, with their distances.
 
-    The instance comes first, at 0; then at most `count` valid ones of the named trajectories
-    (None = all), the nearest first, ties by iid. Empty where the instance has no embedding.
+    The instance comes first, at 0; then at most `count` of the population, the nearest first, ties
+    by iid. Empty where the instance has no embedding.
     Raises RequestError for an unknown instance, NotComputedError for a run without embeddings.
     """
     store.check_instance(iid)
-    valid = store.run_columns(run).valid
-    base = valid_in_trajectories(valid, store.instances, trajectories)
+    base = population.mask(store.instances, store.run_columns(run))
     return nearest(embedding(store, run, side), iid, count, base)
 
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.index.population import NEW_INSTANCES, Population
 from s2rstore.metrics import bootstrap, pose_metrics
 from s2rstore.reader import Store
 from s2rstore.records import SPLITS, Side
-
-_KNOWN = (SPLITS.index("train"), SPLITS.index("validation"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +33,29 @@ class SideMetrics:
 
 def held_out(store: Store, run: str) -> NDArray[np.bool_]:
     """The valid instances that the model was neither fitted nor chosen on, shape (N,)."""
-    columns = store.run_columns(run)
-    known = np.isin(columns.sim.split, _KNOWN) | np.isin(columns.real.split, _KNOWN)
-    return np.asarray(columns.valid & ~known)
+    return population(store, run)
+
+
+def population(store: Store, *runs: str, only: Population = NEW_INSTANCES) -> NDArray[np.bool_]:
+    """The instances that count in all of some computed runs, shape (N,); read-only.
+
+    By default those that every run predicted on both sides and that are new to all of them.
+    """
+    return only.mask(store.instances, *(store.run_columns(run) for run in runs))
+
+
+def knows_training_set(store: Store, run: str) -> bool:
+    """Whether the store knows which instances a computed run's model was trained on.
+
+    It does not for weights and predictions of other programs that came without splits: all their
+    instances are `unseen`, and count as new.
+    """
+    codes, model = store.run_columns(run).split, store.run(run).model
+    if np.isin(codes, (-1, SPLITS.index("unseen")), invert=True).any():
+        return True
+    return model is not None and any(
+        key.startswith("split:") for key in store.provenance(f"model:{model}")
+    )
 
 
 def side_metrics(

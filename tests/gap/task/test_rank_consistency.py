@@ -58,7 +58,7 @@ def test_rank_violation_is_0_for_equal_and_largest_for_reversed_order(seed: int,
 
 
 def test_five_runs_are_compared_with_intervals(tmp_path: Path) -> None:
-    root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"))
+    root = tiny.build(tmp_path / "s.s2r", N, tuple("abcde"), trained=tuple("abcde"))
     with s2rstore.open(root) as store:
         result = rank_consistency(store, np.arange(N), GapSettings(300))
         repeated = rank_consistency(store, np.arange(N), GapSettings(300))

@@ -33,7 +33,7 @@ SETTINGS = GapSettings(replicates=300, seed=2)
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tiny.build(tmp_path_factory.mktemp("task") / "s.s2r", N)
+    return tiny.build(tmp_path_factory.mktemp("task") / "s.s2r", N, trained=tiny.RUNS)
 
 
 @pytest.fixture

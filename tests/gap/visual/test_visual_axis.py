@@ -44,7 +44,7 @@ def features_along_walk(seed: int, shift: float) -> np.ndarray:
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Runs of one model: `far` with a gap, `near` with adapted images, `same` without any gap."""
-    root = tiny.build(tmp_path_factory.mktemp("visual") / "s.s2r", N, ("far",))
+    root = tiny.build(tmp_path_factory.mktemp("visual") / "s.s2r", N, ("far",), trained=("far",))
     real = features_along_walk(1, 0.0)
     add_run_like_far(root, "near", {"sim_adjustments": [{"name": "brightness", "value": 1.2}]})
     add_run_like_far(root, "same", {"model": "of-same"})

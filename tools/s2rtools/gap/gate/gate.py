@@ -72,11 +72,15 @@ class GapRequest:
 
 
 def collect_evidence(store: Store, request: GapRequest) -> Evidence:
-    """Evidence of a request. Raises RequestError for uncomputed runs and empty selections."""
+    """Evidence of a request. Raises RequestError for uncomputed runs and empty selections.
+
+    The expression selects among all instances, because axes without a model use all of them; the
+    others leave out the trained instances (`instance_selection.held_out`).
+    """
     run = store.run(request.run)
     if not run.key:
         raise RequestError(f"{store.path}: run {run.run} is not computed; run `s2r precompute`")
-    chosen = evaluation.select(store, request.expression, run.run)
+    chosen = evaluation.select(store, request.expression, run.run, with_trained=True)
     if not store.run_columns(run.run).valid.any():
         raise RequestError(
             f"{store.path}: run {run.run} has no instance that both sides predicted; "

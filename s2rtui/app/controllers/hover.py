@@ -1,0 +1,53 @@
+"""The instance under the mouse, described in the message line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from s2rtui.app.titled_view import TITLE_ROWS
+from s2rtui.app.widgets.plot import Cell, PlotView
+from s2rtui.charts.registry import BY_NAME
+from s2rtui.session.instance_text import instance_text
+
+if TYPE_CHECKING:
+    from s2rtui.app.app import S2RApp
+
+
+class HoverController:
+    """Finds the instance under the mouse."""
+
+    def __init__(self, app: S2RApp) -> None:
+        self._app = app
+        self._under: int | None = None
+
+    @property
+    def text(self) -> str:
+        """The instance under the mouse in one line; empty if there is none."""
+        return self._text_of(self._under)
+
+    @property
+    def cursor_text(self) -> str:
+        """The cursor's instance in one line; empty if there is none."""
+        return self._text_of(self._app.session.state.cursor)
+
+    def on_hovered(self, message: PlotView.Hovered) -> None:
+        """Describe the instance under the mouse, if it is another one than before."""
+        view, cell = message.plot.take_hover()
+        found = None if cell is None else self._instance_at(view, cell)
+        if found != self._under:
+            self._under = found
+            self._app.renderer.refresh_message()
+
+    def _instance_at(self, name: str, cell: Cell) -> int | None:
+        app = self._app
+        if name not in BY_NAME or app.screen is not app.default_screen:
+            return None
+        view = BY_NAME[name]
+        if (panel := app.brush.panel_under(view, cell)) is None:
+            return None
+        place = cell[0] + 0.5, cell[1] - TITLE_ROWS + 0.5
+        return view.instance_at(app.renderer.scene, panel, place)
+
+    def _text_of(self, iid: int | None) -> str:
+        store, state = self._app.session.store, self._app.session.state
+        return instance_text(store, state, iid) if iid is not None and iid < len(state.base) else ""

@@ -1,0 +1,288 @@
+"""Sim error against real error in cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    Canvas,
+    Panel,
+    Point,
+    RenderOptions,
+    Rgb,
+    Size,
+    legible,
+    turbo,
+)
+from s2rtui.canvas.marks import draw_mark
+from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
+from s2rtui.charts.scatter.axis import LOG_RULE, ErrorAxis
+from s2rtui.charts.scatter.model import (
+    DENSITY_ABOVE,
+    EQUAL,
+    PERCENT,
+    QUADRANTS,
+    REAL_LARGER,
+    SIM_LARGER,
+    Limits,
+    ScatterInput,
+    ScatterModel,
+    ScatterSummary,
+    scatter_model,
+    scatter_summary,
+)
+from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.base_map_terminal import trained_legend
+from s2rtui.charts.shared.legend import (
+    LegendPart,
+    draw_rows,
+    fit_rows,
+    ramp_for_values,
+    text_part,
+)
+
+LEFT = 7
+"""Columns of ticks at the left."""
+MANY = 10
+"""Cells with this many instances or more show `+` in place of the number."""
+
+_LEAST = 1e-12
+"""Metres; errors below it, also 0, have the same place on a logarithmic axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScatterLayout:
+    """The plot's first column, its width and height in cells, and the rows of the legend below."""
+
+    left: int
+    width: int
+    height: int
+    axes: bool
+    legend: tuple[tuple[LegendPart, ...], ...]
+
+
+def scatter_layout(
+    data: ScatterInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS, peak: int = 1
+) -> ScatterLayout:
+    """Lay out plot and legend; `peak` is the largest count of the scale of densities."""
+    width, height = max(1, size[0]), max(1, size[1])
+    axes = width >= 36 and height >= 12
+    left, below = (LEFT, 1) if axes else (0, 0)
+    rows = fit_rows(_legend(data, options, width, peak), width)[: height // 6]
+    legend = tuple(tuple(row) for row in rows)
+    return ScatterLayout(left, width - left, height - below - len(rows), axes, legend)
+
+
+def scatter_panels(
+    data: ScatterInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> tuple[Panel, ...]:
+    """One panel "errors", a plane: x is the sim error, y the real error, both in metres."""
+    layout = scatter_layout(data, size, options)
+    return (_panel(data.axis, layout),)
+
+
+def _panel(axis: ErrorAxis, layout: ScatterLayout) -> Panel:
+    least = _LEAST if axis.log else -np.inf
+
+    def to_data(column: float, row: float) -> Point:
+        across, up = (column - layout.left) / layout.width, 1 - row / layout.height
+        return axis.value(across), axis.value(up)
+
+    def to_cells(x: float, y: float) -> Point:
+        across, up = (float(axis.fractions(max(error, least))) for error in (x, y))
+        return layout.left + across * layout.width, (1 - up) * layout.height
+
+    return Panel("errors", "plane", layout.left, 0, layout.width, layout.height, to_data, to_cells)
+
+
+def draw_scatter(
+    data: ScatterInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> Canvas:
+    """Draw the plot in `size` (columns, rows)."""
+    canvas = Canvas(*size, options)
+    size = canvas.width, canvas.height
+    layout = scatter_layout(data, size, options)
+    model = scatter_model(data, layout.width, layout.height)
+    if model.dense:
+        layout = scatter_layout(data, size, options, model.peak)
+    chart = Canvas(layout.width, layout.height, options)
+    _lines(chart, model)
+    _unselected(chart, model)
+    (_shades if model.dense else _dots)(chart, model)
+    canvas.paste(chart, layout.left, 0)
+    panel = _panel(data.axis, layout)
+    if model.cursor is not None:
+        across, up = (float(data.axis.drawn(e[model.cursor])) for e in (data.sim, data.real))
+        column = layout.left + int(across * layout.width)
+        row = layout.height - 1 - int(up * layout.height)
+        canvas.put(column, row, *options.role("cursor"), bold=True)
+    draw_mark(canvas, panel, data.mark)
+    if layout.axes:
+        _axes(canvas, panel, data)
+    draw_rows(canvas, 0, layout.height + int(layout.axes), layout.legend)
+    return canvas
+
+
+def _lines(chart: Canvas, model: ScatterModel) -> None:
+    """The diagonal in dots, and a line at each limit of the best and the worst 15 %."""
+    glyphs, ink = chart.glyphs, chart.theme.faint
+    for limits, vertical in ((model.summary.sim, True), (model.summary.real, False)):
+        for limit in (limits.best, limits.worst):
+            if not np.isfinite(limit):
+                continue
+            place = float(model.axis.drawn(limit))
+            if vertical:
+                chart.vline(int(place * chart.width), 0, chart.height - 1, glyphs.vertical, ink)
+            else:
+                row = chart.height - 1 - int(place * chart.height)
+                chart.hline(0, chart.width - 1, row, glyphs.horizontal, ink)
+    ends = ((0.0, float(chart.height)), (float(chart.width), 0.0))
+    diagonal = line_dots([ends], chart.width, chart.height, every=2)
+    if chart.options.ascii:
+        for row, column in np.argwhere(cells_with_dots(diagonal)):
+            chart.put(int(column), int(row), ".", chart.theme.muted)
+    else:
+        draw_braille(chart, diagonal, chart.theme.muted)
+
+
+def _unselected(chart: Canvas, model: ScatterModel) -> None:
+    theme = chart.theme
+    if chart.options.ascii:
+        held = cells_with_dots(model.grey)
+        chart.char[held] = chart.glyphs.unselected
+        chart.fg[held] = theme.unselected
+    else:
+        draw_braille(chart, model.grey, theme.unselected)
+
+
+def _dots(chart: Canvas, model: ScatterModel) -> None:
+    """A disc for one selected instance, a number for several, coloured by the larger error."""
+    held = model.count > 0
+    several = np.minimum(model.count[held], MANY)
+    names = np.array([" ", chart.glyphs.selected, *map(str, range(2, MANY)), "+"])
+    chart.char[held] = names[several]
+    chart.fg[held] = _side_inks(chart.options)[model.larger[held]]
+    chart.bold[held] = True
+    if model.trained is not None:
+        chart.char[model.trained] = chart.glyphs.trained
+
+
+def _side_inks(options: RenderOptions) -> np.ndarray:
+    """(3, 3) colours by side of the diagonal: the sim error is larger, both, the real error is."""
+    theme = options.theme
+    inks = np.empty((3, 3), dtype=np.uint8)
+    inks[SIM_LARGER], inks[EQUAL], inks[REAL_LARGER] = theme.sim, theme.text, theme.real
+    return inks
+
+
+def _shades(chart: Canvas, model: ScatterModel) -> None:
+    """Cells with selected instances in the colour, or the shade, of their number."""
+    held = model.count > 0
+    shares = density_shares(model.count[held], model.peak)
+    ramp = ramp_for_values(chart.options)
+    if ramp is None:
+        chart.char[held] = " "
+        chart.bg[held] = legible(turbo(shares), chart.theme)
+        return
+    places = np.minimum((shares * len(ramp)).astype(np.intp), len(ramp) - 1)
+    chart.char[held] = np.array(list(ramp))[places]
+    chart.fg[held] = legible(turbo(shares), chart.theme)
+    chart.bold[held] = True
+
+
+def density_shares(counts: np.ndarray, peak: int) -> np.ndarray:
+    """Counts from 1 as fractions 0 .. 1 of a logarithmic scale that ends at `peak`."""
+    return np.asarray(np.log(counts) / max(np.log(peak), 1e-9))
+
+
+def _axes(canvas: Canvas, panel: Panel, data: ScatterInput) -> None:
+    """Ticks along the left and the lower edge, with the names of both axes."""
+    theme, axis, bottom = canvas.theme, data.axis, panel.height
+    name = f"sim error {data.unit}{', log' if axis.log else ''}"
+    free, stop = panel.x, canvas.width - len(name) - 1
+    for tick in axis.ticks(max(2, panel.width // 8)):
+        text = short_number(tick)
+        start = max(panel.x, int(panel.to_cells(tick, axis.high)[0]) - len(text) // 2)
+        if start >= free and start + len(text) <= stop:
+            free = canvas.text(start, bottom, text, theme.muted) + 1
+    canvas.text(canvas.width - len(name), bottom, name, theme.muted)
+    canvas.text(0, 0, f"real {data.unit}", theme.muted)
+    for tick in axis.ticks(max(2, panel.height // 4)):
+        row = min(int(panel.to_cells(axis.low, tick)[1]), bottom - 1)
+        if row >= 1:
+            canvas.text(
+                panel.x - 1, row, short_number(tick)[: LEFT - 1], theme.muted, align="right"
+            )
+
+
+def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -> list[LegendPart]:
+    """What colours, glyphs and lines mean, with the counts of the corners."""
+    summary, theme = scatter_summary(data), options.theme
+    parts = _point_legend(data, summary, options, width, peak)
+    lines = f"lines: best and worst {PERCENT} %"
+    limits = lines + _limits_text(summary.sim, summary.real)
+    lines = limits if len(limits) <= width else lines
+    parts.insert(2, text_part(((lines, theme.muted),)))
+    parts += [
+        text_part(((f"{quadrant.name}: ", theme.muted), (str(count), theme.text)))
+        for quadrant, (count, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
+    ]
+    if data.axis.log:
+        below = f"; {summary.below} below {short_number(data.axis.low)} {data.unit} at the edge"
+        text = f"log axes: {LOG_RULE}{below if summary.below else ''}"
+        short = f"log axes{below if summary.below else ''}"
+        parts.append(text_part(((text if len(text) <= width else short, theme.muted),)))
+    else:
+        parts.append(text_part((("linear axes", theme.muted),)))
+    return parts
+
+
+def _point_legend(
+    data: ScatterInput, summary: ScatterSummary, options: RenderOptions, width: int, peak: int
+) -> list[LegendPart]:
+    theme, glyph = options.theme, options.glyphs.selected
+    parts: list[LegendPart] = []
+    sides = (("real", theme.real, summary.real_larger), ("sim", theme.sim, summary.sim_larger))
+    dense = summary.total > DENSITY_ABOVE
+    for side, ink, count in sides:
+        where = "above" if side == "real" else "below"
+        marked: list[tuple[str, Rgb]] = [] if dense else [(f"{glyph} ", ink)]
+        text = f"{side} error larger ({where} the diagonal): "
+        if len(text) + 12 > width // 2:
+            text = f"{side} error larger: "
+        parts.append(text_part((*marked, (text, theme.muted), (str(count), theme.text))))
+    if dense:
+        parts.insert(0, _count_bar(peak, options))
+    elif summary.selected:
+        parts.append(
+            text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
+        )
+    if data.trained is not None and not dense:
+        parts.append(trained_legend(options))
+    if summary.selected < summary.total:
+        grey = "⠿" if not options.ascii else options.glyphs.unselected
+        parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))
+    return parts
+
+
+def _count_bar(peak: int, options: RenderOptions) -> LegendPart:
+    """The logarithmic scale of densities from 1 to `peak`."""
+    length, muted = 10, options.theme.muted
+    glyphs = ramp_for_values(options) or "█" * length
+    inks = legible(turbo(np.linspace(0, 1, length)), options.theme).tolist()
+    shades = [(glyph, (r, g, b)) for glyph, (r, g, b) in zip(glyphs, inks, strict=True)]
+    return text_part((("instances per cell, log: 1 ", muted), *shades, (f" {peak}", muted)))
+
+
+def _limits_text(sim: Limits, real: Limits) -> str:
+    """The limits of both sides in metres; empty where they are unknown."""
+    if not np.isfinite([sim.best, sim.worst, real.best, real.worst]).all():
+        return ""
+    sides = (("sim", sim), ("real", real))
+    return "".join(
+        f", {name} to {short_number(limits.best, 2)} and from {short_number(limits.worst, 2)} m"
+        for name, limits in sides
+    )

@@ -1,0 +1,122 @@
+"""Sim error against real error: which instances are poor in sim and good in reality."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from s2rstore.index.columns import FloatColumn
+from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
+from s2rtui.charts.scatter.axis import ErrorAxis
+from s2rtui.charts.scatter.brush import box_expression, lasso_expression
+from s2rtui.charts.scatter.model import PERCENT, QUADRANTS, ScatterInput, scatter_summary
+from s2rtui.charts.scatter.terminal import draw_scatter, scatter_panels
+from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
+from s2rtui.charts.shared.points import nearest_iid, stacked_points
+from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.session import Session
+
+
+class ScatterView(PointsView):
+    name = "scatter"
+    key = "X"
+    description = "sim error against real error of each instance"
+    narrow_ratio = 2.5
+    wide_ratio = 0.8
+    figure_size = (1500, 1200)
+
+    def subtitle(self, scene: Scene) -> str:
+        summary = scatter_summary(self.input(scene))
+        return (
+            f"{QUADRANTS[0].name}: {summary.quadrants[0][0]} of {summary.total} "
+            f"(worst and best {PERCENT} %)"
+        )
+
+    def input(self, scene: Scene) -> ScatterInput:
+        state = scene.state
+        columns = scene.store.run_columns(state.run)
+        sim, real = columns.sim.error, columns.real.error
+        if not state.with_trained and columns.trained.any():
+            sim, real = _new_errors(sim, columns.trained), _new_errors(real, columns.trained)
+        return ScatterInput(
+            sim, real, state.selected, state.base, cursor=state.cursor,
+            mark=scene.mark(self.name), trained=state.marked,
+        )  # fmt: skip
+
+    def numbers(self, scene: Scene) -> Table:
+        """Instances and selected ones per quadrant, and by which error is larger."""
+        view = self.input(scene)
+        summary = scatter_summary(view)
+        rows: list[tuple[object, ...]] = [
+            (quadrant.name, total, selected, quadrant.expression)
+            for quadrant, (total, selected) in zip(QUADRANTS, summary.quadrants, strict=True)
+        ]
+        real_larger, sim_larger = (
+            int(np.count_nonzero(larger & view.valid))
+            for larger in (view.real > view.sim, view.sim > view.real)
+        )
+        rows.append(("real error larger", real_larger, summary.real_larger, "gap > 0"))
+        rows.append(("sim error larger", sim_larger, summary.sim_larger, "gap < 0"))
+        rows.append(("all", summary.total, summary.selected, "all"))
+        return ("quadrant", "instances", "selected", "expression"), rows
+
+    def summary(self, scene: Scene) -> str:
+        summary = scatter_summary(self.input(scene))
+        (poor_sim, _), (poor_real, _) = summary.quadrants[:2]
+        return (
+            f"Of {summary.total} instances, {poor_sim} are among the worst {PERCENT} % in sim and "
+            f"the best {PERCENT} % in real, {poor_real} among the best {PERCENT} % in sim and the "
+            f"worst {PERCENT} % in real. Of {summary.selected} selected, the real error is larger "
+            f"on {summary.real_larger} and the sim error on {summary.sim_larger}."
+        )
+
+    def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
+        return draw_scatter(self.input(scene), size, options)
+
+    def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
+        return scatter_panels(self.input(scene), size, options)
+
+    def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
+        from s2rtui.charts.scatter import paper
+
+        title = f"{scene.state.run}: error in simulation against error in reality"
+        return paper.scatter_figure(self.input(scene), size, theme, title, scene.caption)
+
+    def points(self, scene: Scene, panel: Panel) -> Floats:
+        view = self.input(scene)
+        sim, real = (np.asarray(errors, dtype=np.float64) for errors in (view.sim, view.real))
+        return stacked_points(sim, real)
+
+    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+        view = self.input(scene)
+        places = _drawn_places(view.sim, view.real, view.axis)
+        across, up = (float(view.axis.drawn(error)) for error in point)
+        wide, high = panel.width, 2 * panel.height
+        nearest = nearest_iid(places * (wide, high), scene.state.base, (across * wide, up * high))
+        if nearest is not None:
+            session.set_cursor(nearest)
+
+    def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
+        view, cell = self.input(scene), (1 / panel.width, 1 / panel.height)
+        if mark.lasso:
+            return lasso_expression(view.axis, mark, cell)
+        return box_expression(view.axis, view.sim, view.real, mark, cell)
+
+
+VIEW = ScatterView()
+
+
+@cached_by_identity(8)
+def _new_errors(errors: FloatColumn, trained: Bools) -> FloatColumn:
+    """The errors (N,) with NaN for trained instances, which then count in no scale."""
+    return np.where(trained, np.nan, errors)
+
+
+@cached_by_identity(2)
+def _drawn_places(sim: Floats, real: Floats, axis: ErrorAxis) -> Floats:
+    """(N, 2) places of the instances as fractions of the axes."""
+    return np.stack([axis.drawn(sim), axis.drawn(real)], axis=1)

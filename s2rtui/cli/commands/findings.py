@@ -1,0 +1,92 @@
+"""`s2r findings`: print what a store shows about a run, with n, intervals and expressions."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import s2rstore
+from s2rtui.cli.coverage_notes import print_coverage
+
+if TYPE_CHECKING:
+    from s2rstore.findings import Finding, FindingReport
+
+EXAMPLE = "s2r findings lab.s2r --run vanilla --json"
+_WIDEST = 100
+_KIND = 21
+"""Columns of the kinds, the mark before them included."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("store", help="store folder")
+    parser.add_argument("--run", help="run (default: the first)")
+    parser.add_argument("--history", type=Path, metavar="FILE",
+                        help="gap history (default: that of the store)")  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def execute(options: argparse.Namespace) -> int:
+    from s2rstore.errors import RequestError
+    from s2rstore.findings import find_all
+
+    if options.history is not None and not options.history.is_file():
+        message = "no such file; `s2r nightly` writes one"
+        raise RequestError(f"--history {options.history}: {message}")
+    with s2rstore.open(options.store) as store:
+        store.require_poses("findings")
+        run = store.run_name(options.run)
+        print_coverage(store, [run])
+        report = find_all(store, run, options.history)
+        generation, dataset = store.generation, store.dataset.hash
+    if options.json:
+        content = {
+            "run": run,
+            "generation": generation,
+            "dataset": dataset,
+            "findings": [finding.as_json() for finding in report.findings],
+            "missing": list(report.missing),
+        }
+        json.dump(content, sys.stdout, indent=2, allow_nan=False)
+        sys.stdout.write("\n")
+        return 0
+    print("\n".join(report_lines(report, min(shutil.get_terminal_size().columns, _WIDEST))))
+    return 0
+
+
+def report_lines(report: FindingReport, width: int) -> list[str]:
+    """The report as text: an entry per finding, `?` before those that are not evident."""
+    from s2rstore.security.printable_text import printable
+
+    header = f"{report.summary}; intervals are 95 %, n counts instances new to the run"
+    lines = [*textwrap.wrap(header, width), ""]
+    for finding in report.findings:
+        lines += _entry(finding, width)
+    lines += [part for line in report.missing for part in _wrapped("- ", line, width, 2)]
+    return [printable(line) for line in lines]
+
+
+def _entry(finding: Finding, width: int) -> list[str]:
+    mark = " " if finding.evident else "?"
+    lines = _wrapped(f"{mark} {finding.kind}", finding.statement, width)
+    if finding.evidence:
+        lines += _wrapped("", finding.evidence, width)
+    if finding.expression is not None:
+        lines += _wrapped("", f"select: {finding.expression}", width)
+    return lines
+
+
+def _wrapped(label: str, text: str, width: int, indent: int = _KIND) -> list[str]:
+    """The text beside a label, wrapped; long words such as names are not broken."""
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=label.ljust(indent),
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,0 +1,54 @@
+"""The options `--theme` and `--symbols`, and the settings that they default to."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from s2rtui.canvas.block_symbols import Symbols
+    from s2rtui.terminal.capabilities import Terminal
+
+THEME_NAMES = ("auto", "dark", "light")
+SYMBOL_NAMES = ("half", "quadrant", "sextant", "octant")
+_SYMBOLS_HELP = (
+    "block characters of floor plans; sextants and octants are finer, but few fonts have them: "
+    "`s2r doctor` shows samples"
+)
+
+
+def add_display_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--theme`, `--symbols` and `--remember`."""
+    add = parser.add_argument_group("display").add_argument
+    add("--theme", choices=THEME_NAMES,
+        help="colours for a dark or a light background; auto reads COLORFGBG, else dark "
+        "(default: as remembered, else auto)")  # fmt: skip
+    add("--symbols", choices=SYMBOL_NAMES,
+        help=f"{_SYMBOLS_HELP} (default: as remembered, else quadrant)")  # fmt: skip
+    add("--remember", action="store_true",
+        help="use this --theme and --symbols from now on")  # fmt: skip
+
+
+def add_symbols(parser: argparse._ActionsContainer) -> None:
+    """Add `--symbols` alone, without settings."""
+    parser.add_argument("--symbols", choices=SYMBOL_NAMES, default="quadrant",
+                        help=f"{_SYMBOLS_HELP} (default quadrant)")  # fmt: skip
+
+
+def detect_display(
+    options: argparse.Namespace, colour: str = "auto", ascii: bool = False
+) -> Terminal:
+    """Detect the terminal, with theme and symbols of the options, else of the settings.
+
+    With `--remember` the options are stored. Raises RequestError where that fails.
+    """
+    from s2rtui.terminal.capabilities import detect
+    from s2rtui.user_data.display_settings import DisplaySettings, read_settings, write_settings
+
+    stored = read_settings()
+    chosen = DisplaySettings(options.theme or stored.theme, options.symbols or stored.symbols)
+    if options.remember:
+        write_settings(chosen)
+    theme = chosen.theme if chosen.theme in THEME_NAMES else "auto"
+    symbols = chosen.symbols if chosen.symbols in SYMBOL_NAMES else "quadrant"
+    return detect(colour, ascii, theme=str(theme), symbols=cast("Symbols", symbols))

@@ -1,0 +1,67 @@
+"""How the rooms view groups and sorts: the reducers of its keys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+from s2rstore.findings.groups import Grouping
+from s2rtui.session.context import SessionContext
+from s2rtui.session.state import State
+
+COUNTS = "counts"
+"""The rooms view's comparison of predicted and true rooms, in the place of a grouping."""
+GROUPINGS: tuple[str, ...] = (*get_args(Grouping), COUNTS)
+
+
+@dataclass(frozen=True, slots=True)
+class SortColumn:
+    """A column of the table of groups: its `name` in tables and options, and what it says."""
+
+    name: str
+    meaning: str
+    descending: bool = True
+
+
+COLUMNS = tuple(
+    SortColumn(*column)
+    for column in (
+        ("real_m", "median real error"),
+        ("low_m", "lower bound of the median real error"),
+        ("high_m", "upper bound of the median real error"),
+        ("sim_m", "median sim error"),
+        ("gap_m", "median of real error minus sim error"),
+        ("n", "number of instances"),
+        ("selected", "number of selected instances"),
+        ("group", "name", False),
+    )
+)
+"""Columns in the order in which the key goes through them."""
+_BY_NAME = {column.name: column for column in COLUMNS}
+COLUMN_NAMES = tuple(_BY_NAME)
+
+
+def change_grouping(context: SessionContext, state: State) -> State:
+    """Group by the next of room, heading, curvature and trajectory; then compare room counts."""
+    grouping = GROUPINGS[(GROUPINGS.index(state.grouping) + 1) % len(GROUPINGS)]
+    message = f"errors by {grouping}"
+    if grouping == COUNTS:
+        message = "instances per room: predicted in sim, true, predicted in reality"
+    return state.updated(grouping=grouping, message=message)
+
+
+def sort_by_next_column(context: SessionContext, state: State) -> State:
+    """Sort the groups by the next column, the largest first; names ascend."""
+    if state.grouping == COUNTS:
+        return state.with_message("counts keep the order of the rooms; O shows errors")
+    at = (COLUMN_NAMES.index(state.group_sort) + 1) % len(COLUMNS)
+    column = COLUMNS[at]
+    message = f"sorted by {column.meaning}"
+    return state.updated(
+        group_sort=column.name, group_descending=column.descending, message=message
+    )
+
+
+def reverse(context: SessionContext, state: State) -> State:
+    """Reverse the order of the groups."""
+    return state.updated(group_descending=not state.group_descending)

@@ -1,0 +1,41 @@
+"""Reducers of the findings view: choose a finding, and select its instances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from s2rstore.findings import Finding
+from s2rtui.session import navigation, pending_target, selection
+from s2rtui.session.context import SessionContext
+from s2rtui.session.state import HeatChoice, State
+
+
+def move(context: SessionContext, state: State, steps: int) -> State:
+    """Choose another finding; the view takes the number modulo the number of findings."""
+    return state.updated(finding=state.finding + steps)
+
+
+def open_finding(context: SessionContext, state: State, finding: Finding) -> State:
+    """Select the instances of a finding in its run, with the heatmap and run that it names.
+
+    Findings are about the new instances of all trajectories, so these are shown.
+    """
+    if finding.heat is not None:
+        side = state.heat.side if state.heat else "real"
+        state = replace(state, heat=HeatChoice(*finding.heat, side), overlay="run")
+    if finding.other is not None and finding.other in state.runs:
+        state = replace(state, other=finding.other)
+    place = replace(
+        pending_target.place_of(pending_target.final_target(state)),
+        run=finding.run,
+        trajectories=None,
+        with_trained=False,
+    )
+    text = finding.expression or pending_target.upcoming(state).expression
+    is_here = place == pending_target.current_target(state)
+    if is_here and finding.node is not None:
+        state = selection.select(context, state, finding.node, "replace")
+    elif not is_here:
+        target = pending_target.with_expression(state, place, text)
+        state = navigation.go_to(context, replace(state, operator="replace"), target)
+    return state.with_message(f"{finding.kind}: {finding.statement}")

@@ -1,0 +1,139 @@
+"""The costliest factor of the gap, from what a store has measured of its causes.
+
+The score of a synthetic world comes first, then translators, then adjusted runs of the same model.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from s2rstore.findings.expressions import new_to
+from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
+from s2rstore.findings.run_differences import RunErrors
+from s2rstore.language.syntax_tree import Everything
+from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
+from s2rstore.reader import Store
+from s2rstore.run_inputs import chain_text
+
+KIND = "costliest factor"
+_GAINS = (
+    "SELECT translator, value, low, high FROM translator_metric "
+    "WHERE metric = 'error_gain' AND reference = 'translator' AND run = ? "
+    "AND value IS NOT NULL AND low IS NOT NULL AND high IS NOT NULL ORDER BY value DESC"
+)
+
+
+def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
+    """The factor that alone increases the error most, of the factor rows of a score report."""
+    known = [row for row in rows if row["run"] == run and row["cost"] is not None]
+    if not known:
+        return None
+    worst = max(known, key=lambda row: row["cost"])
+    cost, gain = (_interval(worst, name) for name in ("cost", "gain"))
+    evident = cost.low > 0
+    figures = f"{cost.value:+.2f} m real error ({bounds_text(cost)}), n {worst['n']}"
+    subject = f"{worst['factor']}, alone {figures}"
+    return Finding(
+        kind=KIND,
+        text=subject,
+        run=run,
+        n=int(worst["n"]),
+        evidence=f"leaving it out gains {gain.value:.2f} m ({bounds_text(gain)}); the largest of "
+        f"{len(known)} factors, not corrected for their number",
+        evident=evident,
+        values={
+            "factor": worst["factor"],
+            "cost_m": cost.value,
+            "gain_without_it_m": gain.value,
+            "factors": float(len(known)),
+        },
+        interval=cost,
+        interval_of="cost_m",
+        n_of="scored instances",
+        view="instance",
+    )
+
+
+def of_translators(store: Store, run: str) -> Finding | None:
+    """The translator that decreases the real error of a run most."""
+    if not store.has_table("translator_metric"):
+        return None
+    rows = store.execute(_GAINS, [run])
+    if not rows:
+        return None
+    name, *figures = rows[0]
+    value, low, high = map(float, figures)
+    gain = Interval(low, value, high)
+    evident = gain.low > 0
+    subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
+    return Finding(
+        kind=KIND,
+        text=subject,
+        run=run,
+        n=len(rows),
+        evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, not "
+        "corrected for their number",
+        evident=evident,
+        values={"translator": str(name), "gain_m": value},
+        interval=gain,
+        interval_of="gain_m",
+        n_of="translators",
+        view="overview",
+    )
+
+
+def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
+    """The adjustment of real images that decreases the real error of the first of `runs` most.
+
+    Compared are runs of the same model on the same domains that differ in the real side's
+    adjustments alone.
+    """
+    present, *others = runs
+    own = store.run(present.run)
+    found = []
+    for other in others:
+        record = store.run(other.run)
+        rows = store.in_recording_order(present.new & other.new)
+        if (
+            record.model is not None
+            and (record.model, record.sim_domain, record.real_domain, record.sim_adjustments)
+            == (own.model, own.sim_domain, own.real_domain, own.sim_adjustments)
+            and not own.real_adjustments
+            and record.real_adjustments
+            and rows.size >= MIN_INSTANCES
+        ):
+            gain = float((present.real[rows] - other.real[rows]).mean())
+            found.append((gain, other, rows))
+    if not found:
+        return None
+    _, other, rows = max(found, key=lambda candidate: candidate[0])
+    gain_interval = mean_interval(
+        present.real[rows] - other.real[rows],
+        store.instances.trajectory[rows],
+        simultaneous(len(found)),
+    )
+    evident = gain_interval.low > 0
+    chain = chain_text(store.run(other.run).real_adjustments)
+    bounds = bounds_text(gain_interval)
+    subject = f"{chain} (run {other.run}) gains {gain_interval.value:.2f} m ({bounds})"
+    return Finding(
+        kind=KIND,
+        text=f"{subject}, n {rows.size} new to both",
+        run=present.run,
+        n=int(rows.size),
+        evidence="decrease of the mean real error by adjusting real images "
+        f"({evidence_text(gain_interval, len(found), 'adjusted runs')})",
+        evident=evident,
+        values={"adjustment": chain, "gain_m": gain_interval.value},
+        interval=gain_interval,
+        interval_of="gain_m",
+        comparisons=len(found),
+        node=new_to(Everything(), present.new, {other.run: other.new}),
+        view="compare",
+        other=other.run,
+    )
+
+
+def _interval(row: dict[str, Any], name: str) -> Interval:
+    low, value, high = (row.get(f"{name}{end}") for end in ("_low", "", "_high"))
+    return Interval(*(float("nan") if end is None else float(end) for end in (low, value, high)))

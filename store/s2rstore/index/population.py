@@ -1,0 +1,85 @@
+"""The population: which instances of a run are counted.
+
+A *trained* instance is one whose image, on either side, the run's model was fitted or chosen on
+(splits `train` and `validation`). All other instances are *new* to the run. Views, figures,
+reports and queries hold the new instances only, unless trained ones are asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from s2rstore.index.columns import BoolColumn, InstanceColumns, RunColumns
+from s2rstore.records import SIDES, SPLITS, TRAINING_SPLITS
+
+INCLUDE_HINT = "M includes them"
+"""What brings trained instances back on the screen."""
+SPLIT_SQL = "CASE {} END".format(
+    " ".join(f"WHEN '{split}' IN (sim_split, real_split) THEN '{split}'" for split in SPLITS)
+)
+"""The split of a row of view `pair`: the first in `records.SPLITS` of those of both sides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Population:
+    """The instances that count: those of `trajectories` (None: all) that are new to the run.
+
+    `with_trained` adds the trained instances.
+    """
+
+    trajectories: tuple[str, ...] | None = None
+    with_trained: bool = False
+
+    def mask(self, truth: InstanceColumns, *runs: RunColumns) -> BoolColumn:
+        """(N,) the instances that every run predicted on both sides, and that count in all of them.
+
+        Read-only: for one run it may be a loaded column.
+        """
+        chosen = self.in_view(truth, *runs)
+        trained = [] if self.with_trained else [run.trained for run in runs if run.trained.any()]
+        for column in trained:
+            chosen = chosen & ~column
+        return chosen
+
+    def in_view(self, truth: InstanceColumns, *runs: RunColumns) -> BoolColumn:
+        """(N,) the same with the trained instances, whatever `with_trained` is."""
+        valid = runs[0].valid
+        for run in runs[1:]:
+            valid = valid & run.valid
+        if self.trajectories is None:
+            return valid
+        known = truth.trajectory_names
+        codes = [known.index(name) for name in self.trajectories if name in known]
+        is_named = np.zeros(len(known) + 1, dtype=np.bool_)  # the last for code -1
+        is_named[codes] = True
+        return valid & is_named[truth.trajectory]
+
+
+NEW_INSTANCES = Population()
+"""The instances of all trajectories that are new to the run."""
+
+
+def new_to_run(alias: str) -> str:
+    """The SQL condition that a row of view `pair`, named `alias`, is a new instance."""
+    known = ", ".join(f"'{split}'" for split in TRAINING_SPLITS)
+    sides = (f"coalesce({alias}.{side}_split NOT IN ({known}), true)" for side in SIDES)
+    return " AND ".join(sides)
+
+
+def count_text(selected: int, in_view: int, trained: int, with_trained: bool) -> str:
+    """`8 of 40 (32 trained on)`: the selected instances, those in view, and the trained of these.
+
+    Where `with_trained`, the trained instances may be selected: `40 of 40 (32 trained on,
+    included)`. Without trained instances, `82 of 542`.
+    """
+    text = f"{selected} of {in_view}"
+    if not trained:
+        return text
+    return f"{text} ({trained} trained on{', included' if with_trained else ''})"
+
+
+def left_out_text(count: int, hint: str = INCLUDE_HINT) -> str:
+    """`24 trained instances left out: M includes them`; `hint` says what includes them."""
+    return f"{count} trained {'instance' if count == 1 else 'instances'} left out: {hint}"

@@ -1,0 +1,119 @@
+"""A store without a computed run opens to browse its images, and says how to add a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rtui.app.app import S2RApp
+from s2rtui.app.key_bindings import ACTIONS
+from s2rtui.app.pilot import settle, snapshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.registry import BY_NAME, VIEWS
+from s2rtui.export.load_scene import SceneOptions, open_scene
+from s2rtui.export.report.build_report import render_report
+from s2rtui.export.report.report_request import ReportRequest
+from s2rtui.session import Session
+from tests.support.copies import copy_store
+
+
+@pytest.fixture(scope="module")
+def store(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store whose runs were removed; its models are there."""
+    path = copy_store(tiny_store, tmp_path_factory.mktemp("browse") / "s.s2r")
+    with edit(path) as draft:
+        for table in ("prediction", "projection", "zarr_array", "run"):
+            draft._connection.execute(f"DELETE FROM {table}")
+    return path
+
+
+def lines(store: Path, size: tuple[int, int], *keys: str) -> list[str]:
+    return snapshot(store, size, keys, RenderOptions()).text.splitlines()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+def test_the_first_screen_shows_images_and_the_command(store: Path, size: tuple[int, int]) -> None:
+    screen = lines(store, size)
+    assert "no runs" in screen[0]
+    assert "40 of 40" in screen[0]
+    assert any("3 instance  0" in line for line in screen)
+    assert sum("▀" in line for line in screen) >= 4
+    assert "no run; register one of a model (`s2r run add NAME --model" in screen[-2]
+
+
+def test_the_map_shows_true_positions(store: Path) -> None:
+    screen = lines(store, (80, 24), "2", "right")
+    assert "true positions" in screen[1]
+    assert sum(line.count("●") + line.count("?") for line in screen[2:-3]) >= 3
+
+
+def test_the_list_sorts_by_columns_of_the_truth(store: Path) -> None:
+    screen = lines(store, (120, 40), "8", "end")
+    assert "40 of 40, by iid" in screen[1]
+    assert any("▶" in line and " 39 " in line for line in screen)
+
+
+@pytest.mark.parametrize("view", [v for v in VIEWS if v.needs_run and v.from_store])
+def test_a_view_of_predictions_names_the_command(store: Path, view) -> None:
+    screen = " ".join(lines(store, (80, 24), view.key)[2:-2])
+    assert "s2r run add NAME --model" in " ".join(screen.split())
+    with pytest.raises(RequestError, match="s2r run add"), open_scene(store, SceneOptions(), view):
+        pass
+
+
+async def test_no_key_fails(store: Path) -> None:
+    app = S2RApp(Session(store), RenderOptions())
+    app.load_scheduler.debounce_seconds = 0.001
+    left_out = {"quit", "snapshot", "write_selection", "report", "tour", "help", "doctor", "jump"}
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        for action in ACTIONS:
+            if action.name in left_out or action.when == "brushing":
+                continue
+            await pilot.press(action.keys[0])
+            await settle(app, pilot)
+            await pilot.press("escape", "escape")
+        assert not app.resources.failed
+    assert app.fault is None
+
+
+def test_numbers_and_figures_of_the_truth(store: Path) -> None:
+    for name in ("map", "instance", "list"):
+        view = BY_NAME[name]
+        with open_scene(store, SceneOptions(), view) as scene:
+            columns, rows = view.numbers(scene)
+            assert rows
+            assert len(rows[0]) == len(columns)
+            assert view.summary(scene)
+            assert view.figure(scene, (400, 300), RenderOptions().theme)[1:4] == b"PNG"
+
+
+def test_a_report_names_the_command(store: Path) -> None:
+    with pytest.raises(RequestError, match="s2r run add"):
+        render_report(store, ReportRequest(()))
+
+
+def test_a_run_that_is_not_computed_is_named(tiny_store: Path, tmp_path: Path) -> None:
+    path = copy_store(tiny_store, tmp_path / "own.s2r")
+    with edit(path) as draft:
+        draft._connection.execute("UPDATE run SET key = NULL")
+    message = Session(path).state.message
+    assert "no run is computed (vanilla, dataaug); `s2r precompute" in message
+
+
+def test_a_run_that_appears_is_opened_on_request(store: Path, tiny_store: Path, tmp_path: Path):
+    path = copy_store(tiny_store, tmp_path / "own.s2r")
+    with edit(path) as draft:
+        keys = draft._connection.execute("SELECT key, run FROM run").fetchall()
+        draft._connection.execute("UPDATE run SET key = NULL")
+    session = Session(path)
+    assert session.state.runs == ()
+    with edit(path) as draft:
+        draft._connection.executemany("UPDATE run SET key = ? WHERE run = ?", keys)
+    assert session.check_for_updates()
+    state = session.open_newest_generation()
+    assert state.run == "vanilla"
+    assert session.select("worst15").selected.any()

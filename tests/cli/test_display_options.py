@@ -1,0 +1,92 @@
+"""The options `--theme`, `--symbols` and `--remember`, and the detection of light terminals."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas import DARK, LIGHT, THEMES, Theme
+from s2rtui.canvas.block_symbols import SYMBOL_SETS
+from s2rtui.cli.display_arguments import (
+    SYMBOL_NAMES,
+    THEME_NAMES,
+    add_display_options,
+    detect_display,
+)
+from s2rtui.terminal.capabilities import Terminal, detect
+from s2rtui.user_data.display_settings import (
+    DisplaySettings,
+    read_settings,
+    settings_path,
+    write_settings,
+)
+
+
+@pytest.fixture(autouse=True)
+def own_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.delenv("COLORFGBG", raising=False)
+    monkeypatch.delenv("TMUX", raising=False)
+    return tmp_path
+
+
+def display(*words: str) -> Terminal:
+    parser = argparse.ArgumentParser()
+    add_display_options(parser)
+    return detect_display(parser.parse_args(words), "256")
+
+
+@pytest.mark.parametrize(
+    ("value", "theme"),
+    [("15;0", DARK), ("0;15", LIGHT), ("0;default;15", LIGHT), ("12;8", DARK), ("0;7", LIGHT),
+     ("default;default", DARK), ("", DARK), (";", DARK), ("0;99", DARK)],
+)  # fmt: skip
+def test_colorfgbg_tells_a_light_background(value: str, theme: Theme) -> None:
+    assert detect(environment={"TERM": "xterm", "COLORFGBG": value}).theme is theme
+
+
+def test_an_option_overrides_the_environment() -> None:
+    environment = {"TERM": "xterm", "COLORFGBG": "0;15"}
+    assert detect(environment=environment, theme="dark").theme is DARK
+    assert detect(environment={}, theme="light").theme is LIGHT
+
+
+def test_tmux_gets_no_octants() -> None:
+    assert detect(environment={"TMUX": "/tmp/tmux,1,0"}, symbols="octant").symbols == "sextant"
+    assert detect(environment={}, symbols="octant").symbols == "octant"
+
+
+def test_options_name_all_themes_and_symbols() -> None:
+    assert {*THEME_NAMES} == {"auto", *THEMES}
+    assert {*SYMBOL_NAMES} == {*SYMBOL_SETS}
+
+
+def test_remembered_options_are_used_until_others_are_given() -> None:
+    first = display("--theme", "light", "--symbols", "octant", "--remember")
+    assert first.render_options.theme is LIGHT
+    assert display().render_options.symbols == "octant"
+    assert display("--symbols", "half").render_options.symbols == "half"
+    assert display().theme is LIGHT
+    display("--theme", "auto", "--remember")
+    assert display().theme is DARK
+    assert display().symbols == "octant"
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", "{", '{"theme": 3, "symbols": ["octant"]}', '{"theme": "blue"}']
+)
+def test_damaged_settings_count_as_none(content: str) -> None:
+    settings_path().parent.mkdir(parents=True)
+    settings_path().write_text(content)
+    assert display().theme is DARK
+    assert display().symbols == "quadrant"
+
+
+def test_settings_that_cannot_be_written_are_a_request_error(own_data_folder: Path) -> None:
+    (own_data_folder / "s2rtui").write_text("in the way")
+    with pytest.raises(RequestError, match=r"display\.json"):
+        write_settings(DisplaySettings("light"))
+    assert read_settings() == DisplaySettings()

@@ -1,0 +1,86 @@
+"""`s2r findings`: JSON that agrees with `s2r query`, a table of 80 columns, and refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from s2rtui.cli import main
+from tests.support import image_folders, tiny
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Vanilla was trained on four of five instances."""
+    path = tmp_path_factory.mktemp("findings") / "s.s2r"
+    return tiny.build(path, n=80, trained=("vanilla",))
+
+
+@pytest.mark.parametrize("run", ["vanilla", "dataaug"])
+def test_a_query_of_the_expression_gives_the_same_count(store: Path, run: str, capsys) -> None:
+    assert main(["findings", str(store), "--run", run, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["run"] == run
+    assert report["findings"]
+    for finding in report["findings"]:
+        if finding["expression"] is None:
+            continue
+        arguments = ["query", str(store), finding["expression"], "--run", finding["run"]]
+        assert main([*arguments, "--count"]) == 0
+        assert int(capsys.readouterr().out) == finding["n"]
+        assert main([*arguments, "--json"]) == 0
+        assert len(json.loads(capsys.readouterr().out)) == finding["n"]
+
+
+def test_the_table_fits_into_80_columns(store: Path, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["findings", str(store)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    text = "\n".join(lines)
+    assert "worst room" in text
+    assert "select: " in text
+    assert all(line == line.rstrip() for line in lines)
+
+
+def test_unknown_runs_and_histories_are_rejected(store: Path, tmp_path: Path, capsys) -> None:
+    assert main(["findings", str(store), "--run", "nobody"]) == 2
+    assert "nobody" in capsys.readouterr().err
+    assert main(["findings", str(store), "--history", str(tmp_path / "no.duckdb")]) == 2
+    assert "no.duckdb" in capsys.readouterr().err
+
+
+def test_images_without_poses_have_no_findings(tmp_path: Path, capsys) -> None:
+    path = image_folders.image_store(tmp_path)
+    capsys.readouterr()
+    assert main(["findings", str(path)]) == 2
+    assert "needs poses" in capsys.readouterr().err
+
+
+def test_a_store_without_a_computed_run_is_rejected(tmp_path: Path, capsys) -> None:
+    from s2rstore.index.transaction import edit
+
+    path = tiny.build(tmp_path / "s.s2r", n=16, runs=("vanilla",))
+    with edit(path) as draft:
+        draft.rows("UPDATE run SET key = NULL")
+    assert main(["findings", str(path)]) == 2
+    assert "s2r precompute" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("grouping", ["room", "heading", "curvature", "trajectory"])
+def test_shown_groups_count_the_new_instances(store: Path, grouping: str, capsys) -> None:
+    arguments = ["show", str(store), "rooms", "--group-by", grouping, "--sort", "n", "--json"]
+    assert main(arguments) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert sum(row["n"] for row in rows) == 16
+    assert sum(row["selected"] for row in rows) == 16
+    assert [row["n"] for row in rows] == sorted((row["n"] for row in rows), reverse=True)
+    for row in rows:
+        assert row["low_m"] is None or row["low_m"] <= row["real_m"] <= row["high_m"]
+
+
+def test_an_unknown_sort_column_lists_the_known_ones(store: Path, capsys) -> None:
+    assert main(["show", str(store), "rooms", "--sort", "rubbish"]) == 2
+    assert "real_m" in capsys.readouterr().err

@@ -1,0 +1,227 @@
+"""Findings: figures of an independent computation, exact expressions, and honest silence."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import s2rstore
+from s2rstore.findings import Finding, FindingReport, find_all, worst_room
+from s2rstore.findings import gap_drift as DRIFT
+from s2rstore.index.transaction import edit
+from s2rstore.language import evaluation
+from s2rstore.metrics import run_metrics
+from s2rstore.reader import Store
+from tests.support import gaps, tiny
+from tests.support.copies import copy_store
+
+
+def by_kind(report: FindingReport) -> dict[str, Finding]:
+    return {finding.kind: finding for finding in report.findings}
+
+
+def real_errors(store: Store) -> pd.DataFrame:
+    """Real errors in metres per instance, a column per run, NaN where it was trained on."""
+    rows = store.execute("SELECT iid, run, room, real_error, sim_split FROM pair")
+    table = pd.DataFrame(rows, columns=["iid", "run", "room", "error", "split"])
+    table.loc[table.split == "train", "error"] = np.nan
+    return table.pivot_table("error", ["iid", "room"], "run", dropna=False).dropna(how="all")
+
+
+@pytest.mark.parametrize("run", ["vanilla", "dataaug"])
+@pytest.mark.parametrize("store", ["marked", "plain"])
+def test_every_expression_selects_exactly_the_counted_instances(
+    store: str, run: str, request: pytest.FixtureRequest
+) -> None:
+    with s2rstore.open(request.getfixturevalue(store)) as opened:
+        report = find_all(opened, run)
+        selecting = [f for f in report.findings if f.expression is not None]
+        assert {"worst room", "worst heading", "best run"} <= {f.kind for f in selecting}
+        for finding in selecting:
+            text = str(finding.expression)
+            assert evaluation.select(opened, text, finding.run).sum() == finding.n
+            query, parameters = evaluation.sql(opened, text, finding.run)
+            assert len(opened.execute(query, parameters)) == finding.n
+
+
+def test_the_worst_room_has_the_largest_median_of_new_instances(marked: Path) -> None:
+    with s2rstore.open(marked) as store:
+        finding = worst_room(store, "vanilla")
+        errors = real_errors(store)["vanilla"].dropna().groupby("room")
+    assert finding is not None
+    assert finding.evident
+    assert finding.values["room"] == errors.median().idxmax() == "right"
+    assert finding.values["median_real_error_m"] == pytest.approx(errors.median().max())
+    assert finding.n == errors.size()["right"]
+    medians = errors.median()
+    assert finding.values["difference_to_others_m"] == pytest.approx(
+        medians["right"] - medians["left hall"]
+    )
+
+
+def test_the_best_run_is_compared_on_instances_new_to_all(marked: Path) -> None:
+    with s2rstore.open(marked) as store:
+        finding = by_kind(find_all(store, "vanilla"))["best run"]
+        common = real_errors(store).dropna()
+    assert finding.evident
+    assert (finding.run, finding.n) == ("dataaug", len(common))
+    assert finding.expression == 'run("vanilla").new'
+    assert finding.values["mean_real_error_m"] == pytest.approx(common.dataaug.mean())
+    difference = (common.vanilla - common.dataaug).mean()
+    assert finding.values["difference_to_next_m"] == pytest.approx(difference)
+
+
+def test_the_largest_regression_is_where_the_run_is_worst(marked: Path) -> None:
+    with s2rstore.open(marked) as store:
+        finding = by_kind(find_all(store, "vanilla"))["largest regression"]
+        better = by_kind(find_all(store, "dataaug"))["largest regression"]
+        common = real_errors(store).dropna()
+    assert finding.evident
+    assert (finding.values["room"], finding.other) == ("right", "dataaug")
+    here = common.xs("right", level="room")
+    assert finding.values["increase_m"] == pytest.approx((here.vanilla - here.dataaug).mean())
+    assert finding.comparisons == 3
+    assert not better.evident
+
+
+def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "s.s2r", n=80, runs=("vanilla", "twin"))
+    with edit(path) as draft:
+        for side in ("sim", "real"):
+            draft.rows(
+                "UPDATE prediction SET error = 1 + (iid * 7919 % 80) / 80.0 WHERE side = ?", [side]
+            )
+    with s2rstore.open(path) as store:
+        report = find_all(store, "vanilla")
+    assert report.summary == "nothing is evident for vanilla"
+    assert report.findings
+    for finding in report.findings:
+        assert not finding.evident
+        assert finding.statement.endswith("; not evident")
+
+
+def test_one_run_is_compared_with_none(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "s.s2r", n=40, runs=("vanilla",))
+    with s2rstore.open(path) as store:
+        report = find_all(store, "vanilla")
+    assert {"best run", "largest regression"}.isdisjoint(by_kind(report))
+    assert "best run: there is only one run" in report.missing
+
+
+def test_without_rooms_there_is_no_worst_room(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "s.s2r", n=40)
+    with edit(path) as draft:
+        draft.rows("DELETE FROM room")
+        draft.rows("UPDATE instance SET room = NULL")
+    with s2rstore.open(path) as store:
+        assert worst_room(store, "vanilla") is None
+        report = find_all(store, "vanilla")
+    assert "worst room: the data set has no rooms" in report.missing
+    assert "worst heading" in by_kind(report)
+
+
+def test_a_run_that_was_trained_on_everything_has_no_figures(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "s.s2r", n=40, runs=("vanilla",))
+    with edit(path) as draft:
+        draft.rows("UPDATE prediction SET split = 'train' WHERE side = 'sim'")
+    with s2rstore.open(path) as store:
+        report = find_all(store, "vanilla")
+    assert report.missing[0] == "vanilla was trained on all its instances, so none is new to it"
+    assert not any(finding.n_of == "instances" for finding in report.findings)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"runs": 3}', '{"runs": {"vanilla": "key0"}}'])
+def test_a_damaged_score_is_named(plain: Path, tmp_path: Path, text: str) -> None:
+    path = copy_store(plain, tmp_path / "s.s2r")
+    with edit(path) as draft:
+        draft.set_provenance("score", {"report": text})
+    with s2rstore.open(path) as store:
+        report = find_all(store, "vanilla")
+    assert "worst room" in by_kind(report)
+    assert any(line.startswith("costliest factor: ") for line in report.missing)
+
+
+def score(run_key: str) -> str:
+    factor = {"run": "vanilla", "n": 48, "gain": 0.5, "gain_low": -0.1, "gain_high": 1.0}
+    heatmap = {"run": "vanilla", "place": "floor", "side": "both", "precision": 0.9,
+               "base_rate": 0.1}  # fmt: skip
+    return json.dumps({
+        "runs": {"vanilla": run_key},
+        "factors": [
+            {**factor, "factor": "lights", "cost": 2.0, "cost_low": 1.0, "cost_high": 3.0},
+            {**factor, "factor": "depth", "cost": 0.2, "cost_low": -1.0, "cost_high": 1.5},
+        ],
+        "heatmaps": [
+            {**heatmap, "kind": kind, "mode": None, "auroc": auroc, "auroc_low": auroc - 0.05,
+             "auroc_high": auroc + 0.05}
+            for kind, auroc in (("feature_distance", 0.7), ("harmonised_distance", 0.9))
+        ],
+    })  # fmt: skip
+
+
+def test_factor_and_heatmap_come_from_the_score_of_the_run(plain: Path, tmp_path: Path) -> None:
+    path = copy_store(plain, tmp_path / "s.s2r")
+    with edit(path) as draft:
+        draft.set_provenance("score", {"report": score("key0")})
+    with s2rstore.open(path) as store:
+        found = by_kind(find_all(store, "vanilla"))
+    factor, heatmap = found["costliest factor"], found["best heatmap"]
+    assert (factor.values["factor"], factor.values["cost_m"], factor.n) == ("lights", 2.0, 48)
+    assert factor.evident
+    assert factor.expression is None
+    assert heatmap.heat == ("harmonised_distance", None)
+    assert heatmap.evident
+
+
+def test_a_score_of_an_earlier_computation_does_not_count(plain: Path, tmp_path: Path) -> None:
+    path = copy_store(plain, tmp_path / "s.s2r")
+    with edit(path) as draft:
+        draft.set_provenance("score", {"report": score("another key")})
+    with s2rstore.open(path) as store:
+        found = by_kind(find_all(store, "vanilla"))
+    assert "costliest factor" not in found
+    assert not found["best heatmap"].evident
+    assert found["best heatmap"].values["source"] == "shipped ranking"
+
+
+def test_drift_compares_the_first_and_the_last_measured_night(plain: Path, monkeypatch) -> None:
+    week = gaps.week()
+    with s2rstore.open(plain) as store:
+        monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
+        monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*week))
+        found = DRIFT.gap_drift(store, "vanilla")
+        assert found is not None
+        assert found.values["change_percent"] == pytest.approx(27.0 - 14.0)
+        assert found.evident
+        assert found.n == 7
+        same = [replace(night, measured=1) for night in week]
+        monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*same))
+        assert DRIFT.gap_drift(store, "vanilla") is None
+        flat = [gaps.night(number, {"task": 10.0 + number / 10}) for number in range(1, 4)]
+        monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*flat))
+        steady = DRIFT.gap_drift(store, "vanilla")
+        assert steady is not None
+        assert not steady.evident
+        assert "not evident" in steady.statement
+
+
+def test_json_holds_units_intervals_and_expressions(marked: Path) -> None:
+    with s2rstore.open(marked) as store:
+        report = find_all(store, "vanilla")
+        new = int(run_metrics.population(store, "vanilla").sum())
+    for finding in report.findings:
+        data = json.loads(json.dumps(finding.as_json(), allow_nan=False))
+        assert set(data) == {"kind", "text", "evidence", "evident", "run", "other_run", "n", "n_of",
+                             "values", "interval", "expression"}  # fmt: skip
+        if data["n_of"] == "instances":
+            assert data["n"] <= new
+            assert data["interval"]["of"] in data["values"]
+            assert data["interval"]["level"] >= 0.95
+        for name, value in data["values"].items():
+            assert isinstance(value, str) or name.endswith(("_m", "_percent", "auroc", "cells",
+                                                            "chance", "factors"))  # fmt: skip

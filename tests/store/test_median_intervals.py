@@ -1,0 +1,97 @@
+"""Intervals of medians: exact replicates, coverage, differences, and several comparisons."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from s2rstore.metrics import bootstrap
+from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
+
+
+def correlated(rng: np.random.Generator, n: int, correlation: float) -> np.ndarray:
+    """Log-normal values with median 1 and a correlation between neighbours."""
+    values = rng.normal(size=n)
+    for index in range(1, n):
+        noise = math.sqrt(1 - correlation**2) * values[index]
+        values[index] = correlation * values[index - 1] + noise
+    return np.exp(values)
+
+
+def test_replicates_are_the_medians_of_the_drawn_blocks() -> None:
+    rng = np.random.default_rng(1)
+    values, settings = rng.gamma(2.0, size=57), BootstrapSettings(200)
+    blocks = bootstrap.split_into_blocks(np.zeros(57, dtype=np.int64))
+    counts = bootstrap.block_counts(blocks, settings).astype(int)
+    parts = [values[a:b] for a, b in zip(blocks.start[:-1], blocks.start[1:], strict=True)]
+    drawn = [np.median(np.concatenate(list(map(np.tile, parts, row)))) for row in counts]
+    expected = bootstrap.corrected(np.array(drawn), float(np.median(values)), blocks.unit_count)
+    replicates = bootstrap.median_replicates(values, blocks, settings)
+    assert replicates == pytest.approx(expected)
+
+
+def test_many_values_give_nearly_the_replicates_of_their_ranks() -> None:
+    values = np.random.default_rng(2).normal(size=20_000)
+    blocks = bootstrap.split_into_blocks(np.zeros(values.size, dtype=np.int64))
+    settings = BootstrapSettings(50)
+    counts = bootstrap.block_counts(blocks, settings)
+    weights = np.repeat(counts, np.diff(blocks.start), axis=1)
+    order = np.argsort(values)
+    below = np.cumsum(weights[:, order], axis=1)
+    exact = values[order][(below >= below[:, -1:] / 2).argmax(axis=1)]
+    expected = bootstrap.corrected(exact, float(np.median(values)), blocks.unit_count)
+    replicates = bootstrap.median_replicates(values, blocks, settings)
+    assert np.abs(replicates - expected).max() < 0.005
+
+
+@pytest.mark.parametrize(("n", "correlation"), [(8, 0.0), (8, 0.6), (30, 0.6), (150, 0.6)])
+def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
+    rng = np.random.default_rng(n)
+    codes, settings, hits = np.zeros(n, dtype=np.int64), BootstrapSettings(300), 0
+    for _ in range(150):
+        interval = bootstrap.median_interval(correlated(rng, n, correlation), codes, settings)
+        hits += interval.low <= 1 <= interval.high
+    assert hits >= 0.85 * 150
+
+
+@pytest.mark.parametrize("n", range(1, 9))
+def test_too_few_values_have_no_interval(n: int) -> None:
+    values, codes = np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.int64)
+    interval = bootstrap.median_interval(values, codes)
+    assert interval.value == np.median(values)
+    assert math.isnan(interval.low) == (n < 6)
+    strict = bootstrap.median_interval(values, codes, bootstrap.simultaneous(10))
+    assert math.isnan(strict.low)
+
+
+def test_no_values_have_no_median() -> None:
+    nothing = np.zeros(0)
+    assert math.isnan(bootstrap.median_interval(nothing, nothing.astype(np.int64)).value)
+
+
+def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:
+    difference = bootstrap.difference_of(Interval(4.0, 7.0, 8.0), Interval(1.0, 2.0, 6.0))
+    assert (difference.low, difference.value, difference.high) == pytest.approx(
+        (5 - 5.0, 5.0, 5 + math.sqrt(2))
+    )
+    unknown = bootstrap.difference_of(Interval(4.0, 7.0, 8.0), Interval.unknown(2.0))
+    assert unknown.value == 5.0
+    assert not unknown.excludes_zero
+
+
+def test_one_of_many_equal_groups_seldom_seems_to_differ() -> None:
+    """Ten groups of one distribution: the corrected interval of the most deviant holds zero."""
+    rng = np.random.default_rng(5)
+    settings = bootstrap.simultaneous(10, BootstrapSettings(200))
+    codes, false_alarms = np.zeros(40, dtype=np.int64), 0
+    for _ in range(40):
+        groups = [rng.gamma(2.0, size=40) for _ in range(10)]
+        most = max(groups, key=np.median)
+        others = np.concatenate([group for group in groups if group is not most])
+        far = bootstrap.median_interval(others, np.zeros(360, dtype=np.int64), settings)
+        near = bootstrap.median_interval(most, codes, settings)
+        false_alarms += bootstrap.difference_of(near, far).low > 0
+    assert settings.level == pytest.approx(0.995)
+    assert false_alarms <= 4
