@@ -63,6 +63,11 @@ class PageOptions:
         return self.width is not None or self.dpi is not None
 
     @property
+    def millimetres(self) -> float:
+        """The width of a page with a physical size."""
+        return self.width or DEFAULT_MM
+
+    @property
     def theme(self) -> Theme:
         return DARK if self.dark else LIGHT
 
@@ -70,7 +75,7 @@ class PageOptions:
         """The size of a view's figure in pixels."""
         if not self.is_physical:
             return self.size or view.figure_size
-        width = self.width or DEFAULT_MM
+        width = self.millimetres
         wide = width / MM_PER_INCH * (self.dpi or DEFAULT_DPI)
         ratio = view.narrow_ratio if width < NARROW_MM else view.wide_ratio
         return round(wide), round(wide * ratio)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,7 +33,7 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     "full map": ("map", {"map_mode": "full", "room_names": True}),
     "map with heat": (
         "map",
-        {"heat": "feature_distance", "overlay": "selection", "room_names": True},
+        {"heat": "feature_distance", "overlay": "selection"},
     ),
     "instance with heat": ("instance", {"heat": "occlusion:rgb"}),
     "list by gap": ("list", {"sort": "gap"}),
@@ -51,19 +50,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
     def keep(page: paper.Page) -> bytes:
         data = encoded(page)
-        _dump(data)
         figures.append(page.figure)
         return data
 
     monkeypatch.setattr(paper.Page, "encoded", keep)
     return figures
-
-
-def _dump(data):
-    if os.environ.get("DUMP"):
-        Path(
-            f"/tmp/figdump/{os.environ['PYTEST_CURRENT_TEST'].split('[')[1].split(']')[0]}.png"
-        ).write_bytes(data)
 
 
 def draw(store: Path, name: str, width: float, folder: Path) -> bytes:
@@ -174,7 +165,7 @@ def _label(figure: Figure, axes: Axes, which: str) -> str:
     if which == "y":
         names.append(axes.get_title(loc="left"))
         names += [text.get_text() for text in figure.texts if text.get_rotation() == 90]
-    return " ".join(names)
+    return " ".join(" ".join(names).split())
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -31,7 +31,7 @@ from s2rtui.charts.shared.paper import (
 
 SIDE = 2.9
 """Width of scales and numbers at the right, inches."""
-BELOW = 5.0
+BELOW = 6.0
 """Height of scales and numbers below the images of a narrow page, inches."""
 SCALE_LETTERS = 16
 """Letters of a line above a scale."""

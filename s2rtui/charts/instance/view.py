@@ -22,7 +22,7 @@ class InstanceView(View):
     needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
-    narrow_ratio = 2.5
+    narrow_ratio = 3.0
     wide_ratio = 1.0
     counts_instances = False
     loads = ("pictures",)

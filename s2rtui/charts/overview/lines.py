@@ -6,7 +6,7 @@ selection is counted per pair of bins; every pair that occurs is drawn as one se
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import cast
@@ -269,7 +269,10 @@ def draw_lines(
     rows = slice(layout.top, layout.top + layout.height)
     chart.bg[:] = canvas.bg[rows, layout.chart : layout.chart + layout.chart_width]
     colour = getattr(canvas.theme, lines.side)
-    _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
+    others = (
+        density if trained is None else line_density(replace(lines, trained=None), axis, layout)
+    )
+    _layer(chart, others.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
     if trained is not None:
         shown = line_density(trained, axis, layout).highlighted
         _layer(chart, shown, pale_colour(colour, canvas.theme), canvas.glyphs.trained, faint=False)

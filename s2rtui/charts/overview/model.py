@@ -36,7 +36,7 @@ class OverviewLines:
 
     @property
     def counts(self) -> tuple[int, int]:
-        """The number of selected valid instances without trained ones, and of those not selected."""
+        """Numbers of valid instances: selected ones without the trained, and unselected ones."""
         valid, selected = (np.asarray(part, dtype=np.bool_) for part in (self.valid, self.selected))
         new = selected if self.trained is None else selected & ~np.asarray(self.trained)
         others = int(np.count_nonzero(valid)) - int(np.count_nonzero(valid & selected))
@@ -44,7 +44,7 @@ class OverviewLines:
 
     @property
     def banded(self) -> tuple[bool, bool]:
-        """Whether the new selected instances, and those not selected, are so many that they become bands."""
+        """Whether these instances are so many that they become bands."""
         highlighted, others = self.counts
         return highlighted > MOST_LINES, others > MOST_LINES
 

@@ -121,7 +121,7 @@ def marker_legend(page: Page, marks: list[LegendMark], corner: tuple[float, floa
     handles = [
         Line2D(
             [], [], linestyle="none", marker=marker, markersize=6, color=ink,
-            markerfacecolor=ink if filled else "none", label=wrapped_label(name),
+            markerfacecolor=ink if filled else "none", label=wrapped_label(name, 21),
         )
         for name, marker, ink, filled in marks
     ]  # fmt: skip
