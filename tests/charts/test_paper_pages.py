@@ -19,10 +19,12 @@ from s2rtui.charts.registry import BY_NAME, VIEWS
 from s2rtui.charts.shared import paper
 from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
-from tests.support import nights
+from tests.support import nights, tiny
 from tests.support.copies import copy_store
 
 WIDTHS = (80.0, 160.0)
+MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter")
+"""Views that are drawn of many instances, too."""
 DPI = 100
 FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     view.name: (view.name, {"run": "vanilla", "select": "worst15"})
@@ -38,6 +40,7 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     "instance with heat": ("instance", {"heat": "occlusion:rgb"}),
     "list by gap": ("list", {"sort": "gap"}),
     "overview of all": ("overview", {}),
+    **{f"many: {view}": (view, {}) for view in MANY},
 }
 UNITS = re.compile(r"\((m|m²|°|%|ms|loss|no unit)\)|instances|%|°|median error")
 
@@ -55,6 +58,13 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
     monkeypatch.setattr(paper.Page, "encoded", keep)
     return figures
+
+
+@pytest.fixture(scope="module")
+def stores(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The small store, and one of 120 instances in four runs."""
+    many = tmp_path_factory.mktemp("many") / "many.s2r"
+    return tiny_store, tiny.build(many, 120, (*tiny.RUNS, "finetune", "perlin"))
 
 
 def draw(store: Path, name: str, width: float, folder: Path) -> bytes:
@@ -100,9 +110,9 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", FIGURES)
 def test_texts_are_whole_and_apart(
-    tiny_store: Path, tmp_path: Path, drawn: list[Figure], name: str, width: float
+    stores: tuple[Path, Path], tmp_path: Path, drawn: list[Figure], name: str, width: float
 ) -> None:
-    draw(tiny_store, name, width, tmp_path)
+    draw(stores[name.startswith("many")], name, width, tmp_path)
     (figure,) = drawn
     wide, high = figure.bbox.size
     found = list(texts(figure))
@@ -132,9 +142,9 @@ def _shared(one: Bbox, two: Bbox) -> bool:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", FIGURES)
 def test_axes_with_numbers_have_labels_with_units(
-    tiny_store: Path, tmp_path: Path, drawn: list[Figure], name: str, width: float
+    stores: tuple[Path, Path], tmp_path: Path, drawn: list[Figure], name: str, width: float
 ) -> None:
-    draw(tiny_store, name, width, tmp_path)
+    draw(stores[name.startswith("many")], name, width, tmp_path)
     (figure,) = drawn
     figure.draw_without_rendering()
     for axes in figure.axes:

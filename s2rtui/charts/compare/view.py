@@ -34,7 +34,7 @@ class CompareView(PointsView):
     key = "9"
     pane: Pane = "centre"
     description = "two runs compared on the selection"
-    narrow_ratio = 2.6
+    narrow_ratio = 2.9
     wide_ratio = 1.0
     loads = ("floor plan",)
     figure_size = (2100, 1200)

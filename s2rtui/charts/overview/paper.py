@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.overview.bands import BAND_TEXT, MOST_LINES, accuracy_quantiles
+from s2rtui.charts.overview.bands import MOST_LINES, accuracy_quantiles
 from s2rtui.charts.overview.lines import PALE, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
@@ -164,7 +164,7 @@ def _percent(value: float | None) -> str:
 def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
     """The columns of the legend on a page `wide` inches wide, and its height in inches."""
     entries = 4 if lines is None else 7
-    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
+    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6.5) else 3 if wide > 4 else 1
     across = min(fit, entries)
     return across, 0.4 + 0.22 * -(-entries // across)
 
@@ -199,8 +199,8 @@ def _draw_legend(
         names.append(name)
     page.figure.legend(
         handles, names, loc="upper left", bbox_to_anchor=(0.17 / wide, page.top / high),
-        ncols=across, frameon=False, fontsize=9 if wide > 6 else 7, handletextpad=0.4,
-        columnspacing=1.4, borderaxespad=0, labelcolor=inks.muted,
+        ncols=across, frameon=False, handletextpad=0.4, columnspacing=1.4,
+        fontsize=9 if wide > 6.5 else 8 if wide > 6 else 7, borderaxespad=0, labelcolor=inks.muted,
     )  # fmt: skip
 
 
@@ -296,7 +296,7 @@ def line_keys(lines: OverviewLines | None, page: Page) -> list[tuple[Ink, str]]:
     """Colours and names of the lines for the legend."""
     if lines is None:
         return []
-    drawn = BAND_TEXT if lines.banded[0] else "an instance"
+    drawn = "bands" if lines.banded[0] else "an instance"
     keys = [(getattr(page.inks, lines.side), f"{drawn}, {lines.side}")]
     if lines.trained is not None:
         keys.append((_pale(keys[0][0], page), "a model was trained on it"))

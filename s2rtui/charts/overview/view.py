@@ -29,7 +29,7 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
-    narrow_ratio = 1.5
+    narrow_ratio = 1.7
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:

@@ -84,7 +84,7 @@ def _style(axes: Axes, page: Page, data: ScatterInput, model: ScatterModel) -> N
         limits(axis.low, axis.high)
     for ticks in (axes.xaxis, axes.yaxis):
         few = axis.log and np.log10(axis.high / axis.low) < 2.5
-        subs = (1.0, 2.0, 5.0) if few else (1.0,)
+        subs = (1.0, 2.0, 5.0) if few and page.inches[0] > NARROW else (1.0,)
         ticks.set_major_locator(LogLocator(subs=subs) if axis.log else MaxNLocator(nbins=7))
         ticks.set_minor_locator(NullLocator())
         ticks.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))

@@ -35,8 +35,8 @@ LegendMark = tuple[str, str, Ink, bool]
 """Name, marker, colour, and whether the marker is filled."""
 SIDE = 1.85
 """Width of colour bars and legend at the right, inches."""
-LETTER = 0.07
-"""Width of a letter of a room's name, inches."""
+LETTER, LINE = 0.07, 0.16
+"""Width of a letter of a room's name and height of its line, inches."""
 MANY = 5000
 """Above this number, points are drawn smaller, and one per spot of half a point."""
 
@@ -163,7 +163,10 @@ def _draw_background(axes: Axes, ground: MapBackground, page: Page, inches: floa
 
 
 def _draw_rooms(axes: Axes, ground: MapBackground, page: Page, scale: float) -> None:
-    """Dashed outlines of rooms, with each name once. `scale`: inches per metre."""
+    """Dashed outlines of rooms, with each name once. `scale`: inches per metre.
+
+    On pages of paper, a name that is larger than its room is left out.
+    """
     from matplotlib.patches import Rectangle
 
     named: set[str] = set()
@@ -180,6 +183,10 @@ def _draw_rooms(axes: Axes, ground: MapBackground, page: Page, scale: float) -> 
             continue
         named.add(room.room)
         is_narrow = len(room.room) * LETTER > wide * scale
+        words = room.room.split() if is_narrow else [room.room]
+        longest = max(map(len, words), default=0) * LETTER
+        if page.is_paper and (longest > wide * scale or len(words) * LINE > high * scale):
+            continue
         axes.annotate(
             room.room.replace(" ", "\n") if is_narrow else room.room,
             (room.x0, room.y0 if ground.y_down else room.y1), xytext=(4, -4),

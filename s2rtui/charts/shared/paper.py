@@ -250,9 +250,9 @@ def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]
         spine.set_visible(True)
 
 
-def set_panel_title(axes: Axes, text: str, ink: Ink) -> None:
+def set_panel_title(axes: Axes, text: str, ink: Ink, points: float = 10) -> None:
     """Write the bold title of one of several panels at the left."""
-    axes.set_title(text, loc="left", fontsize=10, pad=6, color=ink, fontweight="bold")
+    axes.set_title(text, loc="left", fontsize=points, pad=6, color=ink, fontweight="bold")
 
 
 def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:

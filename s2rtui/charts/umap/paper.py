@@ -127,7 +127,8 @@ def _draw_panel(
     sim = name == "sim"
     layer = model.sim if sim else model.real
     counts = f"{layer.selected} of {layer.total}" if layer.total else "none"
-    set_panel_title(axes, f"{name}   {counts}", getattr(page.inks, name))
+    title = f"{name}   {counts}" if page.inches[0] > NARROW else name
+    set_panel_title(axes, title, getattr(page.inks, name))
     points = np.asarray(data.sim if sim else data.real, dtype=np.float64)
     if layer.total > POINTS_UP_TO:
         _draw_cells(axes, model, layer, page.inks)
