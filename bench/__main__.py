@@ -30,6 +30,7 @@ from bench import (
     startup,
     terminal_bytes,
     time_delay,
+    true_pixels,
 )
 from bench.budget import BudgetRow
 from bench.measured_stores import QUIET
@@ -37,6 +38,7 @@ from bench.measured_stores import QUIET
 _MEASUREMENTS = (
     "startup",
     "terminal_bytes",
+    "true_pixels",
     "contrast",
     "scale",
     "growth",
@@ -57,7 +59,9 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
     parser.add_argument("--only", choices=_MEASUREMENTS, action="append", help="repeatable")
     parser.add_argument(
-        "--store", type=Path, help="a computed store for startup, terminal_bytes and contrast"
+        "--store",
+        type=Path,
+        help="a computed store for startup, terminal_bytes, true_pixels and contrast",
     )
     parser.add_argument(
         "--pairs", type=int, help="real pairs for end_to_end, evenly spread (default: all)"
@@ -81,12 +85,14 @@ def main() -> int:
 
 
 def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Iterator[BudgetRow]:
-    if {"startup", "terminal_bytes"} & set(selected):
+    if {"startup", "terminal_bytes", "true_pixels"} & set(selected):
         store = options.store or _computed(folder)
         if "startup" in selected:
             yield from startup.figures(store)
         if "terminal_bytes" in selected:
             yield from terminal_bytes.figures(store)
+        if "true_pixels" in selected:
+            yield from true_pixels.figures(store)
     if "contrast" in selected:
         yield from contrast.figures(options.store)
     if "scale" in selected:

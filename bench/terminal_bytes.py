@@ -20,8 +20,8 @@ _QUIET = 0.6
 SIZES = ((120, 40), (200, 60))
 _MOVE = b"\x1b[C"
 _DRAWS_PICTURES = b"\x1b[1;1R\x1b_Gi=31;OK\x1b\\\x1b[1;1R\x1b[6;20;10t\x1b[?62c"
-_TRUE_PIXELS = 160_000
-"""Bytes of four images at their size on a terminal of 120 x 40."""
+_TRUE_PIXELS = 320_000
+"""Bytes of the map and four images at their size on a terminal of 120 x 40."""
 KEYS = {
     "w": b"w", "b": b"b", "undo": b"u", "zoom in": b"+", "zoom out": b"0", "run": b"r",
     "umap": b"4", "orientation": b"5", "list": b"8", "map": b"2", "help": b"?", "leave": b"\x1b",
@@ -83,7 +83,7 @@ def figures(store: Path) -> Iterator[BudgetRow]:
 
 def _true_pixels(store: Path, size: tuple[int, int]) -> Iterator[BudgetRow]:
     """Move the cursor on a terminal that draws images, with cells of 10 x 20 pixels."""
-    terminal = MeasuredTerminal(store, size, "--graphics")
+    terminal = MeasuredTerminal(store, size, "--graphics", "kitty")
     terminal.read(1.0, 5)
     terminal.press(_DRAWS_PICTURES)
     terminal.read(2.0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from s2rstore.records import Bounds
+from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas.raster import Floats
 
 Points = NDArray[np.float64]
@@ -88,6 +90,10 @@ def centred_within(view: Bounds, area: Bounds) -> Bounds:
     return Bounds(view.x0 + dx, view.y0 + dy, view.x1 + dx, view.y1 + dy)
 
 
+_BLOCKS = 4
+"""Blocks of an image along each side of a pixel, at least, whose sums are reused."""
+
+
 def sample(
     image: ArrayLike,
     bounds: Bounds,
@@ -97,52 +103,85 @@ def sample(
 ) -> Floats:
     """Resample an image that covers `bounds` to `frame`: (rows, columns[, C]) float32.
 
-    `pixels` are the rows and columns that each cell is divided into. Each pixel is the mean of up
-    to 16 samples of the area that it covers, without NaN; NaN outside the image. `top_is_y0`:
-    whether the image's first row lies at bounds.y0.
+    `pixels` are the rows and columns of each cell. Each pixel is the mean over the area that it
+    covers, without NaN; NaN outside the image. Where a pixel covers many of an image of integers,
+    its edges are interpolated within blocks of less than a quarter of it; such an image must not be
+    changed in place. `top_is_y0`: whether the image's first row lies at bounds.y0.
     """
     source = np.asarray(image)
     rows, columns = source.shape[:2]
     high, wide = frame.height * pixels[0] // 2, frame.width * pixels[1]
-    pitches = 2 * frame.pitch / pixels[0], frame.pitch / pixels[1]
-    per_pixel = max(pitches) / max(bounds.width / max(columns, 1), 1e-9)
-    fine = int(np.clip(np.ceil(per_pixel / 2), 1, 4))
-    across = frame.x0 + (np.arange(wide * fine) + 0.5) / fine * pitches[1]
+    across = frame.x0 + np.arange(wide + 1) / pixels[1] * frame.pitch
     sign = 1 if frame.y_down else -1
-    down = frame.y0 + sign * (np.arange(high * fine) + 0.5) / fine * pitches[0]
-    u = np.floor((across - bounds.x0) / bounds.width * columns).astype(np.int64)
+    down = frame.y0 + sign * np.arange(high + 1) * 2 / pixels[0] * frame.pitch
+    u = (across - bounds.x0) / bounds.width * columns
     along = (down - bounds.y0) / bounds.height
-    v = np.floor((along if top_is_y0 else 1 - along) * rows).astype(np.int64)
-    flat = source.reshape(rows, columns, -1)
-    if source.dtype.kind != "f":
-        total = _sampled_sums(flat, v, u, fine)
-        held = [((at >= 0) & (at < size)).reshape(-1, fine).sum(axis=1) for at, size in
-                ((v, rows), (u, columns))]  # fmt: skip
-        count = np.multiply.outer(*held)[..., None]
+    v = (along if top_is_y0 else 1 - along) * rows
+    flipped = bool(v[0] > v[-1])
+    edges = np.clip(v[::-1] if flipped else v, 0, rows), np.clip(u, 0, columns)
+    if source.dtype.kind == "f":
+        flat = source.reshape(rows, columns, -1)
+        known = np.isfinite(flat)
+        total = _area_sums(np.where(known, flat, 0), *edges)
+        covered = _area_sums(known, *edges)
     else:
-        good = np.isfinite(flat)
-        total = _sampled_sums(np.where(good, flat, 0).astype(np.float32), v, u, fine)
-        count = _sampled_sums(good.astype(np.uint8), v, u, fine)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(count > 0, total / count.astype(np.float32), np.float32(np.nan))
-    return mean.astype(np.float32).reshape(high, wide, *source.shape[2:])
-
-
-def _sampled_sums(
-    source: NDArray[np.generic], v: NDArray[np.int64], u: NDArray[np.int64], fine: int
-) -> NDArray[np.float32]:
-    """Sums of `fine` x `fine` samples at rows `v` and columns `u` of (H, W, C), 0 outside."""
-    kind = np.float32 if source.dtype.kind == "f" else np.uint32
-    data: NDArray[np.generic] = source
-    for at, axis in ((v, 0), (u, 1)):
-        size = source.shape[axis]
-        inside = ((at >= 0) & (at < size)).reshape(-1, fine)
-        index = np.clip(at, 0, size - 1).reshape(-1, fine)
-        shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
-        parts = (
-            np.take(data, index[:, step], axis=axis).astype(kind)
-            * inside[:, step].astype(kind).reshape(shape)
-            for step in range(fine)
+        steps = [max(1, int(abs(at[1] - at[0]) / _BLOCKS)) for at in (v, u)]
+        blocks = _block_sums(source, steps[0], steps[1])
+        places = (
+            _in_blocks(at, step, size)
+            for at, step, size in zip(edges, steps, (rows, columns), strict=True)
         )
-        data = sum(parts, start=np.zeros((), dtype=kind))
-    return data.astype(np.float32)
+        total = _area_sums(blocks, *places)
+        covered = np.multiply.outer(*map(np.diff, edges))[..., None]
+    mean = np.where(covered > 0, total / np.where(covered > 0, covered, 1), np.nan)
+    mean = (mean[::-1] if flipped else mean).astype(np.float32)
+    return mean.reshape(high, wide, *source.shape[2:])
+
+
+@cached_by_identity(8)
+def _block_sums(
+    image: NDArray[np.generic], rows: int, columns: int
+) -> NDArray[np.unsignedinteger[Any]]:
+    """(n, m, C): sums of the blocks of `rows` x `columns` pixels of an image (H, W[, C])."""
+    flat = image.reshape(*image.shape[:2], -1)
+    starts = np.arange(0, flat.shape[0], rows), np.arange(0, flat.shape[1], columns)
+    sums = np.add.reduceat(flat, starts[0], axis=0, dtype=np.uint32)
+    return np.add.reduceat(sums, starts[1], axis=1)
+
+
+def _in_blocks(edges: NDArray[np.float64], step: int, size: int) -> NDArray[np.float64]:
+    """Places 0 .. size in units of blocks of `step` pixels, the last of which may be smaller."""
+    block = np.minimum(np.floor(edges / step), (size - 1) // step)
+    length = np.minimum(step, size - block * step)
+    return np.asarray(block + (edges - block * step) / length)
+
+
+def _area_sums(
+    image: NDArray[np.generic], rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n, m, C): integrals of an image (H, W, C) between ascending edges (n + 1,) and (m + 1,)."""
+    return _interval_sums(_interval_sums(image, rows, 0), columns, 1)
+
+
+def _interval_sums(
+    values: NDArray[np.generic], edges: NDArray[np.float64], axis: int
+) -> NDArray[np.float64]:
+    """Integrals of an image (H, W, C) along an axis, between ascending edges (n + 1,).
+
+    Each pixel is one long.
+    """
+    size, low = values.shape[axis], np.floor(edges).astype(np.intp)
+    shape = [1, 1, 1]
+    shape[axis] = -1
+    part = (edges - low).reshape(shape)
+    ends = np.take(values, np.minimum(low, size - 1), axis=axis) * part
+    sums = np.diff(ends, axis=axis)
+    held = int((low[:-1] < low[-1]).sum())
+    if held:
+        kind = np.float64 if values.dtype.kind == "f" else np.uint32
+        whole, into = [slice(None)] * 3, [slice(None)] * 3
+        whole[axis], into[axis] = slice(0, int(low[-1])), slice(0, held)
+        inside = np.add.reduceat(values[tuple(whole)], low[:held], axis=axis, dtype=kind)
+        inside = inside * (low[1 : held + 1] > low[:held]).reshape(shape)
+        sums[tuple(into)] += inside
+    return np.asarray(sums, dtype=np.float64)

@@ -9,14 +9,14 @@ from textual.drivers.linux_driver import LinuxDriver
 from s2rtui.app.app import S2RApp
 from s2rtui.app.messages import BackgroundFailed
 from s2rtui.app.widgets.plot import PlotView
-from s2rtui.terminal.graphics.image_manager import KittyImageManager
+from s2rtui.terminal.graphics.image_manager import ImageManager
 from s2rtui.terminal.graphics.probe import Graphics
 
 
 def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     """Show images in true pixels once the application runs, or say why that is impossible."""
     if not graphics.supported:
-        app.session.show_message(f"--graphics: {graphics.reason}; images are drawn as half blocks")
+        app.session.show_message(f"--graphics: images are drawn in cells: {graphics.reason}")
         return
 
     def attach_all() -> None:
@@ -30,7 +30,7 @@ def enable_inline_images(app: S2RApp, graphics: Graphics) -> None:
     def report_error(error: Exception) -> None:
         app.post(BackgroundFailed(f"inline images: {type(error).__name__}: {error}"))
 
-    images = KittyImageManager(graphics, app.write_to_terminal, on_ready, report_error)
+    images = ImageManager(graphics, app.write_to_terminal, on_ready, report_error)
 
     class Driver(LinuxDriver):
         """Deletes the images when the application leaves the terminal's screen."""

@@ -440,6 +440,7 @@ QUESTIONS = (
         ("worst_real view('map')", "the worst 15 % in reality, on the map"),
     )),
     Question("What is poor in sim but good in real?", (
+        ("view('scatter')", "sim error against real error; the title counts them"),
         ("worst_sim intersect best_real", "the worst in sim that are among the best in reality"),
         ("view('list')", "the same as a list"),
     )),

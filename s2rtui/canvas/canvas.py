@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,19 @@ BoolGrid = NDArray[np.bool_]
 class InlineImage:
     """An image that a terminal with graphics may draw in true pixels over its box of cells.
 
-    `shape` is the source's (height, width); `pixels` renders it in any (height, width).
-    `content_key` is equal only for equal pixels.
+    `shape` is the source's (height, width), or None for a drawing that is made for its box;
+    `pixels` renders it in any (height, width). `content_key` is equal only for equal pixels.
+    `text` (height, width) marks cells that show their character in place of the image.
     """
 
     x: int
     y: int
     width: int
     height: int
-    shape: Size
+    shape: Size | None
     pixels: Callable[[Size], Pixels]
     content_key: object
+    text: BoolGrid | None = field(default=None, compare=False)
 
 
 class Canvas:
@@ -167,6 +169,14 @@ class Canvas:
         self.bg[into] = other.bg[source]
         moved = (replace(image, x=image.x + x, y=image.y + y) for image in other.images)
         self.images += [image for image in moved if self._contains(image)]
+
+    def show_text(self, cells: BoolGrid) -> None:
+        """Let `cells` (height, width) of images show their characters in place of the image."""
+        for index, image in enumerate(self.images):
+            box = (slice(image.y, image.y + image.height), slice(image.x, image.x + image.width))
+            if cells[box].any():
+                text = cells[box] if image.text is None else image.text | cells[box]
+                self.images[index] = replace(image, text=text)
 
     def _contains(self, image: InlineImage) -> bool:
         across = image.x >= 0 and image.x + image.width <= self.width

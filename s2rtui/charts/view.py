@@ -150,18 +150,21 @@ class PointsView(View):
     def cursor_point(self, scene: Scene, panel: Panel) -> Point | None:
         return known_point(self.points(scene, panel), scene.state.cursor)
 
+    def nearest(self, scene: Scene, panel: Panel, point: Point) -> int | None:
+        """The iid of the base population that is drawn the nearest to a point of a panel."""
+        return nearest_iid(self.points(scene, panel), scene.state.base, point)
+
     def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
-        nearest = nearest_iid(self.points(scene, panel), scene.state.base, point)
+        nearest = self.nearest(scene, panel, point)
         if nearest is not None:
             session.set_cursor(nearest)
 
     def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
         """The nearest instance of the base population, if it lies on the cell or beside it."""
-        points = self.points(scene, panel)
-        nearest = nearest_iid(points, scene.state.base, panel.to_data(*cell))
+        nearest = self.nearest(scene, panel, panel.to_data(*cell))
         if nearest is None:
             return None
-        column, row = panel.to_cells(*points[nearest])
+        column, row = panel.to_cells(*self.points(scene, panel)[nearest])
         return nearest if max(abs(column - cell[0]), abs(row - cell[1])) <= _REACH else None
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:

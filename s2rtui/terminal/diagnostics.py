@@ -74,7 +74,7 @@ def symbol_samples(detected: Terminal) -> Rows:
 def _graphics(detected: Terminal) -> str:
     """Whether the terminal draws inline images, if it was probed."""
     if detected.graphics is None:
-        return "half blocks; --graphics asks the terminal for more"
+        return "cells; --graphics draws map and images in true pixels"
     reason, (width, height) = detected.graphics.reason, detected.graphics.cell
     return f"{reason}; cells of {width}x{height} px" if detected.graphics.supported else reason
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from typing import Protocol
@@ -23,6 +23,7 @@ from textual.strip import Strip
 
 from s2rtui.canvas import Canvas, ColourMode, Pixels, Rgb
 from s2rtui.canvas.block_symbols import is_block
+from s2rtui.canvas.canvas import BoolGrid
 from s2rtui.canvas.colour import to_16, to_256
 from s2rtui.terminal.textual_compat import LazyStrip
 
@@ -254,11 +255,32 @@ def encoded(runs: Runs) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class ImagePlace:
+    """An inline image on the screen; equal images have equal tokens.
+
+    `over_text`: whether the image lies on its cells, so that it must be drawn again where text
+    disappears. `text` (rows, columns) marks cells of the region that show text, None for no cell.
+    """
+
+    region: Region
+    token: object
+    over_text: bool = False
+    text: BoolGrid | None = field(default=None, compare=False)
+
+    @property
+    def text_cells(self) -> BoolGrid:
+        """(rows, columns) of the region: the cells that show text."""
+        if self.text is None:
+            return np.zeros((self.region.height, self.region.width), dtype=np.bool_)
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
 class PaintedStrips:
-    """Strips that contain inline images, and the (region, image number) of each."""
+    """Strips that contain inline images, and the places of the images."""
 
     strips: list[Strip]
-    places: frozenset[tuple[Region, int]]
+    places: frozenset[ImagePlace]
 
 
 class ImageHost(Protocol):

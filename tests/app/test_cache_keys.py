@@ -27,6 +27,7 @@ from s2rtui.session.loaded_data_origin import (
 )
 from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slider, Step
 from s2rtui.user_data.notebook import Notes, Remark
+from tests.charts.examples import finding_report
 from tests.support import gaps, tiny
 
 SIZE = (100, 40)
@@ -131,7 +132,7 @@ def scenes(session: Session) -> dict[str, Scene]:
     grid = np.arange(16, dtype=np.float32).reshape(4, 4)
     loaded = store_data.read_rows(store, state, None) | store_data.read_lines(store, state, None)
     loaded |= store_data.read_groups(store, state, LoadContext())
-    loaded |= store_data.read_findings(store, state, LoadContext())
+    loaded["findings"] = finding_report()
     pictures, live = (instance_input(store, state.run, i, state.heat) for i in (0, 2))
     sources = {
         "pictures_source": instance_provenance(state),

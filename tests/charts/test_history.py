@@ -195,7 +195,7 @@ def test_what_lies_beyond_the_scale_is_marked(
 ) -> None:
     canvas = draw_history(CUT, size, options)
     model = history_model(CUT, 90)
-    layout = history_layout(model, size)
+    layout = history_layout(model, size, legend=1 if size[0] >= 60 else 2)
     up, down = options.glyphs.arrows[6], options.glyphs.arrows[2]
     assert model.is_cut
     fail = status_glyph("FAIL", options)

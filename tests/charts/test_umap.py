@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as arrays
 from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
 from s2rtui.canvas.colour import legible, turbo
 from s2rtui.canvas.marks import Mark
-from s2rtui.charts.umap.model import LEVELS, umap_frame, umap_model
-from s2rtui.charts.umap.terminal import draw_umap, umap_layout, umap_panels
+from s2rtui.charts.umap.model import LEVELS, UmapInput, umap_frame, umap_model
+from s2rtui.charts.umap.terminal import SHADE_STEPS, draw_umap, umap_layout, umap_panels
 from tests.charts.examples import N, umap_input
 
 SIZE = (60, 14)
@@ -118,7 +118,7 @@ def test_a_selected_point_has_the_colour_of_its_value(theme) -> None:
     sim, _ = umap_panels(view, SIZE)
     column, row = (int(part) for part in sim.to_cells(*view.sim[20]))
     level = math.floor(3.3 / 4 * LEVELS)
-    assert canvas.char[row, column] == "●"
+    assert 0x2800 < ord(canvas.char[row, column]) <= 0x28FF
     expected = legible(turbo([(level + 0.5) / LEVELS]), theme)[0]
     np.testing.assert_array_equal(canvas.fg[row, column], expected)
 
@@ -148,11 +148,45 @@ def test_the_cursor_is_marked_in_both_panels() -> None:
 
 
 def test_the_header_shows_counts_and_scale() -> None:
-    header = draw_umap(umap_input(), (90, 14)).lines()[0]
+    header, *others = draw_umap(umap_input(), (90, 14)).lines()
     assert f"sim  20 of {N - 1}" in header
-    assert "distance" in header
+    assert "distance" in "".join(others)
     narrow = draw_umap(umap_input(), (50, 10)).lines()[0]
     assert "real" in narrow
+
+
+@pytest.mark.parametrize("crowd", [1, 2, 8, 9, 64, 65, 512, 513, 4096, 4097, 9000])
+def test_a_cell_shows_how_many_points_it_has(crowd: int) -> None:
+    rng = np.random.default_rng(crowd)
+    points = np.full((crowd + 2, 2), 5.1) + rng.uniform(-0.002, 0.002, (crowd + 2, 2))
+    points[:2] = (0.0, 0.0), (10.0, 10.0)
+    everyone = np.ones(len(points), dtype=np.bool_)
+    view = UmapInput(points, points, None, np.zeros_like(everyone), everyone)
+    canvas = draw_umap(view, SIZE)
+    sim, _ = umap_panels(view, SIZE)
+    chart = canvas.char[sim.y : sim.y + sim.height, sim.x : sim.x + sim.width]
+    shades = canvas.glyphs.shades
+    expected = shades[sum(crowd >= least for least in SHADE_STEPS)].strip()
+    assert "".join(glyph for glyph in chart.ravel() if glyph in shades).strip() == expected
+    braille = sum("\u2800" < glyph <= "\u28ff" for glyph in chart.ravel())
+    assert braille == 2 + (not expected)
+
+
+def test_cells_with_selected_points_show_these_alone() -> None:
+    points = np.array([[0.0, 0.0], [10.0, 10.0], [5.0, 5.0], *np.full((20, 2), 5.0)])
+    selected = np.arange(len(points)) == 2
+    view = UmapInput(points, points, None, selected, np.ones_like(selected))
+    layer = umap_model(view, umap_frame(view, 20, 10)).sim
+    shown = layer.level >= 0
+    assert layer.count[shown].tolist() == [1]
+    assert layer.count[~shown].sum() == 2
+
+
+@pytest.mark.parametrize("width", [40, 60, 90, 120])
+def test_the_legend_says_what_a_cell_shows(width: int) -> None:
+    text = " ".join(" ".join(draw_umap(umap_input(), (width, 30)).lines()).split())
+    for words in ("distance", "mean of the selected", "none selected", "1 to 8", "4097+ per cell"):
+        assert words in text
 
 
 def test_missing_coordinates_show_a_message() -> None:
@@ -177,4 +211,4 @@ def test_large_views_label_the_coordinates() -> None:
     lines = draw_umap(view, (120, 40)).lines()
     sim, _ = umap_panels(view, (120, 40))
     column = int(sim.to_cells(5.0, 0.0)[0])
-    assert lines[-1][column] == "5"
+    assert lines[sim.y + sim.height][column] == "5"

@@ -16,19 +16,22 @@ from hypothesis import strategies as st
 from rich.console import Console
 from textual.strip import Strip
 
+from s2rstore.errors import RequestError
 from s2rtui.canvas import Canvas, ColourMode, InlineImage, Size
 from s2rtui.canvas.colour import Pixels
 from s2rtui.cli import main
 from s2rtui.terminal.capabilities import Terminal
 from s2rtui.terminal.graphics import kitty_protocol, probe
-from s2rtui.terminal.graphics.image_manager import (
+from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
+from s2rtui.terminal.graphics.image_manager import ImageManager
+from s2rtui.terminal.graphics.kitty_images import NUMBERS
+from s2rtui.terminal.graphics.png import (
     MAX_BYTES,
+    MAX_DRAWN_PIXELS,
     MAX_PIXELS,
-    NUMBERS,
-    KittyImageManager,
-    pixel_size,
+    reduced_size,
 )
-from s2rtui.terminal.graphics.probe import Graphics, parse_answer
+from s2rtui.terminal.graphics.probe import Graphics, GraphicsProtocol, parse_answer
 from s2rtui.terminal.strips import to_strips
 from tests.support.kitty import (
     ANSWER,
@@ -43,6 +46,7 @@ from tests.support.kitty import (
 
 TRUECOLOR_TERMINAL = Terminal(ColourMode.TRUECOLOR, False, "")
 MOVED_CURSOR_REPORT = b"\x1b[7;2R"
+SIXEL_ATTRIBUTES = b"\x1b[?62;4;22c"
 
 
 def codes(strips: list[Strip]) -> bytes:
@@ -73,8 +77,8 @@ class FakeTerminal:
     def __init__(self, in_tmux: bool = False) -> None:
         self.written = ""
         self.ready_count = 0
-        graphics = Graphics(True, "", in_tmux=in_tmux)
-        self.manager = KittyImageManager(graphics, self._write, self._ready)
+        graphics = Graphics("kitty", "", in_tmux=in_tmux)
+        self.manager = ImageManager(graphics, self._write, self._ready)
 
     def _write(self, text: str) -> None:
         self.written += text
@@ -109,12 +113,14 @@ class FakeTerminal:
         (ANSWER, True, "Kitty"),
         (b"typed" + ANSWER, True, "Kitty"),
         (ATTRIBUTES, False, "does not support"),
+        (SIXEL_ATTRIBUTES, True, "sixels"),
         (CURSOR_REPORT + CURSOR_REPORT + CELL_SIZE + ATTRIBUTES, False, "does not support"),
         (
             CURSOR_REPORT + GRAPHICS_OK + MOVED_CURSOR_REPORT + ATTRIBUTES,
             False,
             "not its placeholders",
         ),
+        (CURSOR_REPORT + GRAPHICS_OK + MOVED_CURSOR_REPORT + SIXEL_ATTRIBUTES, True, "sixels"),
         (GRAPHICS_OK + ATTRIBUTES, False, "not its placeholders"),
         (CURSOR_REPORT + GRAPHICS_OK + CURSOR_REPORT, False, "did not answer"),
         (b"", False, "did not answer"),
@@ -133,25 +139,82 @@ def test_the_cell_size_is_taken_from_the_answer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answer", "pictures", "expected"),
+    ("wanted", "answer", "expected"),
     [
-        ("xterm-kitty kitty(0.42.0) on\n", True, "through tmux"),
-        ("xterm-256color ghostty 1.2 all\n", True, "through tmux"),
-        ("xterm-kitty  1\n", True, "through tmux"),
-        ("xterm-kitty  0\n", False, "allow-passthrough on"),
-        ("xterm-kitty kitty off\n", False, "allow-passthrough on"),
-        ("xterm-256color  1\n", False, "kitty or ghostty"),
-        ("", False, "did not name"),
+        ("sixel", ANSWER, None),
+        ("sixel", ANSWER.replace(ATTRIBUTES, SIXEL_ATTRIBUTES), "sixel"),
+        ("kitty", ANSWER.replace(ATTRIBUTES, SIXEL_ATTRIBUTES), "kitty"),
+        ("kitty", SIXEL_ATTRIBUTES, None),
+        (None, b"\x1b[?64;14;22c", None),
+    ],
+)
+def test_only_the_named_protocol_is_used(
+    wanted: GraphicsProtocol | None, answer: bytes, expected: str | None
+) -> None:
+    assert parse_answer(answer, wanted).protocol == expected
+
+
+@pytest.mark.parametrize(
+    ("answer", "protocol", "expected"),
+    [
+        ("256,RGB|xterm-kitty kitty(0.42.0)|on", "kitty", "through tmux"),
+        ("256|xterm-256color ghostty 1.2|all", "kitty", "through tmux"),
+        ("|xterm-kitty |1", "kitty", "through tmux"),
+        ("|xterm-kitty |0", None, "allow-passthrough on"),
+        ("|xterm-kitty kitty|off", None, "allow-passthrough on"),
+        ("sixel|xterm-kitty kitty|off", "sixel", "by tmux"),
+        ("RGB,sixel|xterm-256color foot|off", "sixel", "by tmux"),
+        ("256|xterm-256color |1", None, "kitty or ghostty"),
+        ("", None, "did not name"),
     ],
 )
 def test_tmux_is_queried_for_its_terminal(
-    monkeypatch: pytest.MonkeyPatch, answer: str, pictures: bool, expected: str
+    monkeypatch: pytest.MonkeyPatch, answer: str, protocol: str | None, expected: str
 ) -> None:
     monkeypatch.setattr(probe, "_ask_tmux", lambda: answer)
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
-    capabilities = probe.probe_terminal(TRUECOLOR_TERMINAL, {"TMUX": "/tmp/tmux,1,0"})
-    assert (capabilities.supported, capabilities.in_tmux) == (pictures, pictures)
+    environment = {"TMUX": "/tmp/tmux,1,0"}
+    capabilities = probe.probe_terminal(TRUECOLOR_TERMINAL, None, environment)
+    assert (capabilities.protocol, capabilities.in_tmux) == (protocol, protocol is not None)
     assert expected in capabilities.reason
+    assert choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment) == capabilities
+
+
+@pytest.mark.parametrize(
+    ("environment", "protocol"),
+    [
+        ({"TERM": "xterm-kitty"}, "kitty"),
+        ({"TERM": "xterm-256color", "TERM_PROGRAM": "ghostty"}, "kitty"),
+        ({"TERM_PROGRAM": "iTerm.app"}, "iterm2"),
+        ({"TERM_PROGRAM": "WezTerm"}, "iterm2"),
+        ({"TERM": "foot-extra"}, "sixel"),
+        ({"TERM_PROGRAM": "vscode"}, "sixel"),
+        ({"WT_SESSION": "1"}, "sixel"),
+        ({"TERM": "xterm-256color"}, None),
+        ({"TERM": "xterm-kitty", "SSH_CONNECTION": "1 2 3 4"}, None),
+        ({"TERM_PROGRAM": "WezTerm", "SSH_TTY": "/dev/pts/1"}, None),
+    ],
+)
+def test_auto_decides_by_the_environment_and_never_over_ssh(
+    monkeypatch: pytest.MonkeyPatch, environment: dict[str, str], protocol: str | None
+) -> None:
+    monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
+    chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, None, environment)
+    assert chosen is not None
+    assert chosen.protocol == protocol
+
+
+def test_a_given_cell_size_is_used() -> None:
+    environment = {"TERM": "foot"}
+    chosen = choose_graphics("auto", TRUECOLOR_TERMINAL, parse_cell_size("9x18"), environment)
+    assert chosen is not None
+    assert chosen.cell_now() == (9, 18)
+
+
+@pytest.mark.parametrize("text", ["", "10", "10x", "0x20", "10x20x30", "-10x20", "1000x20"])
+def test_wrong_cell_sizes_are_refused(text: str) -> None:
+    with pytest.raises(RequestError, match="such as 10x20"):
+        parse_cell_size(text)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +226,10 @@ def test_unsuitable_terminals_are_not_queried(
 ) -> None:
     monkeypatch.setattr(probe, "_ask_terminal", lambda: pytest.fail("asked"))
     monkeypatch.setattr(probe, "_has_terminal", lambda: True)
-    assert "256 colours" in probe.probe_terminal(terminal, {}).reason
+    assert "256 colours" in probe.probe_terminal(terminal, None, {}).reason
+    chosen = choose_graphics("auto", terminal, None, {"TERM": "foot"})
+    assert chosen is not None
+    assert "256 colours" in chosen.reason
 
 
 def test_ascii_and_graphics_exclude_each_other(
@@ -171,6 +237,11 @@ def test_ascii_and_graphics_exclude_each_other(
 ) -> None:
     assert main(["tui", str(tiny_store), "--graphics", "--ascii"]) == 2
     assert "--ascii" in capsys.readouterr().err
+
+
+def test_a_cell_size_needs_graphics(tiny_store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tui", str(tiny_store), "--cell-size", "10x20"]) == 2
+    assert "--graphics" in capsys.readouterr().err
 
 
 # --- strips --------------------------------------------------------------------------------------
@@ -215,10 +286,18 @@ def test_the_pixel_size_is_limited_by_image_box_and_maximum(
     shape: Size, box: Size, cell: Size
 ) -> None:
     plate = InlineImage(0, 0, *box, shape, lambda size: noise(size), shape)
-    rows, columns = pixel_size(plate, cell)
+    rows, columns = reduced_size(plate, cell)
     assert 1 <= rows <= max(1, min(shape[0], box[1] * cell[1]))
     assert 1 <= columns <= max(1, min(shape[1], box[0] * cell[0]))
     assert rows * columns <= max(MAX_PIXELS, *shape)
+
+
+def test_drawings_fill_their_box_up_to_a_maximum() -> None:
+    drawing = InlineImage(0, 0, 60, 30, None, noise, "drawing")
+    assert reduced_size(drawing, (9, 19)) == (30 * 19, 60 * 9)
+    rows, columns = reduced_size(drawing, (40, 80))
+    assert 0.9 * MAX_DRAWN_PIXELS < rows * columns <= MAX_DRAWN_PIXELS
+    assert rows == columns
 
 
 def test_large_images_are_reduced_to_the_byte_limit() -> None:

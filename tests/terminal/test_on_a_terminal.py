@@ -31,6 +31,8 @@ from tests.support.kitty import (
 )
 
 Visit = dict[str, bytes]
+IMAGES = 5
+"""The map, and RGB and depth of both sides."""
 
 
 def open_application(store: Path, share: Path, *options: str) -> Screen:
@@ -79,7 +81,9 @@ def first_instance(tiny_store: Path) -> InstanceInput:
 @pytest.fixture(scope="module")
 def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visit]:
     """The bytes received after each step of a session."""
-    screen = open_application(tiny_store, tmp_path_factory.mktemp("graphics"), "--graphics")
+    screen = open_application(
+        tiny_store, tmp_path_factory.mktemp("graphics"), "--graphics", "kitty"
+    )
     parts: Visit = {}
     offset = 0
 
@@ -91,11 +95,11 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     answer_query(screen, ANSWER)
     part("asked", lambda raw: True)
     skip_tour(screen)
-    part("first", lambda raw: len(placed_cells(raw)) == 4 and all_images_complete(raw))
+    part("first", lambda raw: len(placed_cells(raw)) == IMAGES and all_images_complete(raw))
     for _ in range(5):
         screen.press(RIGHT)
         time.sleep(0.02)
-    part("moved", lambda raw: len(placed_cells(raw)) == 4 and all_images_complete(raw))
+    part("moved", lambda raw: len(placed_cells(raw)) == IMAGES and all_images_complete(raw))
     screen.press("?")
     part("help", lambda raw: b"straight driving" in raw)
     screen.press(b"\x1b")
@@ -103,7 +107,7 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     screen.resize(110, 36)
     part(
         "resized",
-        lambda raw: len(KittyTerminal.after(raw).images) == 4 and all_images_complete(raw),
+        lambda raw: len(KittyTerminal.after(raw).images) == IMAGES and all_images_complete(raw),
     )
     screen.press("q")
     assert screen.wait_for_end() == 0
@@ -113,16 +117,25 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 
 def all_images_complete(raw: bytes) -> bool:
-    """Whether every transmitted image is placed with all its cells."""
+    """Whether every transmitted image is placed with all its cells, the map with most of them.
+
+    Names of rooms lie on the map as text.
+    """
     images, cells = KittyTerminal.after(raw).images, placed_cells(raw)
+    boxes = {number: box_cells(*image.box) for number, image in images.items()}
+    placed = {number: cells.get(number, set()) for number in images}
     return bool(images) and all(
-        cells.get(number) == box_cells(*images[number].box) for number in images
-    )
+        placed[number] == box or (number == max(boxes, key=lambda at: len(boxes[at]))
+                                  and placed[number] <= box
+                                  and len(placed[number]) > 0.8 * len(box))
+        for number, box in boxes.items()
+    )  # fmt: skip
 
 
 def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInput) -> None:
     model = instance_model(first_instance)
-    sent = [images.pixels for images in KittyTerminal.after(visit["first"]).images.values()]
+    images = KittyTerminal.after(visit["first"]).images.values()
+    sent = [image.pixels for image in images if image.pixels.shape == (16, 16, 3)]
     expected = [
         panel_pixels(side, image_kind, model, first_instance, (16, 16), DEPTH_SHADES)
         for image_kind in ("rgb", "depth")
@@ -134,8 +147,8 @@ def test_transmitted_images_are_exact(visit: Visit, first_instance: InstanceInpu
 
 
 def test_intermediate_images_are_not_sent(visit: Visit) -> None:
-    assert len(KittyTerminal.after(visit["moved"]).images) == 4
-    assert visit["moved"].count(b"a=T") == 4
+    assert len(KittyTerminal.after(visit["moved"]).images) == IMAGES
+    assert visit["moved"].count(b"a=T") == IMAGES
 
 
 def test_modal_screens_send_no_images(visit: Visit) -> None:
@@ -166,7 +179,7 @@ async def test_a_terminal_without_graphics_shows_half_blocks(tiny_store: Path) -
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         shown = take_screenshot(app).text
-    assert "images are drawn as half blocks" in shown
+    assert "images are drawn in cells" in shown
     assert "▀" in shown
     assert PLACEHOLDER not in shown
     assert app.image_host is None

@@ -15,7 +15,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from s2rtui.canvas import Canvas, RenderOptions
-from s2rtui.terminal.strips import ImageHost, to_strips
+from s2rtui.terminal.strips import ImageHost, ImagePlace, to_strips
 from s2rtui.terminal.textual_compat import call_after
 
 Cell = tuple[int, int]
@@ -156,7 +156,7 @@ class PlotView(Widget, can_focus=False):
         self._is_hover_posted = False
         self._image_host = image_host
         self._attach_timer: TimerHandle | None = None
-        self._places: frozenset[tuple[Region, int]] = frozenset()
+        self._places: frozenset[ImagePlace] = frozenset()
 
     def show(self, drawing: Drawing) -> None:
         """Draw, unless the cache key is that of the last drawing."""
@@ -172,8 +172,7 @@ class PlotView(Widget, can_focus=False):
         if before is None or self._canvas is None or before.char.shape != self._canvas.char.shape:
             self.refresh()
             return
-        stay = [region for region, _ in places & self._places]
-        regions = changed_regions(before, self._canvas, stay)
+        regions = changed_regions(before, self._canvas, _same_places(places, self._places))
         if regions:
             self.refresh(*regions)
 
@@ -221,11 +220,15 @@ class PlotView(Widget, can_focus=False):
             self._strips = painted.strips
             self._set_image_places(painted.places)
 
-    def _set_image_places(self, places: frozenset[tuple[Region, int]]) -> None:
-        """Repaint where inline images appeared or disappeared."""
-        changed, self._places = places ^ self._places, places
+    def _set_image_places(self, places: frozenset[ImagePlace]) -> None:
+        """Repaint where inline images appeared or disappeared, or must be drawn again."""
+        changed = {place.region for place in places ^ self._places}
+        for old, new in _same_places(self._places, places):
+            if new.over_text and (old.text_cells & ~new.text_cells).any():
+                changed.add(new.region)
+        self._places = places
         if changed:
-            self.refresh(*(region for region, _ in changed))
+            self.refresh(*changed)
 
     def render_lines(self, crop: Region) -> list[Strip]:
         """The strips of a part of the widget."""
@@ -309,16 +312,30 @@ class PlotView(Widget, can_focus=False):
             self.post_message(self.Wheeled(self._wheel))
 
 
-def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) -> list[Region]:
+def _same_places(
+    before: frozenset[ImagePlace], after: frozenset[ImagePlace]
+) -> list[tuple[ImagePlace, ImagePlace]]:
+    """The inline images that stay where they are, with their text before and after."""
+    old = {place: place for place in before}
+    return [(old[place], place) for place in after if place in old]
+
+
+def changed_regions(
+    before: Canvas, after: Canvas, stay: Sequence[tuple[ImagePlace, ImagePlace]] = ()
+) -> list[Region]:
     """Spans of changed cells, one or several per row; near spans are merged.
 
-    Changes under an inline image that stays (`stay`) are ignored.
+    Changes under an inline image that stays (`stay`) are ignored, except those of text on it. An
+    image that lies on its cells is drawn again with the start of its first row.
     """
     differs = (before.char != after.char) | (before.bold != after.bold)
     differs |= (before.fg != after.fg).any(axis=-1) & (after.char != " ")
     differs |= (before.bg != after.bg).any(axis=-1)
-    for region in stay:
-        differs[region.y : region.bottom, region.x : region.right] = False
+    for old, new in stay:
+        region = new.region
+        differs[region.y : region.bottom, region.x : region.right] &= (
+            old.text_cells | new.text_cells
+        )
     regions: list[Region] = []
     for row in np.flatnonzero(differs.any(axis=1)):
         columns = np.flatnonzero(differs[row])
@@ -327,4 +344,8 @@ def changed_regions(before: Canvas, after: Canvas, stay: Sequence[Region] = ()) 
             Region(int(span[0]), int(row), int(span[-1] - span[0] + 1), 1)
             for span in np.split(columns, cuts)
         ]
+    for _, new in stay:
+        anchor = new.region.offset
+        if new.over_text and any(region.contains_point(anchor) for region in regions):
+            regions.append(new.region)
     return regions

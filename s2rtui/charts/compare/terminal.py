@@ -19,10 +19,12 @@ from s2rtui.charts.compare.model import (
     compare_model,
     difference_colours,
 )
+from s2rtui.charts.compare.pixels import compare_key, paint_compare
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import default_view
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
+    SelectedMarks,
     draw_point_map,
     draw_pose,
     layout_of_area,
@@ -32,7 +34,7 @@ from s2rtui.charts.shared.base_map_terminal import (
     several_legend,
     trained_legend,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.shared.points import marked_cells
 
 OUTLINED = "▽○△"
@@ -94,7 +96,10 @@ def draw_compare(
         if model.cursor is not None:
             draw_pose(chart, data.truth, None, model.cursor, layout.frame, "cursor")
 
-    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+    marks = SelectedMarks(
+        draw_selected, lambda picture: paint_compare(picture, data, model), compare_key(data)
+    )
+    return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
 def comparison_text(data: CompareInput, size: Size, options: RenderOptions) -> Canvas:
@@ -192,8 +197,6 @@ def _legend(
         room=width,
     )
     counts = _counts(data, model, (first, second), options)
-    if counts.width > width:
-        counts = _counts(data, model, None, options)
     outlined = "" if ramp_for_values(options) is not None else "△▽○"
     trained = [] if data.trained is None else [trained_legend(options, outlined)]
     several = [several_legend(options, SEVERAL)] if model.highlighted > 1 else []
@@ -202,22 +205,22 @@ def _legend(
 
 
 def _counts(
-    data: CompareInput, model: CompareModel, names: tuple[str, str] | None, options: RenderOptions
+    data: CompareInput, model: CompareModel, names: tuple[str, str], options: RenderOptions
 ) -> LegendPart:
-    """How often each run is better; with `names` unless None."""
+    """How often each of the runs `names` is better."""
     theme, summary = options.theme, model.summary
     ends = legible(difference_colours([-1.0, 0.0, 1.0], 1.0), theme)
     blue, grey, orange = ((int(r), int(g), int(b)) for r, g, b in ends)
     lower, same, upper = tuple(difference_glyphs(options))
     pieces: list[tuple[str, Rgb]] = []
     for glyph, colour, number, explanation in (
-        (lower, blue, summary.improved, f" better in {names[1]}" if names else ""),
-        (upper, orange, summary.worse, f" better in {names[0]}" if names else ""),
+        (lower, blue, summary.improved, f" better in {names[1]}"),
+        (upper, orange, summary.worse, f" better in {names[0]}"),
         (
             same,
             grey,
             summary.equal,
-            f" within {short_number(data.equal)} {data.unit}" if names else "",
+            f" within {short_number(data.equal)}{NO_BREAK}{data.unit}",
         ),
     ):
         pieces += [(f"{glyph} ", colour), (f"{number}{explanation}  ", theme.text)]

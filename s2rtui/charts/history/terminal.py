@@ -14,6 +14,7 @@ from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, RenderOptions, Rgb, Size, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.shared.axis_scale import short_number
+from s2rtui.charts.shared.legend import LegendPart, draw_rows, fit_rows, legend_rows, text_part
 
 LABELS = 5
 """Columns of numbers at the left."""
@@ -60,12 +61,15 @@ def chart_columns(width: int) -> int:
     return max(1, width - (LABELS if width >= 24 else 0))
 
 
-def history_layout(model: HistoryModel, size: Size) -> HistoryLayout:
-    """Lay out the headline and as many axes as fit, those with the largest gaps first."""
+def history_layout(model: HistoryModel, size: Size, legend: int = 1) -> HistoryLayout:
+    """Lay out the headline and as many axes as fit, those with the largest gaps first.
+
+    `legend` rows are free below the dates.
+    """
     width, height = max(1, size[0]), max(1, size[1])
     left = width - chart_columns(width)
     pitch = max(1, min(_WIDEST, (width - left) // max(1, model.span)))
-    free = height - 2 if height >= 6 else height
+    free = height - 1 - legend if height >= 6 else height
     fits = max(1, min(len(model.tracks), free // (_FEWEST_ROWS + 1)))
     last = [-math.inf if math.isnan(t.last.value) else t.last.value for t in model.tracks]
     ranked = sorted(range(1, len(model.tracks)), key=lambda index: -last[index])
@@ -116,7 +120,7 @@ def draw_history(
         canvas.text(0, 0, "no nights", options.theme.muted)
         return canvas
     model = history_model(nights, chart_columns(canvas.width))
-    layout = history_layout(model, (canvas.width, canvas.height))
+    layout, legend = _layout_with_legend(model, canvas)
     for index, title, top, rows in layout.charts:
         track = model.tracks[index]
         if title < top:
@@ -125,9 +129,23 @@ def draw_history(
         _threshold(canvas, model, layout, chart)
         _nights(canvas, model, layout, track, chart)
     if canvas.height >= 6:
-        _dates(canvas, model, layout)
-        _legend(canvas, model, layout)
+        _dates(canvas, model, layout, canvas.height - 1 - len(legend))
+        draw_rows(canvas, 0, canvas.height - len(legend), legend)
     return canvas
+
+
+def _layout_with_legend(
+    model: HistoryModel, canvas: Canvas
+) -> tuple[HistoryLayout, list[list[LegendPart]]]:
+    """The layout, and the rows of the legend, which names the tracks that have no room."""
+    size, rows = (canvas.width, canvas.height), 1
+    while True:
+        layout = history_layout(model, size, rows)
+        parts = _legend_parts(model, layout.hidden, canvas.options)
+        legend = fit_rows(parts, canvas.width, most=max(1, legend_rows(canvas.height)))
+        if len(legend) <= rows:
+            return layout, legend
+        rows = len(legend)
 
 
 def _title(canvas: Canvas, row: int, track: Track) -> None:
@@ -232,10 +250,9 @@ def cut_glyph(end: int, options: RenderOptions) -> str:
     return options.glyphs.arrows[6 if end > 0 else 2]
 
 
-def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
+def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout, row: int) -> None:
     """Dates below the nights: the newest always, others where there is room."""
-    row, theme = canvas.height - 2, canvas.theme
-    free = canvas.width
+    theme, free = canvas.theme, canvas.width
     for day in reversed(model.days.tolist()):
         date = datetime.date.fromordinal(day)
         text = f"{date:%Y-%m-%d}" if free == canvas.width else f"{date:%m-%d}"
@@ -246,18 +263,20 @@ def _dates(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
             free = start
 
 
-def _legend(canvas: Canvas, model: HistoryModel, layout: HistoryLayout) -> None:
-    theme, row, free = canvas.theme, canvas.height - 1, 0
+def _legend_parts(
+    model: HistoryModel, hidden: Sequence[int], options: RenderOptions
+) -> list[LegendPart]:
+    theme = options.theme
     statuses: tuple[AxisStatus, ...] = ("PASS", "FAIL", "INCONCLUSIVE")
+    parts = []
     for status in statuses:
-        free = _put_status(canvas, free, row, status)
-    free = canvas.text(free, row, f"{canvas.glyphs.horizontal * 2} threshold", theme.truth) + 2
-    hidden = [model.tracks[index].name for index in layout.hidden]
-    notes = [f"no room for {', '.join(hidden)}"] if hidden else []
+        text = f"{status_glyph(status, options)} {status.lower()}"
+        parts.append(text_part(((text, status_colour(status, theme)),)))
+    parts.append(text_part(((f"{options.glyphs.horizontal * 2} threshold", theme.truth),)))
+    names = [model.tracks[index].name for index in hidden]
+    notes = [f"no room for {', '.join(names)}"] if names else []
     if model.is_cut:
-        arrows = "".join(cut_glyph(end, canvas.options) for end in (1, -1))
+        arrows = "".join(cut_glyph(end, options) for end in (1, -1))
         notes.insert(0, f"{arrows} off scale")
     notes += [f"{model.older} older"] if model.older else []
-    for note in notes:
-        if free + len(note) <= canvas.width:
-            free = canvas.text(free, row, note, theme.muted) + 2
+    return [*parts, *(text_part(((note, theme.muted),)) for note in notes)]

@@ -19,11 +19,13 @@ from s2rtui.charts.map.model import (
     full_scale,
     iids_with_error_lines,
 )
+from s2rtui.charts.map.pixels import COUNTS, GLYPH_FOOTPRINT, map_key, paint_map
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, map_model
 from s2rtui.charts.shared.base_map_terminal import (
     MapLayout,
     Places,
+    SelectedMarks,
     draw_cursor,
     draw_dots,
     draw_point_map,
@@ -40,7 +42,6 @@ from s2rtui.charts.shared.base_map_terminal import (
 from s2rtui.charts.shared.legend import LegendPart, role_legend, text_part
 from s2rtui.charts.shared.points import selected_counts
 
-ARC_FOOTPRINT = (7, 3)
 ARROW_FOOTPRINT = (9, 3)
 RADII = (3.0, 3.6, 4.2)
 """Radii of the arcs in braille dots, which makes them two dots thick."""
@@ -97,7 +98,13 @@ def draw_map(
             draw_cursor_predictions(chart, data, model.cursor, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
-    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+    marks = SelectedMarks(
+        draw_selected,
+        lambda picture: paint_map(picture, data, model),
+        map_key(data),
+        COUNTS if data.mode == "glyph" else "",
+    )
+    return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
 def full_legend(
@@ -139,7 +146,7 @@ def draw_cursor_predictions(canvas: Canvas, data: MapInput, cursor: int, frame: 
 
 def draw_error_glyphs(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame) -> None:
     """Draw errors as arcs in braille, or as arrows with letters and sizes without colours."""
-    footprint = ARC_FOOTPRINT if canvas.options.supports_images else ARROW_FOOTPRINT
+    footprint = GLYPH_FOOTPRINT if canvas.options.supports_images else ARROW_FOOTPRINT
     glyph_set = error_glyphs(data, model, frame, footprint)
     rows, columns = np.nonzero(selected_counts(data.truth, model.selection, frame))
     glyph, colour = canvas.options.role("truth")

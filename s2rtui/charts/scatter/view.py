@@ -18,7 +18,6 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import nearest_iid, stacked_points
 from s2rtui.charts.view import Pixels, PointsView, Table
-from s2rtui.session import Session
 
 
 class ScatterView(PointsView):
@@ -91,14 +90,12 @@ class ScatterView(PointsView):
         sim, real = (np.asarray(errors, dtype=np.float64) for errors in (view.sim, view.real))
         return stacked_points(sim, real)
 
-    def click(self, session: Session, scene: Scene, panel: Panel, point: Point) -> None:
+    def nearest(self, scene: Scene, panel: Panel, point: Point) -> int | None:
         view = self.input(scene)
         places = _drawn_places(view.sim, view.real, view.axis)
         across, up = (float(view.axis.drawn(error)) for error in point)
         wide, high = panel.width, 2 * panel.height
-        nearest = nearest_iid(places * (wide, high), scene.state.base, (across * wide, up * high))
-        if nearest is not None:
-            session.set_cursor(nearest)
+        return nearest_iid(places * (wide, high), scene.state.base, (across * wide, up * high))
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
         view, cell = self.input(scene), (1 / panel.width, 1 / panel.height)

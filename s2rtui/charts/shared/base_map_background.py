@@ -195,6 +195,31 @@ def _background_cells(
     background: tuple[Any, ...], frame: MapFrame, theme: Theme, symbols: SymbolSet
 ) -> BackgroundCells:
     ground, pixels = MapBackground(*background), (symbols.rows, symbols.columns)
+    layer = background_pixels(ground, frame, theme, pixels)
+    parts = wall_layer(ground, frame, pixels)
+    cells = fit_blocks(layer, symbols, theme.background)
+    for array in (cells.char, cells.fg, cells.bg):
+        array.setflags(write=False)
+    held = np.zeros(cells.char.shape, dtype=np.bool_)
+    return BackgroundCells(cells, held if parts is None else cells_of(parts[0], symbols)[1])
+
+
+def background_pixels(
+    ground: MapBackground, frame: MapFrame, theme: Theme, pixels: tuple[int, int]
+) -> Pixels:
+    """(rows, columns, 3): floor, heat on it and walls, for `pixels` (rows, columns) of each cell.
+
+    Unseen floor is dimmed. Cached like `background_cells`, read-only.
+    """
+    arrays = ground.floor_plan, ground.heat, heat_scale(ground), ground.clip
+    return _background_pixels((ground.bounds, ground.y_down, *arrays), frame, theme, pixels)
+
+
+@cached_by_identity(4)
+def _background_pixels(
+    background: tuple[Any, ...], frame: MapFrame, theme: Theme, pixels: tuple[int, int]
+) -> Pixels:
+    ground = MapBackground(*background)
     layer = _floor(ground, frame, theme, pixels)
     parts = wall_layer(ground, frame, pixels)
     if parts is not None:
@@ -210,11 +235,8 @@ def _background_cells(
     seen = seen_layer(ground, frame, pixels)
     if seen is not None:
         layer = mix(layer, np.array(theme.background), DIMMED * (1 - seen))
-    cells = fit_blocks(layer, symbols, theme.background)
-    for array in (cells.char, cells.fg, cells.bg):
-        array.setflags(write=False)
-    held = np.zeros(cells.char.shape, dtype=np.bool_)
-    return BackgroundCells(cells, held if parts is None else cells_of(parts[0], symbols)[1])
+    layer.setflags(write=False)
+    return layer
 
 
 def _floor(ground: MapBackground, frame: MapFrame, theme: Theme, pixels: tuple[int, int]) -> Pixels:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from s2rtui.canvas import (
     Canvas,
     Mark,
     Panel,
+    Pixels,
     Point,
     RenderOptions,
     Rgb,
@@ -35,6 +36,14 @@ from s2rtui.charts.shared.base_map_background import (
     draw_background,
 )
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, default_view, map_model
+from s2rtui.charts.shared.base_map_pixels import (
+    MapPicture,
+    add_picture,
+    map_picture,
+    paint_cursor,
+    paint_trained,
+    paint_values,
+)
 from s2rtui.charts.shared.base_map_room_names import draw_room_names, mark_costs
 from s2rtui.charts.shared.legend import (
     LegendPart,
@@ -42,6 +51,7 @@ from s2rtui.charts.shared.legend import (
     colour_bar,
     draw_rows,
     fit_rows,
+    legend_rows,
     ramp_for_values,
     scale_bar,
     text_part,
@@ -58,6 +68,19 @@ Legend = Callable[[MapFrame, int], list[LegendPart]]
 """Returns the parts of a legend for a frame, each within a width."""
 ModeLegend = Callable[[MapInput, MapModel, RenderOptions, int], list[LegendPart]]
 """The legend parts that explain the selected points of a map, within a width."""
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedMarks:
+    """The marks of the selected points: drawn in cells, and painted in true pixels.
+
+    `key` is equal only for equal maps. Characters of `texts` in cells stay texts in true pixels.
+    """
+
+    draw: Callable[[Canvas], None]
+    paint: Callable[[MapPicture], None]
+    key: tuple[object, ...]
+    texts: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +108,13 @@ class PointMap(Protocol):
 
 
 def layout_of_area(area: Bounds, y_down: bool, size: Size, legend: Legend) -> MapLayout:
-    """Lay out a map of `area`; larger views have axes and up to two rows of legend."""
+    """Lay out a map of `area`; larger views have axes and more rows of legend."""
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 40 and height >= 12
     left, below = (4, 1) if axes else (0, 0)
     inner = max(1, width - left)
     rough = fit_frame(area, inner, 2 * height, y_down)
-    rows = fit_rows(legend(rough, inner), inner)[: 0 if height < 6 else 1 if height < 18 else 2]
+    rows = fit_rows(legend(rough, inner), inner, most=legend_rows(height))
     rows_high = max(1, height - below - len(rows))
     frame = fit_frame(area, inner, 2 * rows_high, y_down)
     return MapLayout(left, 0, inner, rows_high, frame, axes, tuple(tuple(row) for row in rows))
@@ -308,26 +331,39 @@ def draw_point_map(
     layout: MapLayout,
     size: Size,
     options: RenderOptions,
-    draw_selected: Callable[[Canvas], None],
+    marks: SelectedMarks,
 ) -> Canvas:
     """A map in `size` (columns, rows): floor, unselected points, the selected, names of rooms.
 
     Every glyph gets a ground that it stands out from.
     """
     canvas = Canvas(*size, options)
-    chart = Canvas(layout.width, layout.height, options)
-    draw_background(chart, data.ground, layout.frame)
-    dots = unselected_dots(data.truth, selection, layout.frame)
-    draw_dots(chart, dots, options.theme.unselected)
+    chart, frame = Canvas(layout.width, layout.height, options), layout.frame
+    ground = data.ground
+    draw_background(chart, ground, frame)
+    draw_dots(chart, unselected_dots(data.truth, selection, frame), options.theme.unselected)
     before = Canvas(layout.width, layout.height, options)
     before.paste(chart, 0, 0)
-    draw_selected(chart)
-    draw_room_names(chart, data.ground.rooms, layout.frame, mark_costs(before, chart))
+    marks.draw(chart)
+    text = np.isin(chart.char, list(marks.texts))
+    unnamed = chart.char.copy()
+    draw_room_names(chart, ground.rooms, frame, mark_costs(before, chart))
+    text |= chart.char != unnamed
+    if options.supports_shading:
+
+        def paint(size: Size) -> Pixels:
+            picture = map_picture(ground, frame, options.theme, data.truth, selection, size)
+            marks.paint(picture)
+            return picture.image
+
+        add_picture(chart, (*marks.key, frame, options.theme), paint, text)
     canvas.paste(chart, layout.x, layout.y)
     if layout.axes:
         draw_axes(canvas, layout)
     draw_rows(canvas, layout.x, layout.height + int(layout.axes), layout.legend)
+    unmarked = canvas.char.copy()
     draw_mark(canvas, map_panel(layout), data.mark)
+    canvas.show_text(canvas.char != unmarked)
     limit_ground(canvas)
     return canvas
 
@@ -344,7 +380,13 @@ def draw_value_map(
         draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
-    return draw_point_map(data, model.selection, layout, size, options, draw_selected)
+    def paint_selected(picture: MapPicture) -> None:
+        paint_values(picture, data, model)
+        paint_trained(picture, data, model)
+        paint_cursor(picture, data, model.cursor)
+
+    marks = SelectedMarks(draw_selected, paint_selected, (replace(data, mark=None),))
+    return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
 def draw_cursor(canvas: Canvas, data: MapInput, cursor: int | None, frame: MapFrame) -> None:

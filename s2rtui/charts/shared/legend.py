@@ -2,36 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.cells import cell_len
+from rich.cells import cell_len, set_cell_size
 
 from s2rtui.canvas import DIGITS, Canvas, ColourMode, Pixels, RenderOptions, Rgb, legible, turbo
 from s2rtui.charts.shared.axis_scale import Interval, short_number, tick_step
 
+NO_BREAK = "\u00a0"
+"""A blank at which texts are not wrapped, as between a number and its unit."""
+_SHORTEST_BAR = 4
+"""Cells of a colour bar beside its label at least."""
 Scale = Callable[[NDArray[np.float64]], Pixels]
 
 
 @dataclass(frozen=True, slots=True)
 class LegendPart:
-    """A part of a legend: its width in cells, and a function that draws it at (x, y)."""
+    """A part of a legend: its width in cells, and a function that draws it at (x, y).
+
+    `wrap` splits it into parts of at most a width, which follow one another.
+    """
 
     width: int
     draw: Callable[[Canvas, int, int], None]
+    wrap: Callable[[int], list[LegendPart]] | None = None
 
 
 def text_part(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
-    """A part of coloured texts, one after the other."""
+    """A part of coloured texts, one after the other; it can be wrapped between words."""
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
         for text, colour in pieces:
             x = canvas.text(x, y, text, colour)
 
-    return LegendPart(sum(cell_len(text) for text, _ in pieces), draw)
+    def wrap(width: int) -> list[LegendPart]:
+        return [_text_line(line) for line in _wrapped(pieces, width)]
+
+    return LegendPart(sum(cell_len(text) for text, _ in pieces), draw, wrap)
+
+
+def _text_line(pieces: Sequence[tuple[str, Rgb]]) -> LegendPart:
+    """A line of texts without the blanks at its end."""
+    last, colour = pieces[-1]
+    return text_part([*pieces[:-1], (last.rstrip(), colour)])
+
+
+def _wrapped(pieces: Sequence[tuple[str, Rgb]], width: int) -> list[list[tuple[str, Rgb]]]:
+    """Distribute texts over lines of at most `width` cells; only a longer word is cut.
+
+    A single character, such as a glyph, stays before the word that it explains, and `NO_BREAK`
+    joins two words.
+    """
+    words: list[list[tuple[str, Rgb]]] = [[]]
+    for text, colour in pieces:
+        for word in re.findall(" *[^ ]+ *| +", text):
+            words[-1].append((word, colour))
+            if cell_len(word.strip()) != 1:
+                words.append([])
+    lines: list[list[tuple[str, Rgb]]] = []
+    free = -1
+    for group in filter(None, words):
+        needed = cell_len("".join(text for text, _ in group).rstrip())
+        if not lines or needed > free:
+            lines.append([])
+            free = width
+        for word, colour in group:
+            shown = word if cell_len(word.rstrip()) <= width else set_cell_size(word, width)
+            lines[-1].append((shown, colour))
+            free -= cell_len(shown)
+    return lines
 
 
 def role_legend(options: RenderOptions, **texts: str) -> LegendPart:
@@ -59,7 +103,8 @@ def colour_bar(
     """A part `label low [bar] high unit`; the bar is of colours, or of `ramp` without colours.
 
     If `clipped`, the ends are marked `p1` and `p99`: the 1st and the 99th percentile. To fit into
-    `room` cells the bar shrinks first, then the label and at last these marks are left out.
+    `room` cells the bar shrinks first; then the label gets lines of its own above the bar, and at
+    last these marks are left out.
     """
     small = 0.005 * max(abs(scale[0]), abs(scale[1]))
     low, high = (short_number(0.0 if abs(end) < small else end, 2) for end in scale)
@@ -71,9 +116,17 @@ def colour_bar(
     )
     before, after = texts[0]
     if room is not None:
-        widths = (sum(map(cell_len, pair)) for pair in texts)
-        least = zip(texts, widths, (4, 2, 0), strict=True)
-        before, after = next((pair for pair, width, bar in least if width + bar <= room), texts[-1])
+        widths = [sum(map(cell_len, pair)) for pair in texts]
+        if label and widths[0] + _SHORTEST_BAR > room:
+            bar = colour_bar("", unit, scale, options, length, colours, ramp, room, clipped)
+            name = text_part(((label, options.theme.muted),))
+            return LegendPart(
+                cell_len(label) + 1 + bar.width,
+                partial(_draw_beside, name, bar),
+                lambda width: [*(name.wrap(width) if name.wrap else ()), bar],
+            )
+        before, after = texts[1] if widths[1] + 2 <= room else texts[2]
+        before, after = texts[0] if label else (before, after)
         length = max(1, min(length, room - cell_len(before) - cell_len(after)))
 
     def draw(canvas: Canvas, x: int, y: int) -> None:
@@ -95,6 +148,11 @@ def colour_bar(
     return LegendPart(cell_len(before) + length + cell_len(after), draw)
 
 
+def _draw_beside(first: LegendPart, second: LegendPart, canvas: Canvas, x: int, y: int) -> None:
+    first.draw(canvas, x, y)
+    second.draw(canvas, x + first.width + 1, y)
+
+
 @lru_cache(64)
 def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> LegendPart:
     """A scale bar of a round length in metres, at most `room` cells long."""
@@ -113,19 +171,52 @@ def scale_bar(metres_per_cell: float, room: int, options: RenderOptions) -> Lege
     return LegendPart(cells + len(label), draw)
 
 
-def fit_rows(parts: Sequence[LegendPart], width: int, gap: int = 2) -> list[list[LegendPart]]:
-    """Arrange parts in rows of at most `width` cells; parts that are wider are left out."""
+def fit_rows(
+    parts: Sequence[LegendPart], width: int, gap: int = 2, most: int | None = None
+) -> list[list[LegendPart]]:
+    """Arrange parts in rows of at most `width` cells; wider parts are wrapped.
+
+    An ellipsis ends the last one of `most` rows where parts are left out for want of rows.
+    """
     rows: list[list[LegendPart]] = []
     free = -1
-    for part in parts:
-        if part.width > width:
-            continue
+    for part in _wrapped_parts(parts, width):
         if not rows or part.width + gap > free:
             rows.append([])
             free = width + gap
         rows[-1].append(part)
         free -= part.width + gap
-    return rows
+    if most is None or len(rows) <= most:
+        return rows
+    kept = rows[:most]
+    if kept:
+        kept[-1] = _with_ellipsis(kept[-1], width, gap)
+    return kept
+
+
+def legend_rows(height: int) -> int:
+    """The most rows of a legend in a view of `height` rows; none in very low views."""
+    return 0 if height < 6 else max(1, height // 5)
+
+
+def _wrapped_parts(parts: Sequence[LegendPart], width: int) -> Iterator[LegendPart]:
+    for part in parts:
+        if part.width <= width or part.wrap is None:
+            yield part
+        else:
+            yield from part.wrap(width)
+
+
+def _with_ellipsis(row: Sequence[LegendPart], width: int, gap: int) -> list[LegendPart]:
+    """A row that ends with an ellipsis, for which its last parts make room."""
+    kept = list(row)
+    while kept and sum(part.width + gap for part in kept) + 1 > width:
+        kept.pop()
+
+    def draw(canvas: Canvas, x: int, y: int) -> None:
+        canvas.text(x, y, canvas.glyphs.ellipsis, canvas.theme.muted)
+
+    return [*kept, LegendPart(1, draw)]
 
 
 def draw_rows(

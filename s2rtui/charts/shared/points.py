@@ -147,10 +147,13 @@ def _cell_levels(points: Floats, values: Floats, scale: Interval, frame: MapFram
     return _CellLevels(codes, (numbers % (LEVELS + 1)).astype(np.int8), cell, start)
 
 
-@cached_by_identity(8)
-def _levels(values: Floats, scale: Interval) -> NDArray[np.uint8]:
+def level_of(values: Floats, scale: Interval) -> NDArray[np.uint8]:
+    """The level 1 .. `LEVELS` of each value (N,) on a scale; 0 for unknown values."""
     steps = np.minimum(scale_fraction(values, scale) * LEVELS, LEVELS - 1) + 1
     return np.nan_to_num(steps).astype(np.uint8)
+
+
+_levels = cached_by_identity(8)(level_of)
 
 
 def level_shares(levels: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -63,13 +63,15 @@ class UmapLayer:
     """One side in a frame of h x w cells.
 
     level: (h, w) mean value of the selected per cell as a level 1 .. LEVELS, 0 without a value, -1
-    without a selected instance. several: (h, w) cells with more than one selected instance. grey:
-    (4h, 2w) braille dots of valid instances in all other cells. selected, total: number of
-    instances in the frame.
+    without a selected instance. dots: (4h, 2w) braille dots of the selected instances, and of the
+    valid ones in cells without a selected one; count: (h, w) instances that each cell shows so.
+    grey: the dots of cells without a selected one. selected, total: number of instances in the
+    frame.
     """
 
     level: NDArray[np.int8]
-    several: Bools
+    dots: Bools
+    count: NDArray[np.intp]
     grey: Bools
     selected: int
     total: int
@@ -172,10 +174,21 @@ def _layer(
     highlighted, total = count_selected(coloured, selection)
     table = highlighted.reshape(rows, columns, depth)
     level = _mean_level(table)
-    held = _population(points, frame, selection.base).reshape(rows, 4, columns, 2)
-    grey = (held & (level < 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
-    several = table.sum(axis=2) > 1
-    return UmapLayer(level, several, grey, int(highlighted.sum()), int(total.sum()))
+    of_selected, of_all = (
+        counts.reshape(rows, 4, columns, 2)
+        for counts in count_selected(point_dots(points, frame), selection)
+    )
+    unselected = (level < 0)[:, None, :, None]
+    shown = np.where(unselected, of_all, of_selected)
+    shape = 4 * rows, 2 * columns
+    return UmapLayer(
+        level,
+        (shown > 0).reshape(shape),
+        shown.sum(axis=(1, 3)),
+        ((of_all > 0) & unselected).reshape(shape),
+        int(highlighted.sum()),
+        int(total.sum()),
+    )
 
 
 def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
@@ -184,13 +197,6 @@ def _mean_level(table: NDArray[np.intp]) -> NDArray[np.int8]:
     mean = np.floor(total / np.maximum(known, 1)) + 1
     empty = np.where(table[..., 0] > 0, 0, -1)
     return np.where(known > 0, mean, empty).astype(np.int8)
-
-
-@cached_by_identity(16)
-def _population(points: Floats, frame: MapFrame, base: Bools) -> Bools:
-    """Braille dots with any valid instance."""
-    nothing_selected = SelectionIndices(base, np.empty(0, dtype=np.intp), inverted=False)
-    return np.asarray(count_selected(point_dots(points, frame), nothing_selected)[1] > 0)
 
 
 def umap_input(

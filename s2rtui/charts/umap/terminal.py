@@ -5,12 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, legible, turbo
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    UNICODE,
+    Canvas,
+    Panel,
+    RenderOptions,
+    Size,
+    legible,
+    mix,
+    turbo,
+)
 from s2rtui.canvas.marks import draw_mark
-from s2rtui.canvas.raster import cells_with_dots, draw_braille
+from s2rtui.canvas.raster import braille_bits, cells_with_dots
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_terminal import (
     draw_trained,
@@ -18,7 +29,15 @@ from s2rtui.charts.shared.base_map_terminal import (
     several_legend,
     trained_legend,
 )
-from s2rtui.charts.shared.legend import LegendPart, colour_bar, ramp_for_values, text_part
+from s2rtui.charts.shared.legend import (
+    LegendPart,
+    colour_bar,
+    draw_rows,
+    fit_rows,
+    legend_rows,
+    ramp_for_values,
+    text_part,
+)
 from s2rtui.charts.umap.model import (
     LEVELS,
     UmapInput,
@@ -27,8 +46,33 @@ from s2rtui.charts.umap.model import (
     level_shares,
     umap_frame,
     umap_model,
+    value_range,
 )
 
+SINGLE = 8
+"""Up to this number of instances a cell shows each as a braille dot, above it a shade."""
+SHADE_STEPS = (SINGLE + 1, 65, 513, 4097)
+"""Numbers of instances from which a cell has each shade."""
+
+
+def _dots_of_counts() -> NDArray[np.uint32]:
+    """(256, SINGLE + 1): the bits of a cell with as many dots as instances.
+
+    Instances in one place of the cell take free places from the first on.
+    """
+    table = np.zeros((256, SINGLE + 1), dtype=np.uint32)
+    for bits in range(256):
+        for count in range(SINGLE + 1):
+            filled = bits
+            while filled.bit_count() < count:
+                filled |= ~filled & (filled + 1)
+            table[bits, count] = filled
+    return table
+
+
+_DOTS = _dots_of_counts()
+_GROUND = 0.3
+"""Opacity of the colour behind shades, and behind the dots of selected instances."""
 AXES = 5
 """Columns of ticks at the left of a panel."""
 
@@ -37,7 +81,8 @@ AXES = 5
 class UmapLayout:
     """The corner of each panel in cells, sim first; both show `frame`, `width` x `height` cells.
 
-    `room` is how wide a panel is with its ticks, `header` how many rows lie above it.
+    `room` is how wide a panel is with its ticks, `header` how many rows lie above it. `legend`
+    holds the rows below the panels.
     """
 
     corners: tuple[tuple[int, int], ...]
@@ -47,11 +92,16 @@ class UmapLayout:
     header: int
     axes: bool
     frame: MapFrame
+    legend: tuple[tuple[LegendPart, ...], ...]
 
 
-def umap_layout(data: UmapInput, size: Size) -> UmapLayout:
+def umap_layout(
+    data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
+) -> UmapLayout:
     """Lay out the panels side by side, or stacked where the view is higher than wide."""
     width, height = max(1, size[0]), max(1, size[1])
+    legend = fit_rows(_legend(data, width, options), width, most=legend_rows(height))
+    height -= len(legend)
     stacked = 2 * height > width
     gap = 0 if stacked or width < 10 else 1
     room = width if stacked else max(1, (width - gap) // 2)
@@ -63,14 +113,15 @@ def umap_layout(data: UmapInput, size: Size) -> UmapLayout:
     corners = tuple((x + left, y) for x, y in shown if x < width and y < height)
     inner, high = max(1, room - left), max(1, rows - header - below)
     frame = umap_frame(data, inner, high)
-    return UmapLayout(corners, inner, high, room, header, axes, frame)
+    rows_below = tuple(tuple(row) for row in legend)
+    return UmapLayout(corners, inner, high, room, header, axes, frame, rows_below)
 
 
 def umap_panels(
     data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS
 ) -> tuple[Panel, ...]:
     """Planes "sim" and "real" in UMAP coordinates, y upwards."""
-    layout = umap_layout(data, size)
+    layout = umap_layout(data, size, options)
     return tuple(
         plane_panel(name, *corner, layout.width, layout.height, layout.frame)
         for name, corner in zip(("sim", "real"), layout.corners, strict=False)
@@ -80,7 +131,7 @@ def umap_panels(
 def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTIONS) -> Canvas:
     """The view in `size` (columns, rows)."""
     canvas = Canvas(*size, options)
-    layout = umap_layout(data, (canvas.width, canvas.height))
+    layout = umap_layout(data, (canvas.width, canvas.height), options)
     model = umap_model(data, layout.frame)
     panels = umap_panels(data, (canvas.width, canvas.height), options)
     for panel, layer in zip(panels, (model.sim, model.real), strict=False):
@@ -93,41 +144,72 @@ def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTI
         _cursor(canvas, panel, data, model)
         draw_mark(canvas, panel, data.mark)
         if layout.header:
-            _header(canvas, panel, data, model, layout)
+            _header(canvas, panel, model, layout)
         if layout.axes:
             _axes(canvas, panel, layout)
     _divide(canvas, layout)
+    draw_rows(canvas, 0, canvas.height - len(layout.legend), layout.legend)
     return canvas
 
 
 def _points(chart: Canvas, layer: UmapLayer) -> None:
-    """Draw unselected points as grey dots, cells with selected ones as discs or digits.
+    """Draw each cell with instances: braille dots of few, a shade of many, digits for values.
 
-    Discs show the colour of the mean, which single braille dots would not. Squares, or bold
-    digits, stand for several instances.
+    Cells with selected instances show these alone, in the colour of their mean.
     """
-    theme = chart.theme
-    if chart.options.ascii:
-        held = cells_with_dots(layer.grey)
-        chart.char[held] = chart.glyphs.unselected
-        chart.fg[held] = theme.unselected
-    else:
-        draw_braille(chart, layer.grey, theme.unselected)
-    highlighted = layer.level >= 0
+    theme, options = chart.theme, chart.options
+    highlighted, held = layer.level >= 0, layer.count > 0
     inks = np.empty((LEVELS + 1, 3), dtype=np.uint8)
     inks[0] = theme.text
     inks[1:] = legible(turbo(level_shares()), theme)
-    ink = inks[np.maximum(layer.level, 0)]
-    digits = ramp_for_values(chart.options)
-    if digits is None:
-        chart.char[highlighted] = chart.glyphs.selected
-        chart.char[layer.several] = chart.glyphs.several
-        chart.bold[highlighted] = True
+    chart.fg[held] = theme.unselected
+    chart.fg[highlighted] = inks[layer.level[highlighted]]
+    if options.ascii:
+        chart.char[cells_with_dots(layer.grey)] = chart.glyphs.unselected
     else:
+        single = held & (layer.count <= SINGLE)
+        bits = _DOTS[braille_bits(layer.dots)[single], layer.count[single]]
+        chart.char[single] = (0x2800 + bits).astype(np.uint32).view("<U1")
+        steps = np.digitize(layer.count, SHADE_STEPS)
+        many = held & ~single
+        chart.char[many] = np.array(list(UNICODE.shades))[steps[many]]
+        tinted = (highlighted | many) if options.supports_images else many & False
+        chart.bg[tinted] = mix(theme.background, chart.fg[tinted], _GROUND)
+    digits = ramp_for_values(options)
+    if digits is not None:
         names = np.array(["?", *(digits[place * 10 // LEVELS] for place in range(LEVELS))])
         chart.char[highlighted] = names[layer.level[highlighted]]
-        chart.bold[layer.several] = True
-    chart.fg[highlighted] = ink[highlighted]
+        chart.bold[highlighted & (layer.count > 1)] = True
+
+
+def _legend(data: UmapInput, width: int, options: RenderOptions) -> list[LegendPart]:
+    """The colour bar, and what a cell shows."""
+    theme, ramp = options.theme, ramp_for_values(options)
+    length = 10 if ramp else 8 if width < 60 else 16
+    scale, clipped = value_range(data), data.value_range is None
+    bar = colour_bar(
+        data.value_label, data.value_unit, scale, options, length,
+        ramp=ramp, room=width, clipped=clipped,
+    )  # fmt: skip
+    mean = "digit" if ramp else "colour"
+    grey = options.glyphs.unselected if options.ascii else "⠿"
+    parts = [
+        bar,
+        text_part(((f"{mean}: mean of the selected", theme.muted),)),
+        text_part(((f"{grey} ", theme.unselected), ("none selected", theme.muted))),
+    ]
+    if data.trained is not None:
+        parts.append(trained_legend(options))
+    if ramp is not None:
+        parts.append(several_legend(options))
+    if not options.ascii:
+        texts = [f"⠿ 1 to {SINGLE}"]
+        texts += [
+            f"{shade} {least}+"
+            for shade, least in zip(options.glyphs.shades[1:], SHADE_STEPS, strict=True)
+        ]
+        parts.append(text_part((("  ".join(texts) + " per cell", theme.muted),)))
+    return parts
 
 
 def _cursor(canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel) -> None:
@@ -140,53 +222,30 @@ def _cursor(canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel) -> 
         canvas.put(column, row, *canvas.options.role("cursor"), bold=True)
 
 
-def _header(
-    canvas: Canvas, panel: Panel, data: UmapInput, model: UmapModel, layout: UmapLayout
-) -> None:
-    """Name and counts at the left; the colour bar at the right of the second panel."""
-    sim = panel.name == "sim"
-    layer = model.sim if sim else model.real
+def _header(canvas: Canvas, panel: Panel, model: UmapModel, layout: UmapLayout) -> None:
+    """Name and counts of a panel."""
+    layer = model.sim if panel.name == "sim" else model.real
     left, row = panel.x + layout.width - layout.room, panel.y - 1
     glyph, colour = canvas.options.role(panel.name)
-    parts = [text_part(((f"{glyph} {panel.name}", colour),))]
     counts = f"{layer.selected} of {layer.total}" if layer.total else "no coordinates"
-    parts.append(text_part(((counts, canvas.theme.muted),)))
-    if data.trained is not None:
-        parts.append(trained_legend(canvas.options))
-    if layer.several.any():
-        full = several_legend(canvas.options)
-        used = sum(part.width + 2 for part in parts)
-        short = text_part(((f"{canvas.glyphs.several} 2+", canvas.theme.muted),))
-        no_digits = ramp_for_values(canvas.options) is None
-        parts.append(short if no_digits and used + full.width > layout.room else full)
-    free = layout.room
-    bar = None if sim else _bar(data, model, free - parts[0].width - 2, canvas.options)
-    if bar is not None:
-        free -= bar.width + 2
-        bar.draw(canvas, left + layout.room - bar.width, row)
-    for part in parts:
-        if part.width <= free:
-            part.draw(canvas, left, row)
-            left, free = left + part.width + 2, free - part.width - 2
-
-
-def _bar(data: UmapInput, model: UmapModel, room: int, options: RenderOptions) -> LegendPart | None:
-    if room < 12:
-        return None
-    ramp, scale = ramp_for_values(options), model.value_range
-    length = 10 if ramp else 8 if room < 40 else 16
-    clipped = data.value_range is None
-    return colour_bar(
-        data.value_label, data.value_unit, scale, options, length,
-        ramp=ramp, room=room, clipped=clipped,
-    )  # fmt: skip
+    parts = [
+        text_part(((f"{glyph} {panel.name}", colour),)),
+        text_part(((counts, canvas.theme.muted),)),
+    ]
+    draw_rows(canvas, left, row, fit_rows(parts, layout.room, most=1))
 
 
 def _divide(canvas: Canvas, layout: UmapLayout) -> None:
     """A faint line between panels side by side."""
     level = len({y for _, y in layout.corners}) == 1
     if level and canvas.width > 2 * layout.room:
-        canvas.vline(layout.room, 0, canvas.height - 1, canvas.glyphs.vertical, canvas.theme.faint)
+        canvas.vline(
+            layout.room,
+            0,
+            canvas.height - len(layout.legend) - 1,
+            canvas.glyphs.vertical,
+            canvas.theme.faint,
+        )
 
 
 def _axes(canvas: Canvas, panel: Panel, layout: UmapLayout) -> None:

@@ -27,9 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--colour", default="auto", choices=("auto", "truecolor", "256", "16", "none"),
         help="colours to use (default: detected from the terminal)")  # fmt: skip
     add_display_options(parser)
-    add("--graphics", action="store_true",
-        help="draw images of an instance in true pixels: kitty and ghostty, also over SSH, and in "
-        "tmux after `tmux set -g allow-passthrough on`")  # fmt: skip
+    add("--graphics", nargs="?", const="auto", default="off",
+        choices=("auto", "kitty", "iterm2", "sixel", "off"),
+        help="protocol that draws map and images in true pixels; auto (where no value is given) "
+        "uses environment variables, and draws none over SSH (default: off)")  # fmt: skip
+    add("--cell-size", metavar="WxH",
+        help="pixels of a cell for --graphics, such as 10x20 (default: asked for)")  # fmt: skip
     add("--restricted", action="store_true",
         help="for a shared account: write only in the user data folder, load no model")  # fmt: skip
 
@@ -44,8 +47,10 @@ def execute(options: argparse.Namespace) -> int:
     )
     from s2rtui.terminal.capabilities import prepare_environment, refuse_unusable
 
-    if options.graphics and options.ascii:
+    if options.graphics != "off" and options.ascii:
         raise RequestError("--graphics and --ascii: give one of them")
+    if options.graphics == "off" and options.cell_size:
+        raise RequestError("--cell-size: give --graphics with a protocol, too")
     if options.restricted and options.history is not None:
         raise RequestError("--history: a restricted session shows only the history of the store")
     if options.restricted:
@@ -60,10 +65,12 @@ def execute(options: argparse.Namespace) -> int:
     if options.restricted:
         restrict_process(permissions)
     terminal = detect_display(options, options.colour, options.ascii)
-    if options.graphics:
-        from s2rtui.terminal.graphics.probe import probe_terminal
+    if options.graphics != "off":
+        from s2rtui.terminal.graphics.choice import choose_graphics, parse_cell_size
 
-        terminal = replace(terminal, graphics=probe_terminal(terminal))
+        cell = parse_cell_size(options.cell_size) if options.cell_size else None
+        graphics = choose_graphics(options.graphics, terminal, cell)
+        terminal = replace(terminal, graphics=graphics)
     prepare_environment(terminal)
     from s2rtui.app.runner import run_app
 

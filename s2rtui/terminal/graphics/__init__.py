@@ -1,1 +1,1 @@
-"""Inline images in true pixels by the Kitty protocol (option `--graphics`)."""
+"""Images in true pixels: kitty's protocol, iTerm2's protocol and sixels (option `--graphics`)."""

@@ -1,42 +1,63 @@
-"""Inline images by the Kitty protocol: each is sent once, and all are deleted at the end."""
+"""Inline images: each view's are encoded in its thread, and shown by a protocol."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass
-from functools import partial
-from hashlib import blake2b
-from secrets import choice
 from traceback import print_exception
+from typing import Protocol
 
 from textual.geometry import Region
 from textual.strip import Strip
 
-from s2rtui.canvas import Canvas, InlineImage, Pixels, Size
+from s2rtui.canvas import Canvas, InlineImage, Size
 from s2rtui.jobs.background_thread import LatestOnlyWorker, ReportError
-from s2rtui.terminal.graphics import kitty_protocol
+from s2rtui.terminal.graphics.drawn_images import Iterm2Images, SixelImages
 from s2rtui.terminal.graphics.image_strips import Span, with_spans
-from s2rtui.terminal.graphics.png import png
-from s2rtui.terminal.graphics.probe import Graphics, cell_pixels
-from s2rtui.terminal.strips import PaintedStrips
-
-NUMBERS = 32
-"""Images that the terminal holds at most; at most half of them are shown."""
-MAX_PIXELS = 256 * 256
-"""Pixels of an image at most: the default size of frames."""
-MAX_BYTES = 96 * 1024
-"""Bytes of an image's PNG at most; base64 makes it a third larger on the wire."""
+from s2rtui.terminal.graphics.kitty_images import KittyImages
+from s2rtui.terminal.graphics.probe import Graphics
+from s2rtui.terminal.strips import ImagePlace, PaintedStrips
 
 _SLIDER_DEBOUNCE = 0.3
 """Seconds."""
-_HIGH = range(1, 100)
-"""Highest bytes of image numbers whose diacritics take two bytes each."""
-_LOW = range(16, 240, NUMBERS)
-"""Lowest bytes of image numbers: palette colours that no terminal changes."""
+_REST = 0.15
+"""Seconds without a newer drawing until an image that takes another one's place is encoded."""
 
 
 Key = tuple[str, int]
 """A view and the index of its image."""
+
+
+class ImageProtocol(Protocol):
+    """How a terminal is told to show images.
+
+    `over_text`: whether images lie on the cells, so that cells from which text disappears need the
+    whole image again.
+    """
+
+    over_text: bool
+
+    def fits(self, image: InlineImage) -> bool:
+        """Whether the terminal can show the image."""
+
+    def size(self, image: InlineImage, cell: Size) -> Size:
+        """(height, width) of the pixels to encode, for cells of (width, height) pixels."""
+
+    def encode(self, image: InlineImage, size: Size) -> bytes:
+        """Encode the image. Called in a thread."""
+
+    def show(self, content: bytes, cells: Size, shown: Set[object]) -> object:
+        """Return a token of an encoded image for a box of (columns, rows).
+
+        `shown` holds the tokens of all images on the screen. Equal tokens show equal pixels.
+        """
+
+    def spans(self, token: object, image: InlineImage) -> Iterator[tuple[int, Span]]:
+        """The codes of the image's box by row, counted from its first."""
+
+    def delete_all(self) -> None:
+        """Remove all images from the terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +72,23 @@ class _ImageRequest:
 
 @dataclass(frozen=True, slots=True)
 class _EncodedImage:
-    """An encoded image with the digest of its content."""
+    """An encoded image."""
 
     source: object
-    digest: bytes
-    png: bytes
+    content: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class _ShownImage:
-    """An image on the screen: its box of cells, content and number."""
+    """An image on the screen: its box of cells, content and token."""
 
     source: object
     cells: Size
-    digest: bytes
-    number: int
+    content: bytes
+    token: object
 
 
-class KittyImageManager:
+class ImageManager:
     """Shows images that one thread per view encodes; the newest request wins."""
 
     def __init__(
@@ -77,48 +97,46 @@ class KittyImageManager:
         write: Callable[[str], None],
         on_ready: Callable[[], object],
         report_error: ReportError = print_exception,
+        rest: float = _REST,
     ) -> None:
         """`write` sends text to the terminal; `on_ready` is called in a thread when images are
-        encoded, `report_error` when one cannot be.
+        encoded, `report_error` when one cannot be. `rest`: seconds until an image is replaced.
+
+        Raises ValueError where the graphics have no protocol.
         """
         self._graphics = graphics
-        self._write = write
-        self._on_ready, self._report_error = on_ready, report_error
+        self._protocol = _protocol(graphics, write)
+        self._on_ready, self._report_error, self._rest = on_ready, report_error, rest
         self._workers: dict[str, LatestOnlyWorker] = {}
         self._tickets: dict[str, list[tuple[Key, object]]] = {}
         self._encoded: dict[Key, _EncodedImage] = {}
-        # Random, because the panes of a tmux session share one terminal.
-        self._first = choice(_HIGH) << 24 | choice(_LOW)
-        self._turn = 0
         self._shown: dict[Key, _ShownImage] = {}
-        self._numbers: set[int] = set()
 
     def debounce_seconds(self, view: str) -> float:
         """Images of a moving slider wait until it stops; loaders debounce all others."""
         return _SLIDER_DEBOUNCE if view == "adjust" else 0.0
 
     def attach(self, view: str, canvas: Canvas, strips: list[Strip]) -> PaintedStrips:
-        """Put the images of a canvas into its strips: send encoded ones, start encoding the others.
+        """Put the images of a canvas into its strips: show encoded ones, start encoding the others.
 
         Until then the previous images stay in their boxes.
         """
         spans: dict[int, list[Span]] = {}
         places, missing = set(), []
         for index, image in enumerate(canvas.images):
-            if max(image.width, image.height) > len(kitty_protocol.NUMBERS):
+            if not self._protocol.fits(image):
                 continue
             request = self._request((view, index), image)
-            number = self._number(request)
-            previous = self._shown.get(request.key)
-            if number is None:
+            token = self._token(request)
+            if token is None:
                 missing.append(request)
+                previous = self._shown.get(request.key)
                 if previous is None or previous.cells != (image.width, image.height):
                     continue
-                number = previous.number
-            places.add((Region(image.x, image.y, image.width, image.height), number))
-            for row in range(image.height):
-                codes = partial(kitty_protocol.placeholders, number, row)
-                span = Span(image.x, image.x + image.width, codes)
+                token = previous.token
+            region = Region(image.x, image.y, image.width, image.height)
+            places.add(ImagePlace(region, token, self._protocol.over_text, image.text))
+            for row, span in self._protocol.spans(token, image):
                 spans.setdefault(image.y + row, []).append(span)
         self._encode_missing(view, missing)
         filled = [with_spans(strip, spans.get(y, ())) for y, strip in enumerate(strips)]
@@ -130,28 +148,27 @@ class KittyImageManager:
         return all(worker.idle for worker in self._workers.values())
 
     def _request(self, key: Key, image: InlineImage) -> _ImageRequest:
-        size = pixel_size(image, cell_pixels(self._graphics.cell))
+        size = self._protocol.size(image, self._graphics.cell_now())
         return _ImageRequest(
             key, image, size, (image.content_key, size, (image.width, image.height))
         )
 
-    def _number(self, request: _ImageRequest) -> int | None:
-        """The number of an image that is shown or encoded; new content gets a new number."""
+    def _token(self, request: _ImageRequest) -> object:
+        """The token of an image that is shown or encoded, else None."""
         key, shown = request.key, self._shown.get(request.key)
         if shown is not None and shown.source == request.source:
-            return shown.number
+            return shown.token
         encoded = self._encoded.pop(key, None)
         if encoded is None or encoded.source != request.source:
             return None
         cells = request.image.width, request.image.height
-        if shown is not None and shown.digest == encoded.digest:
-            number = shown.number
+        if shown is not None and (shown.content, shown.cells) == (encoded.content, cells):
+            token = shown.token
         else:
-            number = self._free()
-            self._numbers.add(number)
-            self._write(kitty_protocol.show(number, encoded.png, cells, self._graphics.in_tmux))
-        self._shown[key] = _ShownImage(request.source, cells, encoded.digest, number)
-        return number
+            tokens = {other.token for other in self._shown.values()}
+            token = self._protocol.show(encoded.content, cells, tokens)
+        self._shown[key] = _ShownImage(request.source, cells, encoded.content, token)
+        return token
 
     def _encode_missing(self, view: str, missing: list[_ImageRequest]) -> None:
         """Encode a view's images in its thread, in place of an earlier request."""
@@ -163,54 +180,36 @@ class KittyImageManager:
             return
         if view not in self._workers:
             self._workers[view] = LatestOnlyWorker(f"images of {view}", self._report_error)
+        waits = any(
+            request.image.shape is None and request.key in self._shown for request in missing
+        )
 
         def encode() -> None:
+            if waits:
+                time.sleep(self._rest)
             for request in missing:
-                encoded = _encode(request)
                 if self._tickets.get(view) is not ticket:
                     return
-                self._encoded[request.key] = encoded
+                content = self._protocol.encode(request.image, request.size)
+                if self._tickets.get(view) is not ticket:
+                    return
+                self._encoded[request.key] = _EncodedImage(request.source, content)
             self._on_ready()
 
         self._workers[view].put(encode)
 
-    def _free(self) -> int:
-        """The number that was shown longest ago, so that images on the screen stay whole."""
-        shown = {sent.number for sent in self._shown.values()}
-        while True:
-            self._turn = (self._turn + 1) % NUMBERS
-            if self._first + self._turn not in shown:
-                return self._first + self._turn
-
     def delete_all(self) -> None:
         """Delete all images from the terminal."""
-        if self._numbers:
-            self._write(kitty_protocol.forget(sorted(self._numbers), self._graphics.in_tmux))
-        for cache in (self._shown, self._numbers, self._encoded, self._tickets):
+        self._protocol.delete_all()
+        for cache in (self._shown, self._encoded, self._tickets):
             cache.clear()
 
 
-def pixel_size(image: InlineImage, cell: Size) -> Size:
-    """(height, width) to send: the image's own size, limited by its box and by `MAX_PIXELS`."""
-    rows, columns = image.shape
-    box = image.height * cell[1], image.width * cell[0]
-    share = min(1.0, box[0] / rows, box[1] / columns, (MAX_PIXELS / (rows * columns)) ** 0.5)
-    return max(1, int(rows * share)), max(1, int(columns * share))
-
-
-def _encode(request: _ImageRequest) -> _EncodedImage:
-    image, size = request.image, request.size
-    pixels = image.pixels(size)
-    cells = image.width, image.height
-    digest = blake2b(pixels.tobytes() + repr((size, cells)).encode()).digest()
-    return _EncodedImage(request.source, digest, _png_within_limit(image, pixels))
-
-
-def _png_within_limit(image: InlineImage, pixels: Pixels) -> bytes:
-    """Encode the image, reduced until it has at most `MAX_BYTES`."""
-    encoded, size = png(pixels), pixels.shape[:2]
-    while len(encoded) > MAX_BYTES:
-        share = 0.98 * (MAX_BYTES / len(encoded)) ** 0.5
-        size = int(size[0] * share), int(size[1] * share)
-        encoded = png(image.pixels(size))
-    return encoded
+def _protocol(graphics: Graphics, write: Callable[[str], None]) -> ImageProtocol:
+    if graphics.protocol == "kitty":
+        return KittyImages(write, graphics.in_tmux)
+    if graphics.protocol == "iterm2":
+        return Iterm2Images()
+    if graphics.protocol == "sixel":
+        return SixelImages(keeps_text=not graphics.in_tmux)
+    raise ValueError(f"the terminal draws no images: {graphics.reason}")

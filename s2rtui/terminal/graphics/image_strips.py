@@ -1,20 +1,23 @@
-"""Strips with inline images: placeholders as escape codes, half blocks as segments."""
+"""Strips with inline images: images as escape codes, half blocks as segments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from textual.strip import Strip
 
+from s2rtui.canvas import InlineImage
 from s2rtui.terminal.strips import DeltaStrip, Runs, encoded
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Cells `start` to `end` of a row; `codes(first, count)` gives the placeholders of some.
+    """Cells `start` to `end` of a row; `codes(first, count)` gives the escape codes of some.
 
-    `skipped` cells at the left were cut off.
+    `skipped` cells of the image's row lie at the left of it. A span without cells writes its codes
+    before the cell `start`.
     """
 
     start: int
@@ -24,6 +27,9 @@ class Span:
 
     def cut(self, start: int, end: int) -> Span | None:
         """The part within the cells from `start` to `end`; None if there is none."""
+        if self.start == self.end:
+            inside = start <= self.start < end
+            return Span(self.start - start, self.start - start, self.codes) if inside else None
         first, last = max(self.start, start), min(self.end, end)
         if first >= last:
             return None
@@ -31,7 +37,7 @@ class Span:
 
 
 class ImageStrip(DeltaStrip):
-    """A strip whose spans the terminal replaces by images, unless it is restyled."""
+    """A strip whose spans show images, unless it is restyled."""
 
     __slots__ = ("_spans",)
 
@@ -66,4 +72,13 @@ def with_spans(strip: Strip, spans: Sequence[Span]) -> Strip:
     """Put image spans into a strip of a canvas."""
     if not spans or not isinstance(strip, DeltaStrip):
         return strip
-    return ImageStrip(strip.runs, sorted(spans, key=lambda span: span.start))
+    return ImageStrip(strip.runs, sorted(spans, key=lambda span: (span.start, span.end)))
+
+
+def uncovered(image: InlineImage, row: int) -> list[tuple[int, int]]:
+    """The runs of cells (start, end) of a row of the image's box that hold no text."""
+    if image.text is None:
+        return [(0, image.width)]
+    free = np.concatenate([[False], ~image.text[row], [False]])
+    edges = np.flatnonzero(free[1:] != free[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

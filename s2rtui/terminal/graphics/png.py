@@ -10,10 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from s2rtui.canvas import Pixels
+from s2rtui.canvas import InlineImage, Pixels, Size
+from s2rtui.terminal.graphics.sixel import PaletteImage, from_percent, quantised
 
 MOST = 256
 """Colours of a palette at most."""
+MAX_PIXELS = 256 * 256
+"""Pixels of a photograph at most: the default size of frames."""
+MAX_DRAWN_PIXELS = 1 << 20
+"""Pixels at most of an image that is drawn for its box."""
+MAX_BYTES = 96 * 1024
+"""Bytes of a photograph's PNG at most; base64 makes it a third larger on the wire."""
+MAX_DRAWN_BYTES = 4 * MAX_BYTES
+"""Bytes of a drawing's PNG at most."""
 _HEADER, _END = slice(16, 29), 33
 """The data of the header chunk, and its end."""
 _COLOUR_TYPE, _PALETTE = 9, b"\x03"
@@ -28,6 +37,49 @@ def png(pixels: Pixels) -> bytes:
     palette = np.stack([colours >> 16, colours >> 8 & 255, colours & 255], axis=1)
     grey = _written(places.reshape(packed.shape).astype(np.uint8))
     return _coloured(grey, palette.astype(np.uint8).tobytes())
+
+
+def palette_png(image: PaletteImage) -> bytes:
+    """Encode an image that has a palette, sorted by brightness for PNG's filters."""
+    grey = from_percent(image.palette) @ np.array([2, 5, 1])
+    order = np.argsort(grey, kind="stable")
+    place = np.empty(len(order), dtype=np.uint8)
+    place[order] = np.arange(len(order))
+    palette = from_percent(image.palette)[order]
+    return _coloured(_written(place[image.indices]), palette.tobytes())
+
+
+def reduced_size(image: InlineImage, cell: Size) -> Size:
+    """(height, width) to send to a terminal that scales images.
+
+    A photograph's own size is limited by its box of cells and by `MAX_PIXELS`, a drawing is as
+    large as its box and has at most `MAX_DRAWN_PIXELS`. `cell`: (width, height) in pixels.
+    """
+    box = image.height * cell[1], image.width * cell[0]
+    rows, columns = image.shape or box
+    most = MAX_PIXELS if image.shape else MAX_DRAWN_PIXELS
+    share = min(1.0, box[0] / rows, box[1] / columns, (most / (rows * columns)) ** 0.5)
+    return max(1, int(rows * share)), max(1, int(columns * share))
+
+
+def png_within_limit(image: InlineImage, size: Size) -> bytes:
+    """Encode the image in `size` (height, width), reduced until it has at most `MAX_BYTES`.
+
+    A drawing is quantised to a palette, which makes it four times smaller, and reduced until it
+    has at most `MAX_DRAWN_BYTES`.
+    """
+    limit = MAX_BYTES if image.shape else MAX_DRAWN_BYTES
+
+    def encoded(size: Size) -> bytes:
+        pixels = image.pixels(size)
+        return png(pixels) if image.shape else palette_png(quantised(pixels))
+
+    content = encoded(size)
+    while len(content) > limit:
+        share = 0.98 * (limit / len(content)) ** 0.5
+        size = max(1, int(size[0] * share)), max(1, int(size[1] * share))
+        content = encoded(size)
+    return content
 
 
 def _written(values: NDArray[np.uint8]) -> bytes:

@@ -1,4 +1,4 @@
-"""Ask the terminal, once before the application starts, whether it draws inline images.
+"""Ask the terminal, once before the application starts, how it draws inline images.
 
 Every terminal answers the last question (its attributes, DA1), so support is never guessed from a
 timeout: a slow connection only takes longer.
@@ -18,7 +18,8 @@ import time
 import tty
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from s2rtui.canvas import RenderOptions, Size
 from s2rtui.terminal.capabilities import Terminal
@@ -28,51 +29,110 @@ PATIENCE = 3.0
 """Seconds to wait for the answer."""
 USUAL_CELL = (10, 20)
 _NUMBER = 31
-_ATTRIBUTES = re.compile(rb"\x1b\[\?[\d;]*c")
+_ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
+_SIXEL = b"4"
+"""The attribute of terminals that draw sixels."""
 _CURSOR = re.compile(rb"\x1b\[\d+;\d+R")
 _CELL = re.compile(rb"\x1b\[6;(\d+);(\d+)t")
 _DRAWN = b"\x1b_Gi=%d;OK" % _NUMBER
 _ON_TMUX = re.compile("kitty|ghostty")
 
 
+GraphicsProtocol = Literal["kitty", "iterm2", "sixel"]
+NAMES = {"kitty": "Kitty graphics protocol", "iterm2": "iTerm2 protocol", "sixel": "sixels"}
+
+
 @dataclass(frozen=True, slots=True)
 class Graphics:
-    """Whether the terminal draws images, why, and its cell size (width, height) in pixels."""
+    """How the terminal draws images (None: it does not), why, and its cells in pixels.
 
-    supported: bool
+    `cell`: (width, height), used where the system does not know the size, or always if
+    `is_cell_fixed`.
+    """
+
+    protocol: GraphicsProtocol | None
     reason: str
     cell: Size = USUAL_CELL
     in_tmux: bool = False
+    is_cell_fixed: bool = False
+
+    @property
+    def supported(self) -> bool:
+        """Whether the terminal draws images."""
+        return self.protocol is not None
+
+    def cell_now(self) -> Size:
+        """(width, height) of a cell in pixels, which change with the font."""
+        return self.cell if self.is_cell_fixed else cell_pixels(self.cell)
+
+    def with_cell(self, cell: Size | None) -> Graphics:
+        """The same with a cell size that was given, None for the terminal's own."""
+        return self if cell is None else replace(self, cell=cell, is_cell_fixed=True)
 
 
-def probe_terminal(terminal: Terminal, environment: Mapping[str, str] | None = None) -> Graphics:
-    """Ask the terminal, or tmux about its terminal."""
-    env = os.environ if environment is None else environment
+def unsuitable(terminal: Terminal) -> str:
+    """Why no images can be drawn with these colours and characters; empty if they can."""
     if terminal.ascii or not RenderOptions(mode=terminal.mode).supports_shading:
-        return Graphics(False, "inline images need 256 colours or more, and UTF-8")
+        return "inline images need 256 colours or more, and UTF-8"
+    return ""
+
+
+def probe_terminal(
+    terminal: Terminal,
+    wanted: GraphicsProtocol | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Graphics:
+    """Ask the terminal, or tmux about its terminal, for the `wanted` protocol (default: any)."""
+    env = os.environ if environment is None else environment
+    if reason := unsuitable(terminal):
+        return Graphics(None, reason)
     if not _has_terminal():
-        return Graphics(False, "no terminal")
+        return Graphics(None, "no terminal")
     if env.get("TMUX"):
-        return _parse_tmux_answer(_ask_tmux())
-    return parse_answer(_ask_terminal())
+        return tmux_graphics(wanted)
+    if wanted == "iterm2" or (wanted is None and iterm2_by_environment(env)):
+        return Graphics("iterm2", f"{NAMES['iterm2']}, not tested", cell_pixels())
+    return parse_answer(_ask_terminal(), wanted)
+
+
+def iterm2_by_environment(env: Mapping[str, str]) -> bool:
+    """Whether the terminal names itself as one with iTerm2's protocol."""
+    names = env.get("TERM_PROGRAM", ""), env.get("LC_TERMINAL", "")
+    return bool({"iTerm.app", "iTerm2", "WezTerm"} & set(names))
 
 
 def _has_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def parse_answer(answer: bytes) -> Graphics:
-    """Interpret the answers to `_question`."""
-    if not _ATTRIBUTES.search(answer):
-        return Graphics(False, f"the terminal did not answer within {PATIENCE:.0f} s")
+def parse_answer(answer: bytes, wanted: GraphicsProtocol | None = None) -> Graphics:
+    """Interpret the answers to `_question` for the `wanted` protocol (default: the best)."""
+    attributes = _ATTRIBUTES.search(answer)
+    if not attributes:
+        return Graphics(None, f"the terminal did not answer within {PATIENCE:.0f} s")
+    found = _CELL.search(answer)
+    cell = cell_pixels((int(found[2]), int(found[1])) if found else USUAL_CELL)
+    has_sixel = _SIXEL in attributes[1].split(b";")
+    no_kitty = _without_kitty(answer)
+    if wanted != "sixel" and not no_kitty:
+        return Graphics("kitty", NAMES["kitty"], cell)
+    if wanted != "kitty" and has_sixel:
+        return Graphics("sixel", NAMES["sixel"], cell)
+    missing = "the terminal does not draw sixels" if not has_sixel else ""
+    return Graphics(
+        None,
+        {"kitty": no_kitty, "sixel": missing}.get(wanted or "")
+        or (f"{no_kitty}, and does not draw sixels"),
+    )
+
+
+def _without_kitty(answer: bytes) -> str:
+    """Why an answer shows that Kitty's protocol cannot be used; empty if it can."""
     if _DRAWN not in answer:
-        return Graphics(False, "the terminal does not support the Kitty graphics protocol")
+        return "the terminal does not support the Kitty graphics protocol"
     if len(set(_CURSOR.findall(answer))) != 1:
-        reason = "the terminal supports the Kitty graphics protocol, but not its placeholders"
-        return Graphics(False, reason)
-    cell = _CELL.search(answer)
-    size = (int(cell[2]), int(cell[1])) if cell else USUAL_CELL
-    return Graphics(True, "Kitty graphics protocol", cell_pixels(size))
+        return "the terminal supports the Kitty graphics protocol, but not its placeholders"
+    return ""
 
 
 def cell_pixels(otherwise: Size = USUAL_CELL) -> Size:
@@ -117,8 +177,11 @@ def _ask_terminal() -> bytes:
 
 
 def _ask_tmux() -> str:
-    """The terminal that tmux runs in and its passthrough option; empty if tmux does not answer."""
-    variables = "#{client_termname} #{client_termtype} #{allow-passthrough}"
+    """The features and names of the terminal that tmux runs in, and the passthrough option.
+
+    Empty if tmux does not answer.
+    """
+    variables = "#{client_termfeatures}|#{client_termname} #{client_termtype}|#{allow-passthrough}"
     command = ["tmux", "display-message", "-p", variables]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=True)
@@ -127,11 +190,30 @@ def _ask_tmux() -> str:
     return done.stdout
 
 
-def _parse_tmux_answer(answer: str) -> Graphics:
-    if not answer.strip():
-        return Graphics(False, "tmux did not name its terminal")
-    if not _ON_TMUX.search(answer.lower()):
-        return Graphics(False, "inside tmux, inline images need kitty or ghostty as its terminal")
-    if answer.split()[-1] in ("0", "off"):
-        return Graphics(False, "tmux blocks inline images; run `tmux set -g allow-passthrough on`")
-    return Graphics(True, "Kitty graphics protocol through tmux", cell_pixels(), in_tmux=True)
+def tmux_graphics(wanted: GraphicsProtocol | None = None) -> Graphics:
+    """Ask tmux whether it draws sixels itself, or passes Kitty's protocol on."""
+    answer = _ask_tmux().strip()
+    if not answer:
+        return Graphics(None, "tmux did not name its terminal")
+    features, names, passthrough = answer.split("|")
+    has_sixel = "sixel" in features.split(",")
+    if wanted != "sixel" and _ON_TMUX.search(names.lower()):
+        if passthrough not in ("", "0", "off"):
+            reason = f"{NAMES['kitty']} through tmux"
+            return Graphics("kitty", reason, cell_pixels(), in_tmux=True)
+        if wanted == "kitty" or not has_sixel:
+            reason = "tmux blocks inline images; run `tmux set -g allow-passthrough on`"
+            return Graphics(None, reason)
+    if wanted in (None, "sixel"):
+        if has_sixel:
+            return Graphics("sixel", "sixels by tmux", cell_pixels(), in_tmux=True)
+        return Graphics(None, _NO_TMUX_IMAGES)
+    if wanted == "iterm2":
+        return Graphics(None, "the iTerm2 protocol does not work inside tmux")
+    return Graphics(None, "inside tmux, `--graphics kitty` needs kitty or ghostty as its terminal")
+
+
+_NO_TMUX_IMAGES = (
+    "inside tmux, inline images need kitty or ghostty as its terminal, or tmux 3.4 with sixels and "
+    "a terminal that draws them"
+)

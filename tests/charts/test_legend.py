@@ -1,0 +1,81 @@
+"""Legends: parts are wrapped to more rows, and an ellipsis marks what is left out."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.cells import cell_len
+
+from s2rtui.canvas import DARK, Canvas, RenderOptions
+from s2rtui.charts.map.terminal import draw_map
+from s2rtui.charts.shared.legend import (
+    colour_bar,
+    draw_rows,
+    fit_rows,
+    legend_rows,
+    role_legend,
+    text_part,
+)
+from tests.charts.examples import map_input
+
+OPTIONS = RenderOptions()
+words = st.text("abcdefgh", min_size=1, max_size=12)
+labels = st.lists(words, min_size=1, max_size=8).map(" ".join)
+
+
+def drawn(parts: list, width: int, most: int | None = None) -> list[str]:
+    rows = fit_rows(parts, width, most=most)
+    canvas = Canvas(width, max(1, len(rows)), OPTIONS)
+    draw_rows(canvas, 0, 0, rows)
+    return canvas.lines()
+
+
+@settings(deadline=None)
+@given(st.lists(labels, min_size=1, max_size=6), labels, st.integers(40, 160))
+def test_every_word_appears(texts: list[str], label: str, width: int) -> None:
+    parts = [text_part(((text, DARK.muted),)) for text in texts]
+    parts.append(colour_bar(label, "m", (0.25, 17.5), OPTIONS, room=width, clipped=True))
+    parts.append(role_legend(OPTIONS, sim="simulated", real="real", truth="true position"))
+    shown = " ".join(drawn(parts, width)).split()
+    wanted = " ".join([*texts, label, "p1 0.25 p99 18 m simulated real true position"]).split()
+    assert [word for word in shown if word in wanted] == wanted
+
+
+@settings(deadline=None)
+@given(st.lists(labels, min_size=1, max_size=9), st.integers(40, 90), st.integers(1, 4))
+def test_an_ellipsis_marks_what_is_left_out(texts: list[str], width: int, most: int) -> None:
+    parts = [text_part(((text, DARK.muted),)) for text in texts]
+    lines = drawn(parts, width, most)
+    assert len(lines) <= most
+    shown, wanted = " ".join(lines).split(), " ".join(texts).split()
+    if shown[-1] == "\u2026":
+        assert shown[:-1] == wanted[: len(shown) - 1]
+        assert len(shown) <= len(wanted)
+    else:
+        assert shown == wanted
+
+
+def test_a_glyph_stays_beside_its_word() -> None:
+    part = role_legend(OPTIONS, sim="simulation", real="reality", truth="ground")
+    for width in range(14, part.width):
+        for line in drawn([part], width):
+            assert not line.rstrip().endswith(tuple("\u25c6\u25c7\u2022"))
+
+
+def test_a_word_that_is_wider_than_a_row_is_cut() -> None:
+    assert cell_len(drawn([text_part((("a" * 30, DARK.muted),))], 20)[0].rstrip()) == 20
+
+
+@pytest.mark.parametrize("width", [40, 48, 66, 100])
+@pytest.mark.parametrize("height", [12, 20, 40])
+@pytest.mark.parametrize("mode", ["colour", "glyph", "full"])
+def test_the_legend_of_a_map_has_all_words_or_an_ellipsis(
+    width: int, height: int, mode: str
+) -> None:
+    view = map_input(mode=mode, heat_label="feature distance of the selection, real")
+    lines = draw_map(view, (width, height), OPTIONS).lines()[-legend_rows(height) :]
+    text = " ".join(" ".join(lines).split())
+    names = {"colour": "shift", "glyph": "both", "full": "truth"}
+    wanted = (names[mode], "feature distance of the selection, real", "not selected", " m ")
+    assert "\u2026" in text or all(part in f"{text} " for part in wanted)
