@@ -49,12 +49,18 @@ class SceneOptions:
 
 
 @contextmanager
-def open_scene(path: Path, options: SceneOptions, *views: View) -> Iterator[Scene]:
-    """Open a store and load the scene of some views. Raises RequestError.
+def open_scene(
+    path: Path, options: SceneOptions, *views: View, generation: int | None = None
+) -> Iterator[Scene]:
+    """Open a store, by default the published generation, and load the scene of some views.
+
+    Raises RequestError.
 
     The scene has a cursor if an instance is requested or a view shows a single instance.
     """
-    session = Session(path, options.run, ReadNotebook, options.history, options.with_trained)
+    session = Session(
+        path, options.run, ReadNotebook, options.history, options.with_trained, generation
+    )
     try:
         for view in views:
             view.require_available(session.store)

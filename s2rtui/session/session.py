@@ -40,20 +40,22 @@ class Session:
         notebooks: NotebookFactory | None = None,
         gap_history: Path | None = None,
         with_trained: bool = False,
+        generation: int | None = None,
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst room.
 
         Without a computed run, all images are selected.
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
-        `gap_history` overrides the history file of the store. `with_trained` includes the instances
-        that the models were trained on. Set `defers_loading` if background
+        `gap_history` overrides the history file of the store, `generation` the published one.
+        `with_trained` includes the instances that the models were trained on. Set
+        `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, the run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
-        self.store: Store = s2rstore.open(path, INDEX_MEMORY)
+        self.store: Store = s2rstore.open(path, INDEX_MEMORY, generation)
         self.notebook = notebooks(self.store.identity) if notebooks else None
         if self.notebook:
             self.notebook.use_parts(self.store.parts)

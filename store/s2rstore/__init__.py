@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from s2rstore.reader import Store
+    from s2rstore.interactive_store import InteractiveStore
 
 __all__ = ["open"]
 
 
-def open(path: str | Path, memory: str = "", generation: int | None = None) -> Store:
+def open(path: str | Path, memory: str = "", generation: int | None = None) -> InteractiveStore:
     """Open the store at `path` for reading; it stays at one generation until closed.
 
     By default the published one; `generation` opens an earlier one that `s2r prune` has left.
     `memory` (such as 128MB) limits the memory of the index. Raises
     `s2rstore.errors.RequestError` where there is no readable store.
     """
-    from s2rstore.reader import Store
+    from s2rstore.interactive_store import InteractiveStore
 
-    return Store(path, memory, generation)
+    return InteractiveStore(path, memory, generation)

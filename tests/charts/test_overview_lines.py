@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as arrays
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark, panel_at
 from s2rtui.canvas.render_options import UNICODE
+from s2rtui.charts.overview import bands
 from s2rtui.charts.overview import lines as module
 from s2rtui.charts.overview.layout import overview_layout, overview_panels
 from s2rtui.charts.overview.lines import bin_count, levels, line_density, pair_counts
@@ -104,14 +105,68 @@ def test_adjacent_runs_are_drawn_as_bars() -> None:
     assert (density.highlighted[3] > 0).sum() == (column_heights > 0).sum()
 
 
-def test_many_lines_form_bands_without_gaps() -> None:
-    count = module.BANDS + 500
-    values = np.linspace(0.5, 1.0, count)
+def many_lines(count: int = 400, **changes: object) -> OverviewLines:
+    """Evenly spread accuracies: 0.5 to 1 in the first run, 0.7 to 0.9 in the second."""
+    spread = np.linspace(0, 1, count)
+    columns = (0.5 + 0.5 * spread, 0.7 + 0.2 * spread)
     all_true = np.ones(count, dtype=np.bool_)
-    lines = OverviewLines((values, values), all_true, all_true)
-    layout = overview_layout(rows(2), 0, (200, 16), lines)
-    inside = line_density(lines, AXIS, layout).highlighted[2:-2, 2:-2]
-    assert (inside > 0).all()
+    return replace(OverviewLines(columns, all_true, all_true), **changes)
+
+
+@pytest.mark.parametrize("count", [bands.MOST_LINES, bands.MOST_LINES + 1])
+def test_more_lines_than_sixty_are_bands(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = many_lines(count)
+    is_banded = count > bands.MOST_LINES
+    assert lines.banded == (is_banded, False)
+    layout = overview_layout(rows(2), 0, (80, 16), lines)
+    unused = "_segments" if is_banded else "_bands"
+    monkeypatch.setattr(module, unused, lambda *_: pytest.fail(f"{unused} is called"))
+    highlighted = line_density(lines, AXIS, layout).highlighted
+    assert highlighted.any()
+    assert is_banded or highlighted[5].sum() >= count
+    header = draw_overview(rows(2), None, 0, (80, 16), RenderOptions(), lines).lines()[0]
+    assert ("bands: real" in header) == is_banded
+    assert ("lines: real" in header) != is_banded
+
+
+def test_selected_lines_are_drawn_above_bands_of_the_others() -> None:
+    lines = many_lines(selected=np.arange(400) < 10)
+    layout = overview_layout(rows(2), 0, (80, 16), lines)
+    density = line_density(lines, AXIS, layout)
+    assert lines.banded == (False, True)
+    assert density.highlighted[2:-2].sum(axis=1).min() >= 10
+    assert set(np.unique(density.others)) == {0, 1, 2, 3}
+
+
+def test_bands_lie_at_the_quantiles() -> None:
+    lines = many_lines()
+    layout = overview_layout(rows(2), 0, (200, 60), lines)
+    inner = line_density(lines, AXIS, layout).highlighted >= 2
+    for row, (low, high) in ((2, (0.625, 0.875)), (-3, (0.75, 0.85))):
+        dots = np.flatnonzero(inner[row])
+        shares = (dots / 2 - 0.5) / (layout.chart_width - 1)
+        found = AXIS[0] + (AXIS[1] - AXIS[0]) * shares
+        assert found.min() == pytest.approx(low, abs=0.012)
+        assert found.max() == pytest.approx(high, abs=0.012)
+
+
+def test_quantiles_of_bins_agree_with_those_of_the_values() -> None:
+    lines = many_lines()
+    exact = bands.accuracy_quantiles(lines.values, lines.valid)
+    counts = np.stack([np.histogram(c, bins=100, range=AXIS)[0] for c in lines.values])
+    binned = AXIS[0] + (AXIS[1] - AXIS[0]) * bands.binned_quantiles(counts)
+    np.testing.assert_allclose(binned, exact, atol=0.006)
+    assert np.isnan(bands.accuracy_quantiles(lines.values, ~lines.valid)).all()
+    assert np.isnan(bands.binned_quantiles(0 * counts)).all()
+
+
+def test_no_band_leads_to_a_run_without_accuracies() -> None:
+    lines = many_lines()
+    unknown = replace(lines, values=(*lines.values, np.full(400, np.nan)))
+    layout = overview_layout(rows(3), 0, (80, 30), unknown)
+    density = line_density(unknown, AXIS, layout).highlighted
+    assert density[2 : 2 + 4 * layout.step].any()
+    assert not density[2 + 4 * layout.step :].any()
 
 
 def test_levels_increase_to_one() -> None:

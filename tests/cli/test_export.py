@@ -186,3 +186,56 @@ def test_the_history_is_exported_and_a_missing_one_is_rejected(
     week.night(1)
     assert main([*options, "--size", "615x433"]) == 0
     assert Image.open(tmp_path / "gap.png").size == (615, 433)
+
+
+def test_pages_of_paper_have_their_width_title_and_colours(
+    tiny_store: Path, tmp_path: Path
+) -> None:
+    def page(*options: str) -> bytes:
+        out = tmp_path / "page.png"
+        arguments = ["export", str(tiny_store), "--view", "map", *options, "--out", str(out)]
+        assert main(arguments) == 0
+        return out.read_bytes()
+
+    narrow = page("--width", "80", "--dpi", "100")
+    assert Image.open(BytesIO(narrow)).width == round(80 / 25.4 * 100)
+    assert Image.open(BytesIO(narrow)).info["dpi"] == pytest.approx((100, 100), abs=0.1)
+    assert Image.open(BytesIO(page("--dpi", "100"))).width == round(160 / 25.4 * 100)
+    assert page("--width", "80", "--dpi", "100", "--title", "Doors") != narrow
+    assert page("--width", "80", "--dpi", "100", "--cmap", "viridis") != narrow
+    assert page("--width", "80", "--dpi", "100", "--cmap", "turbo") == narrow
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--cmap", "jet"], "--cmap jet: must be one of turbo, viridis"),
+        (["--width", "900"], "--width 900: must be 40 to 420"),
+        (["--dpi", "5"], "--dpi 5: must be 72 to 1200"),
+        (["--width", "80", "--size", "300x300"], "--size: pixels; leave it out"),
+    ],
+)
+def test_wrong_pages_are_refused_in_one_line(
+    tiny_store: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    expected: str,
+) -> None:
+    out = str(tmp_path / "a.png")
+    assert main(["export", str(tiny_store), "--view", "map", *options, "--out", out]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert error.count("\n") == 1
+
+
+def test_the_colours_of_a_map_are_those_of_the_colour_map(tiny_store: Path) -> None:
+    from matplotlib import colormaps
+
+    from s2rtui.charts.shared.paper import figure_format, value_colours
+
+    with figure_format(colour_map="cividis"):
+        colours = value_colours([0.0, 0.5, 1.0, -1.0, np.nan])
+    expected = [colormaps["cividis"](share, bytes=True)[:3] for share in (0.0, 0.5, 1.0, 0.0, 0.0)]
+    assert colours.tolist() == [[int(part) for part in colour] for colour in expected]
+    assert (value_colours([1.0]) != colours[2]).any()

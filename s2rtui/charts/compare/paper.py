@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from s2rstore.records import Bounds
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.compare.change import ALL, HEADINGS, signed, table_rows
 from s2rtui.charts.compare.model import (
     CompareInput,
@@ -33,6 +33,7 @@ from s2rtui.charts.shared.base_map_paper import (
     marker_legend,
 )
 from s2rtui.charts.shared.paper import (
+    NARROW,
     Box,
     Page,
     Pixels,
@@ -40,6 +41,7 @@ from s2rtui.charts.shared.paper import (
     draw_ring,
     new_page,
     set_panel_title,
+    value_colours,
 )
 
 LEFT, FOOT, TITLE, GAP, BESIDE = 0.75, 0.6, 0.34, 0.3, 0.3
@@ -50,6 +52,8 @@ COLUMNS = (1.5, 0.5, 0.7, 0.7, 0.8, 1.4, 0.9)
 """Widths of the columns of the table, inches."""
 WIDEST = 22
 """Most letters of a room's name in the table."""
+LEGENDS = 3.1
+"""Height of scales and legend below the maps of a narrow page, inches."""
 KEYS = 1.3
 """Height of the legend below the scales, inches."""
 MARKERS = {1: "^", 0: "o", -1: "v"}
@@ -84,7 +88,8 @@ def compare_figure(
     page = new_page(size, theme, title, "  ·  ".join(part for part in texts if part))
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
     table = _table_rows(page, difference)
-    plan = _plan(page, area, ROW * len(table))
+    is_below = page.inches[0] <= NARROW and page.is_paper
+    plan = _plan(page, area, ROW * len(table) + LEGENDS * is_below)
     for data, name, box in zip(maps, difference.names, plan.boxes, strict=False):
         sheet = _panel(page, data.ground, area, box, name + _median(data) * (box[2] > 1.8))
         model = map_model(data)
@@ -97,14 +102,16 @@ def compare_figure(
     sheet = _panel(page, difference.ground, area, plan.boxes[2], f"{second} − {first}")
     draw_difference(sheet, difference, compared)
     _draw_table(page, table)
-    if page.inches[0] > 4.5:
+    if page.inches[0] > NARROW or is_below:
         left, top = plan.corner
-        bars, below = (2, 1.04) if plan.row else (1, 0.52)
+        if is_below:
+            left, top = 0.35, plan.boxes[2][1] - FOOT
+        bars, below = (2, 1.04) if plan.row and not is_below else (1, 0.52)
         high = min(1.3, max(0.3, (top - below - KEYS - 0.25) / bars))
         bottom = top - 0.52 - high
         span, label = map_model(maps[0]).value_range, f"error ({maps[0].value_unit})"
-        draw_colour_bar(page, left, bottom, high, span, label, turbo)
-        corner = (left, bottom) if plan.row else (left + 1.2, top)
+        draw_colour_bar(page, left, bottom, high, span, label, value_colours)
+        corner = (left, bottom) if plan.row and not is_below else (left + 1.2, top)
         _legend(page, difference, compared, corner, high, left)
     return page.encoded()
 
@@ -140,10 +147,11 @@ def _draw_table(page: Page, table: list[tuple[str, ...]]) -> None:
 def _plan(page: Page, area: Bounds, below: float) -> _Plan:
     """The arrangement that gives the larger maps, `below` inches left free at the foot."""
     (wide, _), top = page.inches, page.top
-    side = SIDE + BESIDE if wide > 4.5 else 0.0
+    side = SIDE + BESIDE if wide > NARROW else 0.0
     in_row = _scale(area, (wide - LEFT - 0.15 - side - 2 * GAP, top - TITLE - FOOT - below), (3, 1))
     in_two = _scale(area, (wide - LEFT - 0.15 - GAP, top - 2 * (TITLE + FOOT) - below), (2, 2))
-    row, scale = in_row >= in_two, max(in_row, in_two)
+    row = in_row >= in_two and not (page.is_paper and wide <= NARROW)
+    scale = in_row if row else in_two
     width, height = area.width * scale, area.height * scale
     first = top - TITLE - height
     places = [(LEFT + index * (width + GAP), first) for index in range(2)]

@@ -34,6 +34,8 @@ class CompareView(PointsView):
     key = "9"
     pane: Pane = "centre"
     description = "two runs compared on the selection"
+    narrow_ratio = 2.9
+    wide_ratio = 1.0
     loads = ("floor plan",)
     figure_size = (2100, 1200)
     deprecated = MappingProxyType({"first mean": "first_mean_m", "second mean": "second_mean_m"})

@@ -9,6 +9,7 @@ from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.errors.model import NAMES, ErrorsInput, ErrorsModel, SideErrors, errors_model
 from s2rtui.charts.shared.axis_scale import short_number
 from s2rtui.charts.shared.paper import (
+    NARROW,
     Ink,
     Page,
     Pixels,
@@ -37,7 +38,7 @@ def errors_figure(
         ink = getattr(page.inks, name)
         _draw_bars(axes, model, errors, page, ink)
         counts = f"{int(errors.highlighted.sum())} of {int(errors.total.sum())}"
-        set_panel_title(axes, f"{name}   {counts}", ink)
+        set_panel_title(axes, f"{name}   {counts}", ink, 10 if page.inches[0] > NARROW else 8)
         _draw_marks(axes, model, errors, page, data.unit)
         if index:
             axes.set_xlabel(_axis_name(data, model))
@@ -75,7 +76,8 @@ def _draw_marks(axes: Axes, model: ErrorsModel, errors: SideErrors, page: Page, 
         at = min(errors.median, model.upper)
         axes.axvline(at, color=inks.text, linewidth=1.2, linestyle=(0, (3, 2)), zorder=4)
         text = f"median {short_number(errors.median)} {unit}".rstrip()
-        axes.set_title(text, loc="right", fontsize=9, pad=6, color=inks.text)
+        points = 9 if page.inches[0] > NARROW else 8
+        axes.set_title(text, loc="right", fontsize=points, pad=6, color=inks.text)
     if errors.cursor is not None:
         at = min(errors.cursor, model.upper)
         axes.plot([at], [0], marker="^", markersize=8, color=inks.cursor, zorder=5, clip_on=False)

@@ -23,6 +23,7 @@ class ErrorsView(View):
     name = "errors"
     key = "7"
     description = "histogram of the position errors"
+    narrow_ratio = 1.1
     deprecated = MappingProxyType({"from": "from_m", "to": "to_m"})
 
     def subtitle(self, scene: Scene) -> str:

@@ -14,7 +14,15 @@ from s2rstore.gap_history.reader import Night
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.history.model import HEADLINE, HistoryModel, Track, history_model
 from s2rtui.charts.history.terminal import status_colour
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, rgb_fractions, style_axes
+from s2rtui.charts.shared.paper import (
+    NARROW,
+    Ink,
+    Page,
+    Pixels,
+    new_page,
+    rgb_fractions,
+    style_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +30,9 @@ if TYPE_CHECKING:
 MOST_DAYS = 120
 _MARKERS: dict[AxisStatus, str] = {"PASS": "o", "FAIL": "^", "INCONCLUSIVE": "s", "SKIPPED": "."}
 _LEGEND = "● pass   ▲ fail   ■ inconclusive   - - threshold"
+DATE = 0.9
+"""Inches that a date takes."""
+_CUT = "↑ ↓ off scale"
 _LEFT, _BOTTOM, _BETWEEN = 0.7, 0.65, 0.32
 
 
@@ -32,15 +43,23 @@ def history_figure(
     page = new_page(size, theme, title, subtitle)
     model = history_model(nights, MOST_DAYS)
     count = len(model.tracks)
-    height = max(0.2, (page.top - 0.25 - _BOTTOM - (count - 1) * _BETWEEN) / count)
+    is_narrow = page.inches[0] <= NARROW
+    bottom = _BOTTOM + (0.3 if is_narrow else 0.0)
+    height = max(0.2, (page.top - 0.25 - bottom - (count - 1) * _BETWEEN) / count)
     for index, track in enumerate(model.tracks):
-        bottom = _BOTTOM + (count - 1 - index) * (height + _BETWEEN)
-        axes = page.axes(_LEFT, bottom, page.inches[0] - _LEFT - 0.25, height)
+        foot = bottom + (count - 1 - index) * (height + _BETWEEN)
+        axes = page.axes(_LEFT, foot, page.inches[0] - _LEFT - 0.25, height)
         _draw_track(axes, model, track, page)
-        _set_dates(axes, model, labelled=index == count - 1)
-        if index == 0:
-            legend = f"{_LEGEND}   ↑ ↓ off scale" if model.is_cut else _LEGEND
+        _set_dates(axes, model, index == count - 1, page.inches[0] - _LEFT - 0.25)
+        if index == 0 and not is_narrow:
+            legend = f"{_LEGEND}   {_CUT}" if model.is_cut else _LEGEND
             axes.set_title(legend, loc="right", fontsize=8.5, pad=4, color=page.inks.muted)
+    middle = (bottom + page.top - 0.25) / 2
+    style = {"ha": "center", "va": "center", "rotation": 90}
+    page.text(0.2, middle, "gap G (no unit)", page.inks.muted, 9, **style)
+    if is_narrow:
+        page.text(0.25, 0.32, _LEGEND, page.inks.muted, 7)
+        page.text(0.25, 0.16, _CUT if model.is_cut else "", page.inks.muted, 7)
     return page.encoded()
 
 
@@ -66,7 +85,6 @@ def _draw_track(axes: Axes, model: HistoryModel, track: Track, page: Page) -> No
                 [day], [value], marker=_MARKERS[track.statuses[at]], markersize=5.5, color=ink
             )
             _draw_cuts(axes, model, track, at, ink)
-    axes.set_ylabel("G")
     weight = "bold" if track.name == HEADLINE else "normal"
     axes.set_title(track.name, loc="left", fontsize=9.5, pad=4, color=inks.text, fontweight=weight)
 
@@ -84,9 +102,9 @@ def _draw_cuts(axes: Axes, model: HistoryModel, track: Track, at: int, ink: Ink)
         )  # fmt: skip
 
 
-def _set_dates(axes: Axes, model: HistoryModel, labelled: bool) -> None:
-    """About ten dates, with the newest one."""
-    step = -(-model.span // 10)
+def _set_dates(axes: Axes, model: HistoryModel, labelled: bool, inches: float) -> None:
+    """About ten dates on an axis of `inches`, fewer if it is short, with the newest one."""
+    step = -(-model.span // max(1, min(10, int(inches / DATE))))
     ticks = list(range(int(model.days[-1]), int(model.days[0]) - 1, -step))
     dates = [f"{datetime.date.fromordinal(day):%Y-%m-%d}" for day in ticks]
     axes.set_xticks(ticks, dates if labelled else [""] * len(ticks))

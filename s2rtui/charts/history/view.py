@@ -26,6 +26,8 @@ class HistoryView(View):
     key = "G"
     pane: Pane = "centre"
     description = "the gap over time, night by night"
+    narrow_ratio = 1.6
+    wide_ratio = 0.8
     counts_instances = False
     loads = ("history",)
     needs_poses = False

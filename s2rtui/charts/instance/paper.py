@@ -18,17 +18,21 @@ from s2rtui.charts.shared.image_pair_model import (
 )
 from s2rtui.charts.shared.paper import (
     LETTER,
+    SMALLEST,
     Box,
     Page,
     Pixels,
     draw_colour_bar,
     label_with_unit,
     new_page,
+    value_colours,
     wrapped_label,
 )
 
 SIDE = 2.9
 """Width of scales and numbers at the right, inches."""
+BELOW = 6.0
+"""Height of scales and numbers below the images of a narrow page, inches."""
 SCALE_LETTERS = 16
 """Letters of a line above a scale."""
 
@@ -45,10 +49,11 @@ def instance_figure(
     is_translated = any(side.original is not None for side in (data.sim, data.real))
     kinds = ["rgb", *["original"] * is_translated, *["depth"] * has_depth]
     side = SIDE if wide > 6 else 0.0
+    below = BELOW if SMALLEST < wide <= 6 and page.is_paper else 0.0
     gap = 0.12
     rows, columns = (data.sim if data.sim.rgb.size else data.real).rgb.shape[:2]
     aspect = columns / max(1, rows)
-    high = max(0.2, (top - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
+    high = max(0.2, (top - below - 0.3 - 0.25 - gap * (len(kinds) - 1)) / len(kinds))
     high = min(high, max(0.2, (wide - side - 0.65 - gap) / 2 / aspect))
     across = high * aspect
     for row, what in enumerate(kinds):
@@ -66,6 +71,10 @@ def instance_figure(
         left, bar = 0.42 + 2 * across + gap + 0.35, min(2.1, high * 0.62)
         _draw_scales(page, data, model, left, top - 0.25, bar)
         _write_numbers(page, data, model, left, top - 0.25 - bar - 0.75)
+    elif below:
+        foot = bottom - 0.35
+        _draw_scales(page, data, model, 0.3, foot, 1.1)
+        _write_numbers(page, data, model, 0.3, foot - 1.1 - 0.75)
     return page.encoded()
 
 
@@ -84,7 +93,7 @@ def _draw_image(
         axes.text(0.5, 0.5, text, ha="center", va="center", color=page.inks.muted)
         return
     rows, columns = side.rgb.shape[:2]
-    pixels = panel_pixels(side, what, model, data, (rows, columns))
+    pixels = panel_pixels(side, what, model, data, (rows, columns), unsigned_colours=value_colours)
     axes.imshow(pixels, interpolation="antialiased", aspect="auto")
 
 
@@ -96,7 +105,7 @@ def _draw_scales(
     if model.heat_range is not None:
         name = wrapped_label(label_with_unit(model.heat_name or "heat", data.unit), SCALE_LETTERS)
         heat_high = max(0.3, high - 0.16 * name.count("\n"))
-        ramp = heat_ramp(data.signed)
+        ramp = heat_ramp(data.signed, value_colours)
         heat_scale = model.heat_range, name, ramp, data.heat_range is not None
         draw_colour_bar(page, left, bottom, heat_high, *heat_scale)
         left += 1.5

@@ -22,6 +22,8 @@ class InstanceView(View):
     needs_run = False
     key = "3"
     description = "one instance: pictures, heat, poses, errors, ranks, neighbours"
+    narrow_ratio = 3.0
+    wide_ratio = 1.0
     counts_instances = False
     loads = ("pictures",)
     single_instance = True

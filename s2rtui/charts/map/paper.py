@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.map.model import (
     LARGEST,
     ErrorGlyphs,
@@ -32,11 +32,14 @@ from s2rtui.charts.shared.base_map_paper import (
     marker_legend,
 )
 from s2rtui.charts.shared.paper import (
+    NARROW,
     Inks,
+    Page,
     Pixels,
     draw_colour_bar,
     label_with_unit,
     new_page,
+    value_colours,
     wrapped_label,
 )
 
@@ -44,6 +47,8 @@ LINES_UP_TO = 200
 """Up to this number of selected instances, error lines are drawn."""
 CELL, FOOTPRINT = 6.0, (4, 2)
 """Width of a cell in points, and the cells by which wedges keep their distance."""
+BAR = 0.9
+"""Height of a colour bar under the map, inches."""
 RADIUS, THICK = 11.0, 4.5
 """Points."""
 Span = tuple[float, float]
@@ -61,7 +66,8 @@ def map_figure(
     page = new_page(size, theme, title, subtitle)
     model = map_model(data)
     area = viewport or default_view(data.bounds, data.truth, data.valid)
-    sheet = map_sheet(data.ground, area, page)
+    below = _height_below(page, data, model)
+    sheet = map_sheet(data.ground, area, page, below)
     draw_unselected(sheet, data.truth, model.selection)
     DRAWINGS[data.mode](sheet, data, model)
     draw_trained(sheet, data, model)
@@ -81,20 +87,35 @@ def _draw_side(
 ) -> None:
     """Draw colour bars and legend from `corner` (inches) downwards."""
     (left, top), page = corner, sheet.page
-    high = min(2.0, (top - 0.6) * 0.33)
-    gap = 0.32
+    is_below = page.inches[0] <= NARROW
+    letters = 16 if is_below else 23
+    high = BAR if is_below else min(2.0, (top - 0.6) * 0.33)
+    lowest = top
     if data.mode == "colour" and data.value_label:
-        label = label_with_unit(data.value_label, data.value_unit)
-        clipped = data.value_range is None
-        value_scale = model.value_range, label, turbo, clipped
-        draw_colour_bar(page, left, top - gap - high, high, *value_scale)
-        top -= high + gap + 0.25
+        label = wrapped_label(label_with_unit(data.value_label, data.value_unit), letters)
+        foot = top - 0.32 - 0.17 * label.count("\n") - high
+        scale = model.value_range, label, value_colours, data.value_range is None
+        draw_colour_bar(page, left, foot, high, *scale)
+        lowest = foot - 0.25
+        if is_below:
+            left += 1.45
+        else:
+            top = lowest
     if model.heat_range is not None:
-        label = wrapped_label(label_with_unit(data.heat_label, data.heat_unit))
-        gap += 0.17 * label.count("\n")
-        draw_colour_bar(page, left, top - gap - high, high, model.heat_range, label, turbo)
-        top -= high + gap + 0.25
-    marker_legend(page, _marks(data, model, page.inks), (left, top))
+        label = wrapped_label(label_with_unit(data.heat_label, data.heat_unit), letters)
+        foot = top - 0.32 - 0.17 * label.count("\n") - high
+        draw_colour_bar(page, left, foot, high, model.heat_range, label, value_colours)
+        lowest = min(lowest, foot - 0.25)
+    marker_legend(page, _marks(data, model, page.inks), (corner[0], lowest))
+
+
+def _height_below(page: Page, data: MapInput, model: MapModel) -> float:
+    """Inches of the legends under the map of a narrow page; 0 where there is no room for them."""
+    if not page.is_paper:
+        return 0.0
+    bars = data.mode == "colour" or model.heat_range is not None
+    marks = sum(1 + len(name) // 24 for name, *_ in _marks(data, model, page.inks))
+    return bars * (BAR + 0.9) + 0.2 * marks + 0.1
 
 
 def _marks(data: MapInput, model: MapModel, inks: Inks) -> list[LegendMark]:

@@ -45,6 +45,8 @@ class MapView(PointsView):
     key = "2"
     pane: Pane = "centre"
     description = "map: truth, predictions and heat on the floor plan"
+    narrow_ratio = 1.8
+    wide_ratio = 0.9
     aliases = ("geomap",)
     loads = ("floor plan", "heat on the map", "seen floor")
     figure_size = (1600, 1200)

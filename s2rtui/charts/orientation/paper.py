@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from s2rtui.charts.orientation.model import (
     orientation_model,
 )
 from s2rtui.charts.shared.axis_scale import tick_values
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page
+from s2rtui.charts.shared.paper import LETTER, Ink, Page, Pixels, new_page
 
 FOOT = 0.9
 """Inches below the dials."""
+LARGE_DIAL = 1.9
+"""Dials of more inches have several rings with numbers."""
 STACKED = 1.2
 """Above this ratio of height to width the dials are stacked."""
 _CENTRED = {"ha": "center", "va": "center"}
@@ -42,20 +45,29 @@ def orientation_figure(
         foot = FOOT + (height - across) / 2 + (2 - index) * (height + 0.75) * stacked
         axes = page.axes(middle - across / 2, foot, across, across, projection="polar")
         ink = getattr(page.inks, name)
-        _draw_dial(axes, model, panel, data.y_down, ink, page)
+        _draw_dial(axes, model, panel, data.y_down, ink, page, across)
         page.text(middle, foot + across + 0.45, name, ink, 11, fontweight="bold", **_CENTRED)
         page.text(middle, foot - 0.38, _mean(panel), page.inks.muted, 9, **_CENTRED)
     if high > 2:
         note = f"bars: selected instances per 5°, rim = {model.peak}"
         if model.whole > model.peak + 0.5:
             note += f"; grey: all instances, rim = {model.whole:.0f}; R: resultant length"
-        page.text(wide / 2, 0.22, note, page.inks.muted, 9, **_CENTRED)
+        lines = textwrap.wrap(note, int((wide - 0.3) / (9 * LETTER)))
+        for row, line in enumerate(reversed(lines)):
+            page.text(wide / 2, 0.2 + 0.17 * row, line, page.inks.muted, 9, **_CENTRED)
     return page.encoded()
 
 
 def _draw_dial(
-    axes: Any, model: OrientationModel, panel: Headings, y_down: bool, ink: Ink, page: Page
+    axes: Any,
+    model: OrientationModel,
+    panel: Headings,
+    y_down: bool,
+    ink: Ink,
+    page: Page,
+    across: float,
 ) -> None:
+    """Draw a dial of `across` inches."""
     inks, peak = page.inks, float(model.peak)
     axes.set_facecolor(inks.background)
     axes.set_theta_zero_location("E")
@@ -68,7 +80,8 @@ def _draw_dial(
     axes.bar(middles, grey * peak, width=width, color=inks.faint, linewidth=0, zorder=2)
     axes.bar(middles, highlighted * peak, width=width * 0.86, color=ink, linewidth=0, zorder=3)
     axes.set_xticks(np.radians([0, 90, 180, 270]), ["0°", "90°", "±180°", "−90°"])
-    rings = [tick for tick in tick_values(0, peak, 3) if tick > 0 and tick == round(tick)]
+    most = 3 if across > LARGE_DIAL else 1
+    rings = [tick for tick in tick_values(0, peak, most) if tick > 0 and tick == round(tick)]
     axes.set_yticks(rings, [str(round(tick)) for tick in rings])
     axes.set_rlabel_position(45)
     axes.tick_params(colors=inks.muted, labelsize=7.5, pad=3)

@@ -21,6 +21,7 @@ class OrientationView(View):
     name = "orientation"
     key = "5"
     description = "headings in bins of 5 degrees: sim, truth, real"
+    narrow_ratio = 2.4
     deprecated = MappingProxyType({"from": "from_deg", "to": "to_deg"})
     figure_size = (1600, 720)
 

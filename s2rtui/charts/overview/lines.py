@@ -6,9 +6,10 @@ selection is counted per pair of bins; every pair that occurs is drawn as one se
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from s2rtui.analysis.binning import Bins, SelectionIndices, count_selected, sele
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, ColourMode, Rgb, Theme, mix
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
+from s2rtui.charts.overview.bands import MOST_LINES, band_density, binned_quantiles
 from s2rtui.charts.overview.layout import OverviewLayout, axis_share
 from s2rtui.charts.overview.model import OverviewLines, cursor_accuracies, selected_parts
 from s2rtui.charts.shared.axis_scale import Floats, Interval
@@ -25,8 +27,6 @@ from s2rtui.charts.shared.axis_scale import Floats, Interval
 PIECE = 1 << 15
 MANY = 20_000
 """Above this number of instances, wide charts use coarse bins, too."""
-BANDS = 2_000
-"""Above this number of lines, segments are as wide as their bins, which leaves no gaps."""
 Density = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
@@ -40,11 +40,25 @@ class LineDensity:
 
 
 def line_density(lines: OverviewLines, axis: Interval, layout: OverviewLayout) -> LineDensity:
-    """Segments between neighbouring visible runs, or bars where their rows are adjacent."""
+    """Segments or bands between neighbouring visible runs, or bars where rows are adjacent."""
     selection = selection_indices(np.asarray(lines.selected), np.asarray(lines.valid))
     shown = lines.values[layout.first : layout.first + layout.shown]
-    draw = _segments if layout.step > 1 and layout.shown > 1 else _bars
-    return draw(shown, axis, layout.chart_width, layout.step, selection)
+    arguments = shown, axis, layout.chart_width, layout.step, selection
+    if layout.step == 1 or layout.shown == 1:
+        return _bars(*arguments)
+    counts = lines.counts
+    segments: LineDensity | None = None
+    bands: LineDensity | None = None
+    if counts == (0, 0) or any(0 < count <= MOST_LINES for count in counts):
+        segments = _segments(*arguments)
+    if any(count > MOST_LINES for count in counts):
+        bands = _bands(*arguments)
+    if bands is None or segments is None:
+        return cast(LineDensity, bands or segments)
+    return LineDensity(
+        bands.highlighted if lines.banded[0] else segments.highlighted,
+        bands.others if lines.banded[1] else segments.others,
+    )
 
 
 @cached_by_identity(4)
@@ -56,11 +70,23 @@ def _segments(
     parts: tuple[list[Density], list[Density]] = ([], [])
     for first, second in pairwise(columns):
         for part, table in zip(parts, _tables(first, second, axis, size, selection), strict=True):
-            held = table[:size, :size].ravel()
-            bands = int(held.sum()) > BANDS
-            part.append(_spans(width, step, size, bands).density(held))
+            part.append(_spans(width, step, size).density(table[:size, :size].ravel()))
     edge = np.zeros((2, 2 * width))
     return LineDensity(*(np.concatenate([edge, *part, edge]) for part in parts))
+
+
+@cached_by_identity(4)
+def _bands(
+    columns: tuple[Floats, ...], axis: Interval, width: int, step: int, selection: SelectionIndices
+) -> LineDensity:
+    """The bands of the selected and of the others, see `band_density`."""
+    size = bin_count(width, len(selection.base))
+    counted = joint_histogram.joint_counts(_bar_bins(columns, axis, size), selection)
+    highlighted = np.stack([part for part, _ in counted])
+    others = np.stack([total - part for part, total in counted])
+    return LineDensity(
+        *(band_density(binned_quantiles(part), width, step) for part in (highlighted, others))
+    )
 
 
 @cached_by_identity(4)
@@ -145,9 +171,9 @@ def bin_count(chart_width: int, instances: int) -> int:
     return 64 if instances > MANY or chart_width < 80 else 128
 
 
-def _places(chart_width: int, size: int, within: float = 0.5) -> Density:
-    """The position of each bin in dots, (size,), by default of its middle."""
-    return 2 * (0.5 + (np.arange(size) + within) / size * (chart_width - 1))
+def _places(chart_width: int, size: int) -> Density:
+    """The position of the middle of each bin in dots, (size,)."""
+    return 2 * (0.5 + (np.arange(size) + 0.5) / size * (chart_width - 1))
 
 
 @cached_by_identity(64)
@@ -200,23 +226,20 @@ class _Spans:
 
 
 @lru_cache(4)
-def _spans(chart_width: int, step: int, size: int, bands: bool) -> _Spans:
+def _spans(chart_width: int, step: int, size: int) -> _Spans:
     """The segments from the middle of one run's row to the middle of the next one's."""
     rows, width = 4 * step, 2 * chart_width
-    left, right = (
-        _edges(chart_width, rows, size, part) for part in ((0, 1) if bands else (0.5, 0.5))
-    )
-    low, high = np.minimum(left[:, :-1], left[:, 1:]), np.maximum(right[:, :-1], right[:, 1:])
-    if not bands:
-        low += left[:, 1:] < left[:, :-1]
-        high -= right[:, 1:] > right[:, :-1]
+    edges = _edges(chart_width, rows, size)
+    low, high = np.minimum(edges[:, :-1], edges[:, 1:]), np.maximum(edges[:, :-1], edges[:, 1:])
+    low += edges[:, 1:] < edges[:, :-1]
+    high -= edges[:, 1:] > edges[:, :-1]
     base = np.arange(rows, dtype=np.int32) * (width + 1)
     return _Spans(low + base, np.minimum(high + 1, width) + base, rows, width)
 
 
-def _edges(chart_width: int, rows: int, size: int, within: float) -> NDArray[np.int32]:
+def _edges(chart_width: int, rows: int, size: int) -> NDArray[np.int32]:
     """The dot of each segment at the upper edge of every row and at the lower edge of the last."""
-    places = _places(chart_width, size, within)
+    places = _places(chart_width, size)
     along = np.arange(rows + 1) / rows
     start, stop = places[:, None, None], places[None, :, None]
     return np.floor(start + (stop - start) * along).astype(np.int32).reshape(-1, rows + 1)
@@ -246,7 +269,10 @@ def draw_lines(
     rows = slice(layout.top, layout.top + layout.height)
     chart.bg[:] = canvas.bg[rows, layout.chart : layout.chart + layout.chart_width]
     colour = getattr(canvas.theme, lines.side)
-    _layer(chart, density.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
+    others = (
+        density if trained is None else line_density(replace(lines, trained=None), axis, layout)
+    )
+    _layer(chart, others.others, canvas.theme.unselected, OTHER_RAMP, faint=True)
     if trained is not None:
         shown = line_density(trained, axis, layout).highlighted
         _layer(chart, shown, pale_colour(colour, canvas.theme), canvas.glyphs.trained, faint=False)

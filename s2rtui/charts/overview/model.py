@@ -13,6 +13,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Side
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.charts.overview.bands import MOST_LINES
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Floats, Interval, finite_or_none, tick_step
 
@@ -32,6 +33,20 @@ class OverviewLines:
     side: Side = "real"
     cursor: int | None = None
     trained: Bools | None = None
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of valid instances: selected ones without the trained, and unselected ones."""
+        valid, selected = (np.asarray(part, dtype=np.bool_) for part in (self.valid, self.selected))
+        new = selected if self.trained is None else selected & ~np.asarray(self.trained)
+        others = int(np.count_nonzero(valid)) - int(np.count_nonzero(valid & selected))
+        return int(np.count_nonzero(valid & new)), others
+
+    @property
+    def banded(self) -> tuple[bool, bool]:
+        """Whether these instances are so many that they become bands."""
+        highlighted, others = self.counts
+        return highlighted > MOST_LINES, others > MOST_LINES
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +149,9 @@ def selected_parts(lines: OverviewLines) -> tuple[OverviewLines, OverviewLines |
     if lines.trained is None:
         return lines, None
     new, trained = (_selected_part(lines.selected, lines.trained, known) for known in (False, True))
-    return replace(lines, selected=new), replace(lines, selected=trained)
+    return replace(lines, selected=new, trained=None), replace(
+        lines, selected=trained, trained=None
+    )
 
 
 @cached_by_identity(4)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.overview.lines import MANY, PALE, levels, pair_counts
+from s2rtui.charts.overview.bands import MOST_LINES, accuracy_quantiles
+from s2rtui.charts.overview.lines import PALE, levels, pair_counts
 from s2rtui.charts.overview.model import (
     OverviewLines,
     OverviewModel,
@@ -21,17 +22,15 @@ from s2rtui.charts.overview.model import (
 )
 from s2rtui.charts.scene import OverviewRow
 from s2rtui.charts.shared.axis_scale import Interval
-from s2rtui.charts.shared.paper import Ink, Page, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import NARROW, Ink, Page, Pixels, new_page, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 NUMBERS = 2.75
 """Width of the numbers at the right, inches."""
-CLEAR = 60
-"""Up to this number, selected lines are drawn in full strength; more are paler."""
-FINE, COARSE = 200, 100
-"""Bins of an accuracy axis: for single lines, and for densities of many."""
+FINE = 200
+"""Bins of an accuracy axis."""
 
 
 def overview_figure(
@@ -45,14 +44,15 @@ def overview_figure(
 ) -> bytes:
     """Draw the figure in `size` pixels; the row `selected` is highlighted.
 
-    With `lines` every instance is a line across the runs, the selected in their side's colour.
+    With `lines` every instance is a line across the runs, the selected in their side's colour;
+    more than `MOST_LINES` are bands.
     """
     page = new_page(size, theme, "Accuracy in simulation and in reality", subtitle)
     model = overview_model(rows, baseline, lines)
     wide, _ = page.inches
     longest = max((len(row.run) for row in model.rows), default=4)
     left = min(0.4 + 0.085 * min(longest, 32), wide * 0.35)
-    right = min(NUMBERS, wide * 0.32)
+    right = _numbers_width(page)
     across, legend_height = _legend_size(wide, lines)
     axes = page.axes(left, 0.62, wide - left - right, page.top - 0.62 - legend_height)
     style_axes(axes, page, grid=True)
@@ -121,14 +121,14 @@ def _write_numbers(axes: Axes, model: OverviewModel, page: Page, selected: int |
         (46, "sim", inks.sim), (92, "real", inks.real), (138, "gap", inks.muted),
         (180, "n", inks.muted),
     )  # fmt: skip
-    squeeze = min(1.0, min(NUMBERS, page.inches[0] * 0.32) / NUMBERS)
+    squeeze = min(1.0, _numbers_width(page) / NUMBERS)
 
     def put(
         x: int, y: int, text: str, ink: Ink, size: int, up: int, coordinates: object, weight: str
     ) -> None:
         axes.annotate(
             text, (1, y), xycoords=coordinates, xytext=(x * squeeze, up), ha="right", va="center",
-            textcoords="offset points", fontsize=size * max(squeeze, 0.6), color=ink,
+            textcoords="offset points", fontsize=size * max(squeeze, 0.7), color=ink,
             fontweight=weight,
         )  # fmt: skip
 
@@ -142,6 +142,12 @@ def _write_numbers(axes: Axes, model: OverviewModel, page: Page, selected: int |
         for (x, _, ink), text in zip(columns, texts, strict=True):
             ink = inks.muted if text == "n/a" else ink
             put(x, y, text, ink, 10, 0, ("axes fraction", "data"), weight)
+
+
+def _numbers_width(page: Page) -> float:
+    """Inches of the numbers at the right."""
+    wide, _ = page.inches
+    return min(NUMBERS, wide * (0.32 if wide > NARROW else 0.42))
 
 
 def _short_count(n: int) -> str:
@@ -158,7 +164,7 @@ def _percent(value: float | None) -> str:
 def _legend_size(wide: float, lines: OverviewLines | None) -> tuple[int, float]:
     """The columns of the legend on a page `wide` inches wide, and its height in inches."""
     entries = 4 if lines is None else 7
-    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6) else 3 if wide > 4 else 2
+    fit = 7 if wide > 8.5 else 4 if wide > (5 if lines is None else 6.5) else 3 if wide > 4 else 1
     across = min(fit, entries)
     return across, 0.4 + 0.22 * -(-entries // across)
 
@@ -193,32 +199,46 @@ def _draw_legend(
         names.append(name)
     page.figure.legend(
         handles, names, loc="upper left", bbox_to_anchor=(0.17 / wide, page.top / high),
-        ncols=across, frameon=False, fontsize=9 if wide > 6 else 7, handletextpad=0.4,
-        columnspacing=1.4, borderaxespad=0, labelcolor=inks.muted,
+        ncols=across, frameon=False, handletextpad=0.4, columnspacing=1.4,
+        fontsize=9 if wide > 6.5 else 8 if wide > 6 else 7, borderaxespad=0, labelcolor=inks.muted,
     )  # fmt: skip
 
 
 def draw_lines(axes: Axes, lines: OverviewLines, axis: Interval, page: Page) -> None:
-    """Draw unselected lines in grey, selected ones in colour, the cursor's on top."""
-    size = COARSE if len(lines.valid) > MANY else FINE
+    """Draw unselected instances in grey, selected ones in colour, the cursor's line on top.
+
+    Each is a line, or all are bands where they are many (`OverviewLines.banded`).
+    """
+    valid, selected = (np.asarray(part, dtype=np.bool_) for part in (lines.valid, lines.selected))
     new, trained = selected_parts(lines)
-    pairs = pair_counts(new, axis, size)
     ink = getattr(page.inks, lines.side)
-    highlighted = int(np.count_nonzero(np.asarray(lines.selected) & lines.valid))
+    layers = [(valid & ~selected, page.inks.unselected, 1.0, 0.45)]
     if trained is not None:
-        pale = [pair[0] for pair in pair_counts(trained, axis, size)]
-        peak = max((float(counts.max()) for counts in pale), default=0.0)
-        for row, counts in enumerate(pale):
-            _draw_segments(axes, counts, axis, row, (peak, 0.75), _pale(ink, page), 1.1)
-    for part, colour, order, strength in (
-        (1, page.inks.unselected, 1.0, 0.45),
-        (0, ink, 1.2, 0.75 * min(1.0, max(0.3, math.sqrt(CLEAR / max(highlighted, 1))))),
-    ):
-        peak = max((float(pair[part].max()) for pair in pairs), default=0.0)
-        for row, pair in enumerate(pairs):
-            _draw_segments(axes, pair[part], axis, row, (peak, strength), colour, order)
+        layers.append((valid & trained.selected, _pale(ink, page), 1.1, 0.75))
+    layers.append((valid & new.selected, ink, 1.2, 0.75))
+    for members, colour, order, strength in layers:
+        if np.count_nonzero(members) > MOST_LINES:
+            _draw_bands(axes, accuracy_quantiles(lines.values, members), axis, colour, order)
+            continue
+        pairs = pair_counts(replace(lines, selected=members), axis, FINE)
+        peak = max((float(highlighted.max()) for highlighted, _ in pairs), default=0.0)
+        for row, (highlighted, _) in enumerate(pairs):
+            _draw_segments(axes, highlighted, axis, row, (peak, strength), colour, order)
     if lines.cursor is not None:
         _draw_cursor_line(axes, lines, axis, page)
+
+
+def _draw_bands(
+    axes: Axes, quantiles: NDArray[np.float64], axis: Interval, ink: Ink, order: float
+) -> None:
+    """The outer and the inner band and the median of (runs, 5) accuracies, across the runs."""
+    rows, places = np.arange(len(quantiles)), 100 * np.clip(quantiles, *axis)
+    for left, right, opacity in ((0, 4, 0.16), (1, 3, 0.26)):
+        axes.fill_betweenx(
+            rows, places[:, left], places[:, right], color=ink, alpha=opacity, linewidth=0,
+            zorder=order,
+        )  # fmt: skip
+    axes.plot(places[:, 2], rows, color=ink, linewidth=1.1, alpha=0.8, zorder=order + 0.1)
 
 
 def _draw_segments(
@@ -242,7 +262,7 @@ def _draw_segments(
     starts = np.stack([middles[first], np.full(first.size, float(row))], axis=1)
     ends = np.stack([middles[second], np.full(first.size, row + 1.0)], axis=1)
     segments = list(np.stack([starts, ends], axis=1)[ordered])
-    opacity = scale[1] * (0.25 + 0.75 * shares) if scale[0] < 100 else scale[1] * shares
+    opacity = scale[1] * (0.25 + 0.75 * shares)
     colours = [(*ink, alpha) for alpha in opacity[ordered].tolist()]
     axes.add_collection(LineCollection(segments, colors=colours, linewidths=0.7, zorder=order))
 
@@ -276,7 +296,8 @@ def line_keys(lines: OverviewLines | None, page: Page) -> list[tuple[Ink, str]]:
     """Colours and names of the lines for the legend."""
     if lines is None:
         return []
-    keys = [(getattr(page.inks, lines.side), f"an instance, {lines.side}")]
+    drawn = "bands" if lines.banded[0] else "an instance"
+    keys = [(getattr(page.inks, lines.side), f"{drawn}, {lines.side}")]
     if lines.trained is not None:
         keys.append((_pale(keys[0][0], page), "a model was trained on it"))
     if not np.array_equal(np.asarray(lines.selected) & lines.valid, lines.valid):

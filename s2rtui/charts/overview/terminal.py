@@ -84,7 +84,8 @@ def _chart_header(canvas: Canvas, layout: OverviewLayout, lines: OverviewLines |
         pieces = [("acc. %", theme.muted)]
     if lines is not None:
         colour = getattr(theme, lines.side)
-        pieces.append((f"lines: {lines.side}", colour))
+        drawn = "bands" if lines.banded[0] else "lines"
+        pieces.append((f"{drawn}: {lines.side}", colour))
         if lines.trained is not None:
             dark = pale_colour(colour, theme)
             pieces.append((f"{glyphs.trained if canvas.options.ascii else 'pale:'} trained", dark))

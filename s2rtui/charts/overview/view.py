@@ -12,6 +12,7 @@ from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.mark_expressions import range_expression
 from s2rtui.charts.overview import layout, terminal, translators
+from s2rtui.charts.overview.bands import BAND_TEXT
 from s2rtui.charts.overview.model import OverviewLines
 from s2rtui.charts.scene import OverviewRow, Scene
 from s2rtui.charts.view import Pane, Pixels, Table, View
@@ -28,6 +29,7 @@ class OverviewView(View):
     key = "1"
     pane: Pane = "overview"
     description = "runs: accuracy in simulation and in reality"
+    narrow_ratio = 1.7
     loads = ("rows", "lines")
 
     def subtitle(self, scene: Scene) -> str:
@@ -36,8 +38,10 @@ class OverviewView(View):
             return f"accuracy, sim and real: {failed}"
         if lines is None:
             return "accuracy, sim and real"
+        found = self.lines(scene)
+        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "one line per instance"
         pale = ", pale where a model was trained on it" if lines.trained is not None else ""
-        return f"accuracy; one line per instance, {lines.side}{pale}"
+        return f"accuracy; {drawn}, {lines.side}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:
         """The instances as lines across the runs, once they are loaded."""
@@ -177,7 +181,12 @@ def _caption(scene: Scene, lines: OverviewLines | None) -> str:
     """The subtitle of the figure: which instances the numbers and the lines stand for."""
     parts = [scene.store.dataset.name, "accuracies over the instances that are new to each run"]
     if lines is not None:
-        parts.append(f"lines: {scene.state.expression} ({scene.state.count} instances)")
+        count = f"{scene.state.expression} ({scene.state.count} instances)"
+        highlighted, others = lines.banded
+        parts.append(f"bands: {BAND_TEXT} of {count}" if highlighted else f"lines: {count}")
+        if others:
+            parts.append("grey bands: those of the others" if highlighted else
+                         f"grey bands: {BAND_TEXT} of the others")  # fmt: skip
     return "  ·  ".join(parts)
 
 

@@ -30,17 +30,19 @@ def rooms_figure(
             page.axes(left + index * room, 0.6, room - 0.25, height),
             getattr(page.inks, name),
         )
-        _draw_column(axes, model, index, page, ink, height)
+        _draw_column(axes, model, index, page, ink, (room - 0.25, height))
         set_panel_title(axes, name, ink)
     return page.encoded()
 
 
 def _draw_column(
-    axes: Axes, model: RoomsModel, index: int, page: Page, ink: Ink, height: float
+    axes: Axes, model: RoomsModel, index: int, page: Page, ink: Ink, inches: tuple[float, float]
 ) -> None:
+    """Draw the bars of one side in a column of `inches` (width, height)."""
     from matplotlib.ticker import MaxNLocator
 
     inks, count = page.inks, len(model.names)
+    width, height = inches
     style_axes(axes, page)
     rows = np.arange(count)
     highlighted, total = model.highlighted[index], model.total[index]
@@ -49,7 +51,7 @@ def _draw_column(
     axes.set_ylim(max(count, 1) - 0.5, -0.5)
     axes.set_xlim(0, model.peak * 1.28)
     axes.set_xlabel("instances: selected / all" if index == 1 else "")
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=min(5, max(1, int(width / 0.4))), integer=True))
     axes.set_yticks([])
     if index == 0:
         names = [name if len(name) <= 28 else name[:27] + "…" for name in model.names]

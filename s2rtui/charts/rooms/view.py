@@ -31,6 +31,7 @@ class RoomsView(View):
     key = "6"
     description = "errors by room, heading, curvature or trajectory; instances per room"
     loads = ("groups",)
+    narrow_ratio = 1.2
 
     def subtitle(self, scene: Scene) -> str:
         if scene.state.grouping == COUNTS:

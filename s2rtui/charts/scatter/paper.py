@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.scatter.axis import LOG_RULE, ErrorAxis
 from s2rtui.charts.scatter.model import (
     PERCENT,
@@ -19,12 +19,14 @@ from s2rtui.charts.scatter.model import (
 from s2rtui.charts.shared.axis_scale import Floats, short_number
 from s2rtui.charts.shared.base_map_paper import LegendMark, marker_legend
 from s2rtui.charts.shared.paper import (
+    NARROW,
     Page,
     Pixels,
     draw_ring,
     label_with_unit,
     new_page,
     style_axes,
+    value_colours,
 )
 
 if TYPE_CHECKING:
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 SIDE = 2.35
 """Inches at the right that the legend takes."""
+BELOW = 3.9
+"""Inches below the drawing that they take on a narrow page."""
 BAR = 1.5
 """Height of the colour bar of a density with its title, inches."""
 PER_INCH = 24
@@ -45,14 +49,18 @@ def scatter_figure(
     """Draw the figure in `size` pixels; both axes have the same scale."""
     page = new_page(size, theme, title, subtitle)
     wide, left, foot = page.inches[0], 0.75, 0.6
-    side = SIDE if wide > 4.5 else 0.15
-    edge = max(0.3, min(wide - left - side, page.top - foot - 0.15))
+    side = SIDE if wide > NARROW else 0.15
+    is_below = wide <= NARROW and page.is_paper
+    below = BELOW if is_below else 0.0
+    edge = max(0.3, min(wide - left - side, page.top - foot - 0.15 - below))
     axes = page.axes(left, page.top - 0.1 - edge, edge, edge)
     cells = max(4, int(edge * PER_INCH))
     model = scatter_model(data, cells, cells)
     _style(axes, page, data, model)
     _lines(axes, page, model)
     corner = (left + edge + 0.3, page.top - 0.1)
+    if is_below:
+        corner = (0.35, page.top - 0.1 - edge - foot)
     if model.dense:
         _density(axes, page, model, corner)
     else:
@@ -60,9 +68,9 @@ def scatter_figure(
     if model.cursor is not None:
         at = [max(float(errors[model.cursor]), model.axis.low) for errors in (data.sim, data.real)]
         draw_ring(axes, at[0], at[1], page.inks.cursor, 80, 8)
-    if side > 1:
-        below = BAR + 0.2 if model.dense else 0.0
-        _legend(page, data, model, (corner[0], corner[1] - below))
+    if side > 1 or is_below:
+        under = BAR + 0.2 if model.dense else 0.0
+        _legend(page, data, model, (corner[0], corner[1] - under))
     return page.encoded()
 
 
@@ -76,7 +84,7 @@ def _style(axes: Axes, page: Page, data: ScatterInput, model: ScatterModel) -> N
         limits(axis.low, axis.high)
     for ticks in (axes.xaxis, axes.yaxis):
         few = axis.log and np.log10(axis.high / axis.low) < 2.5
-        subs = (1.0, 2.0, 5.0) if few else (1.0,)
+        subs = (1.0, 2.0, 5.0) if few and page.inches[0] > NARROW else (1.0,)
         ticks.set_major_locator(LogLocator(subs=subs) if axis.log else MaxNLocator(nbins=7))
         ticks.set_minor_locator(NullLocator())
         ticks.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))
@@ -142,11 +150,11 @@ def _density(axes: Axes, page: Page, model: ScatterModel, corner: tuple[float, f
     )  # fmt: skip
     counts = np.ma.masked_equal(model.count[::-1], 0)
     norm = LogNorm(1, max(model.peak, 2))
-    colours = ListedColormap(turbo(np.linspace(0, 1, 256)) / 255.0)
+    colours = ListedColormap(value_colours(np.linspace(0, 1, 256)) / 255.0)
     mesh = axes.pcolormesh(
         across, up, counts, cmap=colours, norm=norm, zorder=1.5, linewidth=0, rasterized=True
     )
-    if page.inches[0] > 4.5:
+    if page.inches[0] > NARROW or page.is_paper:
         _count_bar(page, mesh, model.peak, corner)
 
 

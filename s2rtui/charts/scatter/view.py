@@ -24,6 +24,8 @@ class ScatterView(PointsView):
     name = "scatter"
     key = "X"
     description = "sim error against real error of each instance"
+    narrow_ratio = 2.15
+    wide_ratio = 0.8
     figure_size = (1500, 1200)
 
     def subtitle(self, scene: Scene) -> str:

@@ -11,12 +11,21 @@ from numpy.typing import NDArray
 from s2rstore.records import Bounds
 from s2rtui.analysis.binning import SelectionIndices
 from s2rtui.analysis.map_frame import MapFrame, fit_frame
-from s2rtui.canvas import luma, mix, turbo
+from s2rtui.canvas import luma, mix
 from s2rtui.canvas.raster import resample
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction, short_number, tick_step
 from s2rtui.charts.shared.base_map_background import DIMMED, MapBackground, heat_scale, seen_cells
 from s2rtui.charts.shared.base_map_model import MapInput, MapModel, sorted_by_value
-from s2rtui.charts.shared.paper import Box, Ink, Page, draw_ring, style_plane, wrapped_label
+from s2rtui.charts.shared.paper import (
+    NARROW,
+    Box,
+    Ink,
+    Page,
+    draw_ring,
+    style_plane,
+    value_colours,
+    wrapped_label,
+)
 from s2rtui.charts.shared.points import point_dots
 
 if TYPE_CHECKING:
@@ -24,10 +33,10 @@ if TYPE_CHECKING:
 
 LegendMark = tuple[str, str, Ink, bool]
 """Name, marker, colour, and whether the marker is filled."""
-SIDE = 1.75
+SIDE = 1.85
 """Width of colour bars and legend at the right, inches."""
-LETTER = 0.07
-"""Width of a letter of a room's name, inches."""
+LETTER, LINE = 0.07, 0.16
+"""Width of a letter of a room's name and height of its line, inches."""
 MANY = 5000
 """Above this number, points are drawn smaller, and one per spot of half a point."""
 
@@ -67,14 +76,19 @@ class MapSheet:
         return fit_frame(self.area, wide, high + high % 2, self.spots.y_down)
 
 
-def map_sheet(ground: MapBackground, area: Bounds, page: Page) -> MapSheet:
-    """A map as large as the page allows."""
-    side = SIDE if page.inches[0] > 4.5 else 0.0
-    room = (max(page.inches[0] - 0.75 - side - 0.2, 0.3), max(page.top - 0.6, 0.3))
+def map_sheet(ground: MapBackground, area: Bounds, page: Page, below: float = 0.0) -> MapSheet:
+    """A map as large as the page allows; legends of a narrow page take `below` inches under it."""
+    is_narrow = page.inches[0] <= NARROW
+    side, below = (0.0, below) if is_narrow else (SIDE, 0.0)
+    room = (max(page.inches[0] - 0.75 - side - 0.2, 0.3), max(page.top - 0.6 - below, 0.3))
     scale = min(room[0] / area.width, room[1] / area.height)
     inches = area.width * scale, area.height * scale
-    corner = (0.75 + inches[0] + 0.3, page.top) if side else None
-    return map_panel(page, ground, area, (0.75, page.top - inches[1], *inches), corner)
+    corner = (0.75 + inches[0] + 0.3, page.top)
+    if is_narrow:
+        corner = (0.3, page.top - inches[1] - 0.55)
+    return map_panel(
+        page, ground, area, (0.75, page.top - inches[1], *inches), corner if below or side else None
+    )
 
 
 def map_panel(
@@ -107,7 +121,7 @@ def marker_legend(page: Page, marks: list[LegendMark], corner: tuple[float, floa
     handles = [
         Line2D(
             [], [], linestyle="none", marker=marker, markersize=6, color=ink,
-            markerfacecolor=ink if filled else "none", label=wrapped_label(name),
+            markerfacecolor=ink if filled else "none", label=wrapped_label(name, 21),
         )
         for name, marker, ink, filled in marks
     ]  # fmt: skip
@@ -142,14 +156,17 @@ def _draw_background(axes: Axes, ground: MapBackground, page: Page, inches: floa
     if ground.heat is not None and (scale := heat_scale(ground)) is not None:
         shares = scale_fraction(ground.heat, scale)
         opacity = np.where(np.isfinite(shares), 0.15 + 0.7 * np.nan_to_num(shares) ** 0.7, 0.0)
-        show(np.dstack([turbo(shares) / 255.0, opacity]))
+        show(np.dstack([value_colours(shares) / 255.0, opacity]))
     if ground.clip is not None:
         hidden = DIMMED * (1 - seen_cells(np.asarray(ground.clip)))
         show(np.dstack([np.broadcast_to(page.inks.background, (*hidden.shape, 3)), hidden]))
 
 
 def _draw_rooms(axes: Axes, ground: MapBackground, page: Page, scale: float) -> None:
-    """Dashed outlines of rooms, with each name once. `scale`: inches per metre."""
+    """Dashed outlines of rooms, with each name once. `scale`: inches per metre.
+
+    On pages of paper, a name that is larger than its room is left out.
+    """
     from matplotlib.patches import Rectangle
 
     named: set[str] = set()
@@ -166,6 +183,10 @@ def _draw_rooms(axes: Axes, ground: MapBackground, page: Page, scale: float) -> 
             continue
         named.add(room.room)
         is_narrow = len(room.room) * LETTER > wide * scale
+        words = room.room.split() if is_narrow else [room.room]
+        longest = max(map(len, words), default=0) * LETTER
+        if page.is_paper and (longest > wide * scale or len(words) * LINE > high * scale):
+            continue
         axes.annotate(
             room.room.replace(" ", "\n") if is_narrow else room.room,
             (room.x0, room.y0 if ground.y_down else room.y1), xytext=(4, -4),
@@ -207,7 +228,7 @@ def draw_values(sheet: MapSheet, data: MapInput, model: MapModel) -> None:
     ids, shares = sorted_by_value(data, model)
     held = sheet.last_per_spot(data.truth, ids)
     points, shares = np.asarray(data.truth, dtype=np.float64)[ids[held]], shares[held]
-    colours = turbo(shares) / 255.0
+    colours = value_colours(shares) / 255.0
     colours[~np.isfinite(shares)] = sheet.page.inks.muted
     size, width = (5, 0.0) if len(points) > MANY else (26, 0.6)
     edge = [sheet.page.inks.background]

@@ -21,6 +21,8 @@ from s2rtui.session.state import HeatChoice
 
 Pose = tuple[float, float, float]
 """x, y in metres, heading in radians."""
+Ramp = Callable[[NDArray[np.float64]], Pixels]
+"""Colours of fractions 0 .. 1 of a scale."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +199,9 @@ def _poses(data: InstanceInput) -> tuple[PoseLine, ...]:
     return tuple(lines)
 
 
-def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, Floats]:
+def heat_colours(
+    heat: Floats, scale: Interval, signed: bool, unsigned_colours: Ramp = turbo
+) -> tuple[Pixels, Floats]:
     """Colours (h, w, 3) and opacity (h, w) of a heatmap; strong heat is more opaque."""
     low, high = scale
     values = np.asarray(heat, dtype=np.float64)
@@ -206,14 +210,14 @@ def heat_colours(heat: Floats, scale: Interval, signed: bool) -> tuple[Pixels, F
         colours = diverging(share, _ZERO)
     else:
         share = np.clip((values - low) / (high - low), 0, 1)
-        colours = turbo(share)
+        colours = unsigned_colours(share)
     strength = np.nan_to_num(np.abs(share))
     return colours, np.where(np.isfinite(values), 0.78 * strength**0.8, 0.0) * (strength > 0.02)
 
 
-def heat_ramp(signed: bool) -> Callable[[NDArray[np.float64]], Pixels]:
+def heat_ramp(signed: bool, unsigned_colours: Ramp = turbo) -> Ramp:
     """The colours of a heat's scale, from fractions 0 .. 1 of it."""
-    return (lambda shares: diverging(2 * shares - 1, _ZERO)) if signed else turbo
+    return (lambda shares: diverging(2 * shares - 1, _ZERO)) if signed else unsigned_colours
 
 
 def panel_pixels(
@@ -223,6 +227,7 @@ def panel_pixels(
     data: InstanceInput,
     shape: tuple[int, int],
     shades: int | None = None,
+    unsigned_colours: Ramp = turbo,
 ) -> Pixels:
     """An image of shape (height, width), with heat if it has any.
 
@@ -244,5 +249,5 @@ def panel_pixels(
     if side.heat is None or model.heat_range is None or data.over not in (what, "both"):
         return pixels
     heat = resample(np.asarray(side.heat, dtype=np.float32), height, width)
-    colours, opacity = heat_colours(heat, model.heat_range, data.signed)
+    colours, opacity = heat_colours(heat, model.heat_range, data.signed, unsigned_colours)
     return mix(pixels, colours, opacity)

@@ -15,9 +15,11 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from s2rstore.errors import RequestError
-from s2rtui.canvas import Rgb, Theme
+from s2rtui.canvas import Pixels as ColourTable
+from s2rtui.canvas import Rgb, Theme, turbo
 from s2rtui.charts.shared.axis_scale import (
     Interval,
     short_number,
@@ -38,6 +40,8 @@ Ink = tuple[float, float, float]
 SMALLEST_DPI = 72.0
 LETTER = 0.56 / 72
 """Average width of a letter in inches per point of font size."""
+BOLD = 1.12
+"""Width of bold letters relative to others."""
 EMPTY_METADATA: dict[FileFormat, dict[str, None]] = {
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
@@ -48,19 +52,66 @@ _SETTINGS = {
     "font.family": "DejaVu Sans", "savefig.bbox": None, "path.simplify": True,
     "svg.hashsalt": "s2r", "svg.fonttype": "path", "pdf.fonttype": 42,
 }  # fmt: skip
-_form: ContextVar[FileFormat] = ContextVar("form", default="png")
-_type_size: ContextVar[float] = ContextVar("type_size", default=1.0)
+COLOUR_MAPS = ("turbo", "viridis", "plasma", "inferno", "magma", "cividis")
+"""Colour maps of continuous values: perceptually uniform ones, and turbo."""
+NARROW, SMALLEST = 4.5, 2.4
+"""Pages of fewer inches have smaller headings and legends below the drawing, or no legends."""
+
+
+@dataclass(frozen=True, slots=True)
+class FigureFormat:
+    """How all figures of a context are written.
+
+    type_size enlarges fonts and lines of a page whose fonts scale with its pixels. dpi: pixels per
+    inch of a page with a physical size, whose fonts have their size in points; None for the other
+    pages. title replaces the title of the figure. colour_map: one of `COLOUR_MAPS`.
+    """
+
+    form: FileFormat = "png"
+    type_size: float = 1.0
+    dpi: float | None = None
+    title: str = ""
+    colour_map: str = "turbo"
+
+
+_format: ContextVar[FigureFormat] = ContextVar("format", default=FigureFormat())  # noqa: B039
 
 
 @contextmanager
-def figure_format(form: FileFormat = "png", type_size: float = 1.0) -> Iterator[None]:
-    """Inside this context figures are written as `form`, fonts and lines enlarged."""
-    before = _form.set(form), _type_size.set(type_size)
+def figure_format(
+    form: FileFormat = "png",
+    type_size: float = 1.0,
+    dpi: float | None = None,
+    title: str = "",
+    colour_map: str = "turbo",
+) -> Iterator[None]:
+    """Inside this context figures are written as `FigureFormat` describes.
+
+    Raises RequestError for an unknown colour map.
+    """
+    check_colour_map(colour_map)
+    before = _format.set(FigureFormat(form, type_size, dpi, title, colour_map))
     try:
         yield
     finally:
-        _form.reset(before[0])
-        _type_size.reset(before[1])
+        _format.reset(before)
+
+
+def check_colour_map(name: str) -> None:
+    """Raise RequestError for a colour map that is not one of `COLOUR_MAPS`."""
+    if name not in COLOUR_MAPS:
+        raise RequestError(f"--cmap {name}: must be one of {', '.join(COLOUR_MAPS)}")
+
+
+def value_colours(shares: ArrayLike) -> ColourTable:
+    """Map numbers 0 .. 1 (clipped; NaN counts as 0) of any shape to uint8 colours (..., 3)."""
+    name = _format.get().colour_map
+    if name == "turbo":
+        return turbo(shares)
+    from matplotlib import colormaps
+
+    fractions = np.clip(np.nan_to_num(np.asarray(shares, dtype=np.float64)), 0.0, 1.0)
+    return np.asarray(colormaps[name](fractions, bytes=True)[..., :3])
 
 
 def rgb_fractions(colour: Rgb) -> Ink:
@@ -93,6 +144,11 @@ class Page:
     top: float = 0.0
 
     @property
+    def is_paper(self) -> bool:
+        """Whether the page has a physical size."""
+        return _format.get().dpi is not None
+
+    @property
     def inches(self) -> tuple[float, float]:
         return self.width / self.figure.dpi, self.height / self.figure.dpi
 
@@ -119,7 +175,7 @@ class Page:
         """The file in exactly the page's size, without date and version."""
         from matplotlib import rc_context
 
-        form, dpi = _form.get(), self.figure.dpi
+        form, dpi = _format.get().form, self.figure.dpi
         self.figure.set_size_inches((self.width + 0.01) / dpi, (self.height + 0.01) / dpi)
         stream = BytesIO()
         with rc_context(_SETTINGS):
@@ -130,9 +186,10 @@ class Page:
 def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page:
     """A page of `size` pixels with a heading. Raises RequestError outside 16 .. 20000 pixels.
 
-    The title is wrapped to at most two lines, the subtitle to three; the rest is cut. Fonts scale
-    with the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Mathematical text is
-    off, since names may contain dollar signs.
+    The title is wrapped to at most two lines, the subtitle to three; the rest is cut; pages of
+    paper (`FigureFormat.dpi`) have up to three and eight lines. Fonts of the other pages scale with
+    the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Mathematical text is off,
+    since names may contain dollar signs.
     """
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -142,21 +199,25 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page
     if not (16 <= width <= 20000 and 16 <= height <= 20000):
         raise RequestError(f"--size {width}x{height}: a figure has 16 to 20000 pixels a side")
     rcParams["text.parse_math"] = False
-    dpi = max(SMALLEST_DPI, math.sqrt(width * height * 4 / 3) / 10 * _type_size.get())
+    form = _format.get()
+    scaled = math.sqrt(width * height * 4 / 3) / 10 * form.type_size
+    dpi = form.dpi or max(SMALLEST_DPI, scaled)
     inks = Inks(theme)
     figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi, facecolor=inks.background)
     FigureCanvasAgg(figure)
     page = Page(figure, width, height, theme, inks)
     wide, y = page.inches
     y -= 0.2
-    for text, points, weight, ink, drop, most in (
-        (title, 13, "bold", inks.text, 0.29, 2),
-        (subtitle, 9, "normal", inks.muted, 0.2, 3),
+    title = form.title or title
+    for text, points, weight, ink, most in (
+        (title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
+        (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 8 if form.dpi else 3),
     ):
-        room = max(12, int((wide - 0.45) / (points * LETTER)))
+        letter = points * LETTER * (BOLD if weight == "bold" else 1.0)
+        room = max(12, int((wide - 0.45) / letter))
         for line in textwrap.wrap(text, room, max_lines=most, placeholder=" …"):
             page.text(0.25, y, line, ink, points, va="top", fontweight=weight)
-            y -= drop
+            y -= 1.6 * points / 72
     page.top = max(0.2, y - 0.1)
     return page
 
@@ -189,9 +250,9 @@ def style_plane(axes: Axes, page: Page, limits: Box, inches: tuple[float, float]
         spine.set_visible(True)
 
 
-def set_panel_title(axes: Axes, text: str, ink: Ink) -> None:
+def set_panel_title(axes: Axes, text: str, ink: Ink, points: float = 10) -> None:
     """Write the bold title of one of several panels at the left."""
-    axes.set_title(text, loc="left", fontsize=10, pad=6, color=ink, fontweight="bold")
+    axes.set_title(text, loc="left", fontsize=points, pad=6, color=ink, fontweight="bold")
 
 
 def draw_ring(axes: Axes, x: float, y: float, ink: Ink, size: float, order: int) -> None:
@@ -209,7 +270,7 @@ def wrapped_label(label: str, letters: int = 23) -> str:
 
 def label_with_unit(label: str, unit: str) -> str:
     """The label of a scale, with its unit in parentheses."""
-    return f"{label} ({unit})" if unit else label
+    return f"{label} ({unit or 'no unit'})"
 
 
 def colour_bar_ticks(

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from s2rtui.analysis.binning import selection_indices
-from s2rtui.canvas import LIGHT, Theme, turbo
+from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction
 from s2rtui.charts.shared.paper import (
+    NARROW,
+    SMALLEST,
     Ink,
     Inks,
     Page,
@@ -20,6 +22,8 @@ from s2rtui.charts.shared.paper import (
     new_page,
     set_panel_title,
     style_plane,
+    value_colours,
+    wrapped_label,
 )
 from s2rtui.charts.umap.model import (
     UmapInput,
@@ -38,6 +42,8 @@ POINTS_UP_TO = 40_000
 """Above this number of valid instances, cells are drawn in the colour of their mean."""
 SIDE = 1.4
 """Inches at the right that colour bar and legend take."""
+BELOW = 1.5
+"""Inches that they take below the panels of a narrow page."""
 TALLEST = 1.25
 """A panel's height over its width, at most."""
 
@@ -48,9 +54,9 @@ def umap_figure(
     """Draw the figure in `size` pixels: sim, real and a colour bar."""
     page = new_page(size, theme, title, subtitle)
     wide, _ = page.inches
-    side = SIDE if wide > 4.5 else 0.1
-    width, height = (wide - 0.65 - side - 0.35) / 2, page.top - 0.55 - 0.35
-    foot = 0.55 + max(0.0, height - TALLEST * width)
+    side, below = (SIDE, 0.0) if wide > NARROW else (0.1, BELOW)
+    width, height = (wide - 0.65 - side - 0.35) / 2, page.top - 0.55 - 0.35 - below
+    foot = 0.55 + below + max(0.0, height - TALLEST * width)
     height = min(height, TALLEST * width)
     model = umap_model(data, umap_frame(data, max(1, int(width * 60)), max(1, int(height * 30))))
     for index, name in enumerate(("sim", "real")):
@@ -59,22 +65,37 @@ def umap_figure(
         if index:
             axes.tick_params(labelleft=False)
         else:
-            axes.set_ylabel("v")
+            axes.set_ylabel("v (no unit)")
     if side > 1:
         _draw_side(page, data, model, (wide - side + 0.25, foot + height))
+    elif wide > SMALLEST:
+        _draw_side(page, data, model, (0.4, foot - 0.75), below=True)
     return page.encoded()
 
 
-def _draw_side(page: Page, data: UmapInput, model: UmapModel, corner: tuple[float, float]) -> None:
-    """The colour bar, and under it what the other marks mean, from `corner` (inches) downwards."""
+def _draw_side(
+    page: Page,
+    data: UmapInput,
+    model: UmapModel,
+    corner: tuple[float, float],
+    below: bool = False,
+) -> None:
+    """The colour bar and what the other marks mean, from `corner` (inches) downwards.
+
+    The marks are under the bar, or at its right where all this is below the panels.
+    """
     from matplotlib.lines import Line2D
 
     (left, top), inks, (wide, high) = corner, page.inks, page.inches
-    bar = min(2.0, top * 0.45)
-    label = label_with_unit(data.value_label, data.value_unit)
+    bar = 0.9 if below else min(2.0, top * 0.45)
+    label = wrapped_label(label_with_unit(data.value_label, data.value_unit), 14)
     clipped = data.value_range is None
-    draw_colour_bar(page, left, top - bar - 0.15, bar, model.value_range, label, turbo, clipped)
+    draw_colour_bar(
+        page, left, top - bar - 0.15, bar, model.value_range, label, value_colours, clipped
+    )
     y = top - bar - 0.5
+    if below:
+        left, y = left + 1.5, top - 0.2
     dots: list[tuple[str, Ink, float, Ink | str, float]] = []
     if model.sim.selected < model.sim.total:
         dots.append(("not selected", inks.unselected, 4.0, inks.unselected, 0.0))
@@ -102,11 +123,12 @@ def _draw_panel(
 ) -> None:
     area = model.frame.extent
     style_plane(axes, page, (area.x0, area.x1, area.y0, area.y1), inches)
-    axes.set_xlabel("u")
+    axes.set_xlabel("u (no unit)")
     sim = name == "sim"
     layer = model.sim if sim else model.real
     counts = f"{layer.selected} of {layer.total}" if layer.total else "none"
-    set_panel_title(axes, f"{name}   {counts}", getattr(page.inks, name))
+    title = f"{name}   {counts}" if page.inches[0] > NARROW else name
+    set_panel_title(axes, title, getattr(page.inks, name))
     points = np.asarray(data.sim if sim else data.real, dtype=np.float64)
     if layer.total > POINTS_UP_TO:
         _draw_cells(axes, model, layer, page.inks)
@@ -127,7 +149,7 @@ def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, 
     shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     shares = shares[order]
-    colours = turbo(shares) / 255.0
+    colours = value_colours(shares) / 255.0
     colours[~np.isfinite(shares)] = inks.muted
     (x, y), edge = points[highlighted[order]].T, [inks.background]
     axes.scatter(x, y, s=24, c=colours, edgecolors=edge, linewidths=0.5, zorder=4)
@@ -142,7 +164,7 @@ def _draw_cells(axes: Axes, model: UmapModel, layer: UmapLayer, inks: Inks) -> N
     image = np.zeros((rows, columns, 4))
     grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
     image[grey] = (*inks.unselected, 0.6)
-    colours = np.vstack([np.array([inks.muted]), turbo(level_shares()) / 255.0])
+    colours = np.vstack([np.array([inks.muted]), value_colours(level_shares()) / 255.0])
     highlighted = layer.level >= 0
     image[highlighted, :3] = colours[layer.level[highlighted]]
     image[highlighted, 3] = 1.0

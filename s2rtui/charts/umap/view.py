@@ -21,6 +21,8 @@ class UmapView(PointsView):
     name = "umap"
     key = "4"
     description = "embeddings in the plane (UMAP), sim and real"
+    narrow_ratio = 1.6
+    wide_ratio = 0.55
     figure_size = (1600, 800)
 
     def subtitle(self, scene: Scene) -> str:

@@ -7,14 +7,13 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import scene_arguments
+from s2rtui.cli import page_arguments, scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows
 
 Pixels = tuple[int, int]
 SCREEN = "workbench"
 _SCREEN_SIZE = (2000, 1200)
-_FORMATS = (".png", ".svg", ".pdf")
 EXAMPLE = "s2r export lab.s2r --view geomap --select worst15 --out map.png"
 
 
@@ -28,38 +27,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="output file, *.png, *.svg or *.pdf")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
     parser.add_argument("--dark", action="store_true", help="use a dark background")
+    page = page_arguments.add_page(parser, "page")
+    page("--title", default="", help="title of the figure (default: that of the view)")
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtui.canvas import DARK, LIGHT, RenderOptions
+    from s2rtui.canvas import RenderOptions
     from s2rtui.charts.registry import STORED
+    from s2rtui.export.figures import draw_figure, format_of
     from s2rtui.export.load_scene import open_scene
 
-    suffix = options.out.suffix
-    if suffix not in _FORMATS or (options.view == SCREEN and suffix != ".png"):
-        allowed = ".png" if options.view == SCREEN else ", ".join(_FORMATS)
-        raise RequestError(f"--out {options.out}: must end in {allowed}")
-    theme = DARK if options.dark else LIGHT
-    scene_options, size = scene_arguments.scene_options(options), _size(options.size)
+    if options.view == SCREEN and options.out.suffix != ".png":
+        raise RequestError(f"--out {options.out}: must end in .png")
+    form = format_of(options.out, "--out")
+    page = page_arguments.page_options(options, size=_size(options.size), dark=options.dark)
+    scene_options = scene_arguments.scene_options(options)
     if options.view == SCREEN:
         from s2rtui.app.pilot import screen_of
 
+        if page.is_physical or page.title or page.cmap != "turbo":
+            raise RequestError(f"--view {SCREEN}: takes none of --title, --width, --dpi, --cmap")
         with open_scene(options.store, scene_options) as scene:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
             print_population(scene)
             image = screen_of(
-                options.store, scene.state, size or _SCREEN_SIZE, RenderOptions(theme)
+                options.store, scene.state, page.size or _SCREEN_SIZE, RenderOptions(page.theme)
             )
     else:
-        from s2rtui.charts.shared.paper import figure_format
-
         view = STORED[options.view]
-        with open_scene(options.store, scene_options, view) as scene, figure_format(suffix[1:]):
+        with open_scene(options.store, scene_options, view) as scene:
             print_coverage(scene.store, scene_arguments.runs(scene.state))
             print_population(scene)
-            image = view.figure(scene, size or view.figure_size, theme)
+            image = draw_figure(scene, view, page, form)
     rows.write_file(options.out, image)
     return 0
 

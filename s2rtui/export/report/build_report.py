@@ -145,11 +145,11 @@ def _overview_images(session: Session, request: ReportRequest) -> list[ReportIma
     _set_state(session, replace(request, other=request.other or best), first, "all", False)
     scene = _scene(session, "overview", "compare")
     size = (_WIDE_PIXELS, min(1200, 420 + 90 * len(runs)))
-    images = [figure(BY_NAME["overview"], scene, request.dark, size)]
+    images = [figure(BY_NAME["overview"], scene, request, size)]
     if best is not None:
         compare = BY_NAME["compare"]
         numbers = _numbers(scene, "compare", compare.summary(scene))
-        images.append(figure(compare, scene, request.dark, (_WIDE_PIXELS, 640), numbers))
+        images.append(figure(compare, scene, request, (_WIDE_PIXELS, 640), numbers))
     return images
 
 
@@ -214,7 +214,7 @@ def _part(session: Session, request: ReportRequest, run: str) -> RunPart:
         numbers = None
         if name in ("errors", "rooms"):
             numbers = _numbers(scene, name, BY_NAME[name].summary(scene))
-        images.append(figure(BY_NAME[name], scene, request.dark, numbers=numbers))
+        images.append(figure(BY_NAME[name], scene, request, numbers=numbers))
     members = state.selected & state.base
     trained = int((members & state.trained).sum())
     summary = f"{state.count} instances."

@@ -11,9 +11,10 @@ from PIL import Image
 
 from s2rtui.canvas import DARK, LIGHT
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.shared.paper import figure_format
 from s2rtui.charts.view import View
+from s2rtui.export.figures import NARROW_MM
 from s2rtui.export.report.report_model import ReportImage, ReportTable
+from s2rtui.export.report.report_request import ReportRequest
 
 _QUALITY = 92
 _HALF_PAGE = (1100, 760)
@@ -24,21 +25,25 @@ _HALF_TYPE_SIZE, _WIDE_TYPE_SIZE = 1.45, 1.05
 def figure(
     view: View,
     scene: Scene,
-    dark: bool,
+    request: ReportRequest,
     wide: tuple[int, int] | None = None,
     numbers: ReportTable | None = None,
 ) -> ReportImage:
-    """Draw a view for light and optionally dark screens.
+    """Draw a view for light and optionally dark screens, on the page of the request.
 
-    `wide` is the size in pixels of a figure over the whole width of the page.
+    `wide` is the size in pixels of a figure over the whole width of the page, unless the request
+    gives a physical size.
     """
-    size = wide or _HALF_PAGE
+    page, dark = request.page, request.dark
+    size, is_wide = wide or _HALF_PAGE, wide is not None
+    if page.is_physical:
+        size, is_wide = page.pixels(view), page.millimetres >= NARROW_MM
     themes = (LIGHT, DARK) if dark else (LIGHT,)
-    with figure_format(type_size=_WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
+    with page.format(type_size=_WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
         uris = [_data_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
     return ReportImage(
-        uris[0], size, view.summary(scene), dark=uris[1] if dark else "", wide=wide is not None,
-        numbers=numbers,
+        uris[0], size, view.summary(scene), dark=uris[1] if dark else "", wide=is_wide,
+        numbers=numbers, millimetres=page.millimetres if page.is_physical else None,
     )  # fmt: skip
 
 

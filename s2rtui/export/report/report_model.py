@@ -24,7 +24,8 @@ class ReportTable:
 class ReportImage:
     """An image as a data URI for light screens and, optionally, for dark ones.
 
-    `alt` describes it with its numbers; a `wide` image takes the whole width of the page.
+    `alt` describes it with its numbers; a `wide` image takes the whole width of the page. A figure
+    with a physical size is shown `millimetres` wide.
     """
 
     light: str
@@ -34,6 +35,7 @@ class ReportImage:
     dark: str = ""
     wide: bool = False
     numbers: ReportTable | None = None
+    millimetres: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from s2rstore.errors import RequestError
+from s2rtui.export.figures import PageOptions
 from s2rtui.user_data.notebook import Notes, SavedSelection
 
 StepCallback = Callable[[int, int, str], None]
@@ -31,7 +32,8 @@ class ReportRequest:
 
     Without `runs`, a saved selection uses the run of its saving, the others the first run.
     `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE] for
-    the images of instances; `date` is printed unchanged.
+    the images of instances; `date` is printed unchanged. `page` is the page of the figures, without
+    a title of its own.
     """
 
     selections: tuple[RequestedSelection, ...]
@@ -43,6 +45,7 @@ class ReportRequest:
     title: str = ""
     date: str = ""
     dark: bool = True
+    page: PageOptions = field(default_factory=PageOptions)
 
 
 def saved(notes: Notes) -> tuple[RequestedSelection, ...]:

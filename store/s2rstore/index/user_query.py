@@ -1,4 +1,4 @@
-"""Run a query of the user within limits of time and memory."""
+"""Run queries of the user: within limits of time and memory, or as a relation."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from s2rstore.security.memory_limit import bounded_memory
 Rows = list[tuple[Any, ...]]
 
 _FETCH_ROWS = 10_000
+_NO_ROWS = "sql: there is no statement that returns rows; give a SELECT"
 _OVERHEAD_BYTES = 100 * 10**6
 """Memory in addition to that of DuckDB: the rows as Python objects and the printed text."""
 
@@ -40,15 +41,35 @@ def run(
         except duckdb.OutOfMemoryException as error:
             raise MemoryError from error
         except duckdb.Error as error:
-            reason = str(error).split("Traceback")[0]
-            raise RequestError(f"sql: {' '.join(reason.split())}") from error
+            raise _request_error(error) from error
         finally:
             while not query.done():  # an interrupt between two statements has no effect
                 connection.interrupt()
                 wait([query], 0.05)
     if not names:
-        raise RequestError("sql: there is no statement that returns rows; give a SELECT")
+        raise RequestError(_NO_ROWS)
     return names, rows
+
+
+def relation(connection: duckdb.DuckDBPyConnection, sql: str) -> duckdb.DuckDBPyRelation:
+    """Return the relation of the last statement of a query, whose rows are read when they are used.
+
+    Raises RequestError if the query fails, does more than read, or has no result table.
+    """
+    try:
+        reading_statements.check(connection, sql)
+        found = connection.sql(sql)
+    except duckdb.Error as error:
+        raise _request_error(error) from error
+    if found is None:
+        raise RequestError(_NO_ROWS)
+    return found
+
+
+def _request_error(error: duckdb.Error) -> RequestError:
+    """The error in one line."""
+    reason = str(error).split("Traceback")[0]
+    return RequestError(f"sql: {' '.join(reason.split())}")
 
 
 def _fetch(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[str], Rows]:

@@ -1,0 +1,129 @@
+"""The store of scripts and notebooks: SQL relations, descriptions, figures."""
+
+from __future__ import annotations
+
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import s2rstore
+from s2rstore import interactive_store
+from s2rstore.errors import RequestError
+from s2rstore.interactive_store import InteractiveStore
+from s2rstore.metrics import run_metrics
+from tests.support import tiny
+
+
+def test_sql_gives_a_relation_with_data_frames(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        relation = store.sql("SELECT run, count(*) AS n FROM pair GROUP BY run ORDER BY run")
+        frame = relation.df()
+        assert relation.columns == ["run", "n"]
+        assert frame["run"].tolist() == sorted(tiny.RUNS)
+        assert relation.filter("run = 'vanilla'").fetchall() == [("vanilla", frame["n"].iloc[1])]
+
+
+@pytest.mark.parametrize(
+    ("query", "reason"),
+    [
+        ("SELECT nothing FROM pair", "sql: Binder Error"),
+        ("COPY pair TO 'rows.csv'", "only statements that read"),
+        ("DELETE FROM pair", "only statements that read"),
+        ("SET threads = 1", "only statements that read"),
+        ("", "give a SELECT"),
+    ],
+)
+def test_sql_refuses_what_does_not_read(tiny_store: Path, query: str, reason: str) -> None:
+    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match=reason) as error:
+        store.sql(query)
+    assert "\n" not in str(error.value)
+
+
+def test_relations_write_no_file(tiny_store: Path, tmp_path: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        relation = store.sql("SELECT 1 AS one")
+        with pytest.raises(Exception, match="Permission"):
+            relation.write_csv(str(tmp_path / "rows.csv"))
+    assert not list(tmp_path.glob("*.csv"))
+
+
+def test_the_description_names_data_set_domains_and_medians(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        text = repr(store)
+        assert f"data set: {store.dataset.name}" in text
+        assert "instances: 40" in text
+        assert "trajectories: 2 (a, b)" in text
+        assert f"generation: {store.generation}" in text
+        for domain in store.domains.values():
+            assert f"{domain.domain} ({domain.kind})" in text
+        for run in tiny.RUNS:
+            median = run_metrics.side_metrics(store, run, "real").median_error
+            (line,) = (line for line in text.splitlines() if line.strip().startswith(run))
+            assert f"real {median:.2f} m" in line
+            assert f"<td>{median:.2f}</td>" in store._repr_html_()
+    assert repr(store).startswith("<closed store")
+
+
+def test_trained_instances_are_left_out_of_the_description(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        columns = store.run_columns("vanilla")
+        new = run_metrics.held_out(store, "vanilla")
+        trained = int(np.count_nonzero(columns.valid) - np.count_nonzero(new))
+        (line,) = (line for line in repr(store).splitlines() if "vanilla" in line)
+    assert f"n {np.count_nonzero(new)}" in line
+    assert (f"{trained} trained left out" in line) == (trained > 0)
+
+
+def test_runs_without_results_are_not_computed(trained_store: Path) -> None:
+    with s2rstore.open(trained_store) as store:
+        assert "vanilla  not computed" in repr(store)
+        assert "not computed" in store._repr_html_()
+
+
+def test_html_escapes_names(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    summary = interactive_store.RunSummary("<b>run</b>", None, None, 0, "not computed")
+    monkeypatch.setattr(InteractiveStore, "_run_summaries", lambda self: [summary])
+    with s2rstore.open(tiny_store) as store:
+        assert "&lt;b&gt;run" in store._repr_html_()
+        assert "<b>run" not in store._repr_html_()
+
+
+def test_figures_show_themselves_and_are_saved(tiny_store: Path, tmp_path: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        figure = store.figure("map", run="dataaug", select="worst15", width=80, dpi=100)
+        shown = Image.open(BytesIO(figure._repr_png_()))
+        assert shown.width == round(80 / 25.4 * 100)
+        for suffix, magic in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")):
+            figure.save(tmp_path / f"map{suffix}")
+            assert (tmp_path / f"map{suffix}").read_bytes().startswith(magic)
+        with pytest.raises(RequestError, match="must end in"):
+            figure.save(tmp_path / "map.gif")
+
+
+@pytest.mark.parametrize(
+    ("view", "options", "reason"),
+    [
+        ("plan", {}, "figure plan: must be one of overview"),
+        ("map", {"colour": 1}, "unknown option colour"),
+        ("map", {"cmap": "jet"}, "--cmap jet: must be one of turbo, viridis"),
+        ("map", {"width": 5}, "--width 5: must be 40 to 420"),
+        ("map", {"dpi": 10}, "--dpi 10: must be 72 to 1200"),
+        ("map", {"width": 80, "size": (300, 200)}, "--size: pixels"),
+    ],
+)
+def test_wrong_figure_options_are_refused_in_one_line(
+    tiny_store: Path, view: str, options: dict[str, object], reason: str
+) -> None:
+    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match=reason) as error:
+        store.figure(view, **options)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_package_is_named(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, interactive_store.FIGURES, None)
+    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="install s2rtui"):
+        store.figure("map")
