@@ -25,7 +25,7 @@ def groups_figure(
     rows = ordered(data)
     shown = rows[: max(1, int(height / _ROW))]
     names = [row.group.name for row in shown]
-    counts = [f"n {row.n}" for row in shown]
+    counts = [_count(row.n, data.selected.get(row.group.name, 0)) for row in shown]
     letters = max((len(name) for name in names), default=4)
     left = min(0.3 + LETTER * _FONT * letters, wide * 0.4)
     most = max(3, int((left - 0.25) / (LETTER * _FONT)))
@@ -62,3 +62,8 @@ def groups_figure(
     if missing:
         page.text(0.3, 0.15, f"{missing} more groups", inks.muted, 8)
     return page.encoded()
+
+
+def _count(n: int, selected: int) -> str:
+    """The number of instances of a row, and of the selected ones if these are fewer."""
+    return f"n {n}" if selected == n else f"{selected} of n {n}"

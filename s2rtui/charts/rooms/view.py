@@ -123,7 +123,7 @@ class RoomsView(View):
         empty = GroupsInput((), scene.state.grouping, {})
         included = scene.state.with_trained
         counted = "trained instances included" if included else "instances new to the run"
-        subtitle = f"{scene.store.dataset.name}  ·  {counted}"
+        subtitle = f"{scene.caption}  ·  {counted}"
         return groups_paper.groups_figure(data or empty, size, theme, title, subtitle)
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
