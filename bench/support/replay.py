@@ -7,7 +7,10 @@ from collections.abc import Sequence
 
 from bench.support.screen import emulator, feed
 
-STATUS = re.compile(r"(?P<chosen>\d+) of (?P<all>\d+) . .* . generation (?P<generation>\d+)")
+STATUS = re.compile(
+    r"(?P<chosen>\d+) of (?P<all>\d+) (\(\d+ trained on[^)]*\) )?. .* . "
+    r"generation (?P<generation>\d+)"
+)
 TROUBLE = re.compile(r"Traceback|[A-Z][a-z]+Error\b|damaged|cannot be|no such|run `s2r")
 
 

@@ -81,12 +81,12 @@ def test_eight_users_while_a_precompute_publishes(
     assert newest > first
     for screen in screens:
         screen.press("c")
-        screen.wait_for("│ 40 of 40 │", 120)
+        screen.wait_for("│ 8 of 40 (32 trained on) │", 120)
         screen.wait_for(f"({newest} available")
         screen.press("g")
         screen.wait_for(lambda text: text.splitlines()[0].endswith(f"generation {newest}"))
         screen.press("w")
-        screen.wait_for("│ 6 of 40 │")
+        screen.wait_for("│ 2 of 40 (32 trained on) │")
     for screen in screens:
         screen.press("q")
         assert screen.wait_for_end(120) == 0
