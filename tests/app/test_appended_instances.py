@@ -41,7 +41,8 @@ def test_every_view_draws_after_an_append(store_copy: Path) -> None:
             assert not app.session.state.is_error
             notes = dict(app.resources.pictures.notes)
             assert notes["heat"] == (
-                "instance 40: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
+                "instance 40: feature_distance of run 'vanilla' is not computed; "
+                "run `s2r precompute`"
             )
             assert app.resources.pictures.sim.rgb.size
 
