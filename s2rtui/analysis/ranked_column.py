@@ -45,7 +45,7 @@ class RankedColumn:
 def ranked_column(values: Floats, groups: NDArray[np.integer], count: int) -> RankedColumn:
     """Sort `values` (N,) for groups with codes (N,) 0 .. count - 1; NaN is in no bin."""
     known = np.flatnonzero(np.isfinite(values))
-    by_value = known[np.argsort(values[known], kind="stable")]
+    by_value = known[np.argsort(values[known])]
     ranks = max(1, min(_RANK_BINS, (_CODES - 1) // count, by_value.size))
     kind: type[np.unsignedinteger[Any]] = np.uint16 if count * ranks < _CODES else np.uint32
     codes: Codes = np.full(values.size, count * ranks, dtype=kind)

@@ -133,3 +133,23 @@ def test_units_that_disagree_on_everything_bound_the_median_by_all_values() -> N
     )
     assert (interval.low, interval.high) == (1.0, 9.0)
     assert wide == 1
+
+
+def test_levels_beyond_the_replicates_are_those_of_a_normal_estimate() -> None:
+    """At 400 comparisons not one of 4000 replicates lies beyond a bound."""
+    drawn = np.random.default_rng(9).normal(size=4000)
+    settings = bootstrap.simultaneous(400)
+    far = bootstrap.percentile_interval(0.0, drawn, settings.level)
+    assert settings.replicates == 4000
+    assert far.level == settings.level
+    assert far.high == pytest.approx(3.84, abs=0.35)  # the normal quantile at 1 - 0.025 / 400
+    assert far.high > drawn.max() - 0.5
+    near = bootstrap.percentile_interval(0.0, drawn)
+    assert (near.low, near.high) == bootstrap.percentile_bounds(drawn)
+
+
+def test_an_interval_at_another_level_keeps_its_shape() -> None:
+    interval = Interval(1.0, 3.0, 7.0).at_level(0.9973)
+    assert interval.value == 3.0
+    assert (3 - interval.low) / 2 == pytest.approx((interval.high - 3) / 4)
+    assert (3 - interval.low) / 2 == pytest.approx(3 / 1.96, abs=1e-3)

@@ -44,6 +44,7 @@ MOST_RESAMPLED = 20_000
 """Values up to which the median is resampled; the ranks are too coarse for more."""
 _REPLICATES_AT_ONCE = 500
 _MOST_REPLICATES = 4000
+_FEWEST_BEYOND = 5
 
 MIN_TRAJECTORIES = 6
 """Fewest trajectories that are resampled as a whole."""
@@ -76,6 +77,12 @@ class Interval:
             self, low=float(np.clip(self.low, low, high)), high=float(np.clip(self.high, low, high))
         )
 
+    def at_level(self, level: float) -> Interval:
+        """The interval at another level, if the estimate varies as a normal one does."""
+        scale = _normal_quantile(level) / _normal_quantile(self.level)
+        below, above = self.value - self.low, self.high - self.value
+        return Interval(self.value - scale * below, self.value, self.value + scale * above, level)
+
 
 @dataclass(frozen=True, slots=True)
 class BootstrapSettings:
@@ -103,11 +110,16 @@ def correction_factor(units: int | Floats, level: float = LEVEL) -> Floats:
     return np.array(factors, dtype=np.float64).reshape(b.shape)
 
 
+def _normal_quantile(level: float) -> float:
+    """The z with P(|Z| <= z) = `level` of the standard normal distribution."""
+    return NormalDist().inv_cdf((1 + level) / 2)
+
+
 @lru_cache(maxsize=4096)
 def _factor(units: int, level: float) -> float:
     if units < 2:
         return np.nan
-    normal = NormalDist().inv_cdf((1 + level) / 2)
+    normal = _normal_quantile(level)
     return float(np.sqrt(units / (units - 1)) * student_quantile(units - 1, level) / normal)
 
 
@@ -118,7 +130,7 @@ def student_quantile(freedom: int, level: float) -> float:
     expansion around the normal quantile. Source: Abramowitz and Stegun, 26.7.3 to 26.7.5.
     """
     if freedom > 200:
-        z = NormalDist().inv_cdf((1 + level) / 2)
+        z = _normal_quantile(level)
         terms = (
             (z**3 + z) / 4,
             (5 * z**5 + 16 * z**3 + 3 * z) / 96,
@@ -160,9 +172,16 @@ def percentile_bounds(replicates: Floats, level: float = LEVEL) -> tuple[float, 
 
 
 def percentile_interval(value: float, replicates: Floats, level: float = LEVEL) -> Interval:
-    """Percentile interval of corrected replicates (R,) around an estimate."""
-    low, high = percentile_bounds(replicates, level)
-    return Interval(low, float(value), high, level)
+    """Percentile interval of corrected replicates (R,) around an estimate.
+
+    A level with fewer than `_FEWEST_BEYOND` replicates beyond each bound has the bounds of the
+    highest level that has as many, at distances that grow as those of a normal distribution do.
+    """
+    fewest = _FEWEST_BEYOND / max(replicates.size, 4 * _FEWEST_BEYOND)
+    known = min(level, 1 - 2 * fewest)
+    low, high = percentile_bounds(replicates, known)
+    interval = Interval(low, float(value), high, known)
+    return interval if known == level else interval.at_level(level)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -350,10 +369,9 @@ def median_interval(
         place = median_bound_rank(values, value, codes, settings)
         low, high = np.partition(values, (place - 1, values.size - place))[[place - 1, -place]]
         return Interval(float(low), value, float(high), settings.level)
-    low, high = percentile_bounds(median_replicates(values, blocks, settings), settings.level)
-    ordered = np.sort(values)
-    independent = float(ordered[place - 1]), float(ordered[-place])
-    return Interval(min(low, independent[0]), value, max(high, independent[1]), settings.level)
+    drawn = percentile_interval(value, median_replicates(values, blocks, settings), settings.level)
+    low, high = np.sort(values)[[place - 1, -place]].tolist()
+    return Interval(min(drawn.low, low), value, max(drawn.high, high), settings.level)
 
 
 def median_bound_rank(
@@ -377,8 +395,11 @@ def median_bound_rank(
     )
     excess = np.bincount(blocks.units, (below - above) / 2)  # over half of the unit's rows
     factor = float(correction_factor(excess.size, settings.level))
-    z = NormalDist().inv_cdf((1 + settings.level) / 2)
-    spread = factor * z * float(np.sqrt(np.square(excess - excess.mean()).sum()))
+    spread = (
+        factor
+        * _normal_quantile(settings.level)
+        * float(np.sqrt(np.square(excess - excess.mean()).sum()))
+    )
     return max(1, min(_median_bound(n, settings.level), int(n / 2 - spread)))
 
 
@@ -415,7 +436,7 @@ def simultaneous(
     """Settings whose intervals hold in all of several comparisons at once with the level.
 
     Bonferroni's correction: each has the level 1 - (1 - level) / comparisons. The number of
-    replicates grows with it, because fewer of them lie beyond each bound.
+    replicates grows with it, up to a limit, because fewer of them lie beyond each bound.
     """
     level = 1 - (1 - settings.level) / max(1, comparisons)
     needed = min(settings.replicates * max(1, comparisons), _MOST_REPLICATES)
