@@ -174,11 +174,12 @@ def percentile_bounds(replicates: Floats, level: float = LEVEL) -> tuple[float, 
 def percentile_interval(value: float, replicates: Floats, level: float = LEVEL) -> Interval:
     """Percentile interval of corrected replicates (R,) around an estimate.
 
-    A level with fewer than `_FEWEST_BEYOND` replicates beyond each bound has the bounds of the
-    highest level that has as many, at distances that grow as those of a normal distribution do.
+    A level above `LEVEL` with fewer than `_FEWEST_BEYOND` replicates beyond each bound has the
+    bounds of a lower level that has as many, at distances that grow as those of a normal
+    distribution do.
     """
-    fewest = _FEWEST_BEYOND / max(replicates.size, 4 * _FEWEST_BEYOND)
-    known = min(level, 1 - 2 * fewest)
+    beyond = _FEWEST_BEYOND / max(replicates.size, 1)
+    known = min(level, max(LEVEL, 1 - 2 * beyond))
     low, high = percentile_bounds(replicates, known)
     interval = Interval(low, float(value), high, known)
     return interval if known == level else interval.at_level(level)
