@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from s2rstore.geometry.rooms import NO_ROOM
+from s2rstore.metrics import bootstrap
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.compare.change import room_changes, words
@@ -148,6 +150,32 @@ def test_changes_by_room_equal_direct_computation(
             assert part.large == pytest.approx(np.mean(np.abs(two - one) > 0.5))
         assert part.better == (two < one - 0.05).sum()
         assert part.worse == (two > one + 0.05).sum()
+
+
+def test_changes_of_many_instances_are_those_of_their_members() -> None:
+    """Above the number of values that are resampled, numbers come from sorted columns."""
+    rng = np.random.default_rng(8)
+    n = 3 * bootstrap.MOST_RESAMPLED
+    first, second = rng.gamma(2.0, size=(2, n))
+    first[rng.random(n) < 0.01] = np.nan
+    room, trajectory = rng.integers(-1, 2, n), np.arange(n) % 7
+    members = rng.random(n) < 0.8
+    changes = room_changes(first, second, members, trajectory, room, ("a", "b"))
+    known = np.flatnonzero(members & np.isfinite(first))
+    known = known[np.argsort(trajectory[known], kind="stable")]
+    parts = {"a": room == 0, "b": room == 1, NO_ROOM: room == -1}
+    assert [name for name, _ in changes.rooms] == list(parts)
+    for name, part in (("all", changes.whole), *changes.rooms):
+        rows = known[parts[name][known]] if name in parts else known
+        apart = second[rows] - first[rows]
+        assert part.change == bootstrap.median_interval(apart, trajectory[rows])
+        assert (part.n, part.first, part.second) == (
+            rows.size, np.median(first[rows]), np.median(second[rows]),
+        )  # fmt: skip
+        assert (part.better, part.worse) == ((apart < -0.05).sum(), (apart > 0.05).sum())
+        assert part.large == np.mean(np.abs(apart) > 0.5)
+        assert part.first_mean == pytest.approx(first[rows].mean())
+        assert part.second_mean == pytest.approx(second[rows].mean())
 
 
 def test_a_clear_change_is_evident_and_said_in_words() -> None:

@@ -180,6 +180,8 @@ def test_the_stored_heat_of_a_run_names_its_trained_instances(stores: Stores) ->
         whole = replace(scene.state, overlay="run")
         shown = map_input(scene.store, whole, heat=grid)
         of_one = map_input(scene.store, scene.state, heat=grid)
+        elsewhere = replace(whole, trained=np.zeros_like(whole.trained))  # none in view
+        assert map_input(scene.store, elsewhere, heat=grid).heat_label == shown.heat_label
     assert shown.heat_label.endswith("all instances, 20 trained on")
     assert "trained" not in of_one.heat_label
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import s2rstore
-from s2rstore.findings import Finding, FindingReport, find_all, worst_room
+from s2rstore.findings import Finding, FindingReport, costliest_factor, find_all, worst_room
 from s2rstore.findings import gap_drift as DRIFT
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
@@ -225,3 +225,21 @@ def test_json_holds_units_intervals_and_expressions(marked: Path) -> None:
         for name, value in data["values"].items():
             assert isinstance(value, str) or name.endswith(("_m", "_percent", "auroc", "cells",
                                                             "chance", "factors"))  # fmt: skip
+
+
+def test_the_largest_of_many_factors_needs_more_evidence_than_one_factor() -> None:
+    """The largest of 20 costs that are noise lies above zero at 95 % more often than not."""
+    row = {"run": "vanilla", "n": 48, "gain": 0.0, "gain_low": -1.0, "gain_high": 1.0,
+           "cost": 2.2, "cost_low": 0.2, "cost_high": 4.2}  # fmt: skip
+    others = [{**row, "factor": f"f{k}", "cost": 0.0} for k in range(19)]
+    alone, among = (
+        costliest_factor.of_score([{**row, "factor": "lights"}, *rest], "vanilla")
+        for rest in ([], others)
+    )
+    assert alone is not None
+    assert among is not None
+    assert (alone.evident, alone.comparisons) == (True, 1)
+    assert (among.evident, among.comparisons) == (False, 20)
+    assert among.interval is not None
+    assert among.interval.level == pytest.approx(0.9975)
+    assert "corrected for their number" in among.evidence

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from s2rtools.common import processors
 from s2rtools.common.processors import available_memory
 from s2rtools.precompute import executors
 
@@ -51,3 +53,29 @@ def test_units_that_take_the_longest_come_first() -> None:
 def test_available_memory_is_positive_where_it_is_known() -> None:
     memory = available_memory()
     assert memory is None or memory > 0
+
+
+@pytest.mark.parametrize(
+    ("group", "files"),
+    [
+        ("0::/job/step", ("memory.max", "memory.current", "inactive_file")),
+        ("4:memory:/job/step",
+         ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")),
+    ],
+)  # fmt: skip
+def test_cached_files_do_not_count_as_used_memory(
+    monkeypatch: pytest.MonkeyPatch, group: str, files: tuple[str, str, str]
+) -> None:
+    """A job that has read 7 of its 8 GB as files can still allocate these."""
+    root = "/sys/fs/cgroup" if group.startswith("0") else "/sys/fs/cgroup/memory"
+    limit, used, cached = files
+    contents = {
+        "/proc/meminfo": "MemAvailable: 16777216 kB\n",
+        "/proc/self/cgroup": f"9:name=systemd:/\n{group}\n",
+        f"{root}/job/{limit}": f"{8 << 30}\n",
+        f"{root}/job/{used}": f"{15 << 29}\n",
+        f"{root}/job/memory.stat": f"anon 5\n{cached} {7 << 30}\n",
+        f"{root}/job/step/{limit}": "max\n",
+    }
+    monkeypatch.setattr(processors, "_read", lambda path: contents.get(Path(path).as_posix(), ""))
+    assert available_memory() == 15 << 29

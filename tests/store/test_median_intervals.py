@@ -95,3 +95,61 @@ def test_one_of_many_equal_groups_seldom_seems_to_differ() -> None:
         false_alarms += bootstrap.difference_of(near, far).low > 0
     assert settings.level == pytest.approx(0.995)
     assert false_alarms <= 4
+
+
+def test_ranks_bound_the_median_of_many_values_as_resampling_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(6)
+    levels = np.repeat(rng.normal(size=12), 2500)
+    values = levels + np.log(correlated(rng, levels.size, 0.8))
+    for codes in (np.zeros(levels.size, dtype=np.int64), np.arange(levels.size) // 2500):
+        by_rank = bootstrap.median_interval(values, codes)
+        with monkeypatch.context() as patch:
+            patch.setattr(bootstrap, "MOST_RESAMPLED", values.size)
+            resampled = bootstrap.median_interval(values, codes)
+        width = resampled.high - resampled.low
+        assert by_rank.value == resampled.value
+        assert by_rank.low == pytest.approx(resampled.low, abs=0.2 * width)
+        assert by_rank.high == pytest.approx(resampled.high, abs=0.2 * width)
+        assert by_rank.low in values
+        assert by_rank.high in values
+
+
+def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike() -> None:
+    """Replicates that are rounded up to 1024 ranks would lie too high by half the interval."""
+    values = np.random.default_rng(7).permutation(np.arange(1_000_001.0))
+    interval = bootstrap.median_interval(values, np.zeros(values.size, dtype=np.int64))
+    below, above = interval.value - interval.low, interval.high - interval.value
+    assert below == above
+    assert 980 <= below <= 1100
+
+
+def test_units_that_disagree_on_everything_bound_the_median_by_all_values() -> None:
+    values = np.repeat([1.0, 9.0], 15_000)
+    interval = bootstrap.median_interval(values, np.repeat([0, 1], 15_000))
+    wide = bootstrap.median_bound_rank(
+        values, 5.0, np.repeat([0, 1], 15_000), BootstrapSettings(block_length=15_000)
+    )
+    assert (interval.low, interval.high) == (1.0, 9.0)
+    assert wide == 1
+
+
+def test_levels_beyond_the_replicates_are_those_of_a_normal_estimate() -> None:
+    """At 400 comparisons not one of 4000 replicates lies beyond a bound."""
+    drawn = np.random.default_rng(9).normal(size=4000)
+    settings = bootstrap.simultaneous(400)
+    far = bootstrap.percentile_interval(0.0, drawn, settings.level)
+    assert settings.replicates == 4000
+    assert far.level == settings.level
+    assert far.high == pytest.approx(3.84, abs=0.35)  # the normal quantile at 1 - 0.025 / 400
+    assert far.high > drawn.max() - 0.5
+    near = bootstrap.percentile_interval(0.0, drawn)
+    assert (near.low, near.high) == bootstrap.percentile_bounds(drawn)
+
+
+def test_an_interval_at_another_level_keeps_its_shape() -> None:
+    interval = Interval(1.0, 3.0, 7.0).at_level(0.9973)
+    assert interval.value == 3.0
+    assert (3 - interval.low) / 2 == pytest.approx((interval.high - 3) / 4)
+    assert (3 - interval.low) / 2 == pytest.approx(3 / 1.96, abs=1e-3)

@@ -15,8 +15,18 @@ from numpy.typing import NDArray
 
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.metrics import bootstrap
-from s2rtui.analysis.binning import Bools
+from s2rtui.analysis.binning import (
+    Bins,
+    Bools,
+    SelectionIndices,
+    bin_values,
+    count_selected,
+    selection_indices,
+    sum_selected,
+    take,
+)
 from s2rtui.analysis.identity_cache import cached_by_identity
+from s2rtui.analysis.ranked_column import RankedColumn, ranked_column, select_ranks
 from s2rtui.charts.shared.axis_scale import Floats, short_number
 
 EQUAL = 0.05
@@ -92,36 +102,112 @@ def room_changes(
     all instances have the same trajectory, or where there are no rooms. equal: metres within which
     two errors count as equal.
     """
-    known = np.flatnonzero(members & np.isfinite(first) & np.isfinite(second))
-    codes = np.zeros(len(first), dtype=np.int64) if trajectory is None else trajectory
-    known = known[np.argsort(codes[known], kind="stable")]  # recording order
-    one, two = (np.asarray(errors, dtype=np.float64)[known] for errors in (first, second))
-    whole = change(one, two, codes[known], equal)
-    rooms = []
-    if room is not None:
-        for code, name in [*enumerate(room_names), (-1, NO_ROOM)]:
-            inside = room[known] == code
-            if inside.any():
-                part = change(one[inside], two[inside], codes[known[inside]], equal)
-                rooms.append((name, part))
-    return RoomChanges(whole, tuple(rooms))
+    names = () if room is None else (*room_names, NO_ROOM)
+    columns = _columns(first, second, trajectory, room, max(1, len(names)), equal)
+    changes = _Changes(columns, selection_indices(members, columns.known), np.asarray(members))
+    rooms = [(name, changes.part(code)) for code, name in enumerate(names) if changes.numbers[code]]
+    return RoomChanges(changes.part(None), tuple(rooms))
 
 
-def change(first: Floats, second: Floats, trajectory: Codes, equal: float = EQUAL) -> Change:
-    """Compare known errors (n,) in recording order; trajectory: (n,) codes, equal: metres."""
-    apart = second - first
-    n = apart.size
-    return Change(
-        n=n,
-        first=float(np.median(first)) if n else math.nan,
-        second=float(np.median(second)) if n else math.nan,
-        change=bootstrap.median_interval(apart, trajectory),
-        better=int(np.count_nonzero(apart < -equal)),
-        worse=int(np.count_nonzero(apart > equal)),
-        large=float(np.mean(np.abs(apart) > LARGE)) if n else math.nan,
-        first_mean=float(first.mean()) if n else math.nan,
-        second_mean=float(second.mean()) if n else math.nan,
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Columns:
+    """What all selections share: errors of two runs, sorted and in groups, which are the rooms.
+
+    known: (N,) the instances with both errors; the others are NaN in `first`, `second` and in
+    `apart`, their difference. trajectory: (N,) codes. rows: the known iids of each group in
+    recording order, those of all groups last. by_group: group codes. verdicts: group * 6 +
+    2 * (0 better, 1 equal, 2 worse) + whether the change is large. ranked: `first`, `second` and
+    `apart`, sorted.
+    """
+
+    known: Bools
+    first: Floats
+    second: Floats
+    apart: Floats
+    trajectory: Codes
+    rows: tuple[NDArray[np.intp], ...]
+    by_group: Bins
+    verdicts: Bins
+    ranked: tuple[RankedColumn, ...]
+
+
+@cached_by_identity(2)
+def _columns(
+    first: Floats,
+    second: Floats,
+    trajectory: Codes | None,
+    room: Codes | None,
+    count: int,
+    equal: float,
+) -> _Columns:
+    """The columns of two runs in `count` groups; instances without a room are in the last."""
+    known: Bools = np.isfinite(first) & np.isfinite(second)
+    one, two = (np.where(known, errors, np.nan).astype(np.float64) for errors in (first, second))
+    apart = two - one
+    codes = np.zeros(apart.size, dtype=np.int64) if trajectory is None else trajectory
+    groups = np.zeros(apart.size, dtype=np.int64) if room is None else np.where(
+        room < 0, count - 1, room
+    )  # fmt: skip
+    ordered = np.flatnonzero(known)
+    ordered = ordered[np.argsort(codes[ordered], kind="stable")]  # recording order
+    rows = [ordered[groups[ordered] == group] for group in range(count)]
+    verdict = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
+    places = groups * 6 + 2 * verdict + (np.abs(apart) > LARGE)
+    return _Columns(
+        known, one, two, apart, codes, (*rows, ordered),
+        bin_values(np.where(known, groups, np.nan), count),
+        bin_values(np.where(known, places, np.nan), 6 * count),
+        tuple(ranked_column(column, groups, count) for column in (one, two, apart)),
+    )  # fmt: skip
+
+
+class _Changes:
+    """The changes of one selection, `members` (N,) bool."""
+
+    def __init__(self, columns: _Columns, selection: SelectionIndices, members: Bools) -> None:
+        self._columns, self._members = columns, members
+        verdicts, _ = count_selected(columns.verdicts, selection)
+        self._verdicts = verdicts.reshape(-1, 3, 2)
+        self.numbers = self._verdicts.sum(axis=(1, 2))
+        """Members of each group."""
+        self._ranks = [select_ranks(column, selection, members) for column in columns.ranked]
+        self._sums = [
+            sum_selected(columns.by_group, errors, selection)
+            for errors in (columns.first, columns.second)
+        ]
+
+    def part(self, group: int | None) -> Change:
+        """The change of the members of a group, or of all."""
+        verdicts = self._verdicts.sum(axis=0) if group is None else self._verdicts[group]
+        better, _, worse = verdicts.sum(axis=1).tolist()
+        n = int(verdicts.sum())
+        sums = (float(total.sum() if group is None else total[group]) for total in self._sums)
+        first_mean, second_mean = (total / n if n else math.nan for total in sums)
+        return Change(
+            n=n,
+            first=self._ranks[0].median(group),
+            second=self._ranks[1].median(group),
+            change=self._interval(group, n),
+            better=better,
+            worse=worse,
+            large=int(verdicts[:, 1].sum()) / n if n else math.nan,
+            first_mean=first_mean,
+            second_mean=second_mean,
+        )
+
+    def _interval(self, group: int | None, n: int) -> bootstrap.Interval:
+        """The median change with the interval of `bootstrap.median_interval`."""
+        columns, ranks = self._columns, self._ranks[2]
+        rows = columns.rows[-1 if group is None else group]
+        chosen = rows[take(self._members, rows)]
+        apart, trajectory = take(columns.apart, chosen), take(columns.trajectory, chosen)
+        if n <= bootstrap.MOST_RESAMPLED:
+            return bootstrap.median_interval(apart, trajectory)
+        median = ranks.median(group)
+        bound = bootstrap.median_bound_rank(apart, median, trajectory)
+        return bootstrap.Interval(
+            ranks.value(bound - 1, group), median, ranks.value(n - bound, group)
+        )
 
 
 def words(

@@ -193,7 +193,7 @@ def map_input(
         value_label="shift" if state.run != NO_RUN else "",
         floor_plan=floor_plan,
         heat=heat if has_heat else None,
-        heat_label=_heat_label(state, choice, heat_note) if has_heat and choice else "heat",
+        heat_label=_heat_label(store, state, choice, heat_note) if has_heat and choice else "heat",
         heat_unit=_heat_unit(store, state, choice) if has_heat and choice else "",
         clip=seen,
         rooms=store.rooms,
@@ -205,13 +205,17 @@ def map_input(
     )
 
 
-def _heat_label(state: State, choice: HeatChoice, note: str) -> str:
+def _heat_label(store: Store, state: State, choice: HeatChoice, note: str) -> str:
     """Kind and side of the heat, the aggregate if it is not the mean, and the note.
 
-    The stored heat of a run is that of all instances, also of those that it was trained on.
+    The stored heat of a run is that of all instances and trajectories, also of those instances that
+    it was trained on.
     """
     aggregated = state.overlay in ("selection", "run") and state.aggregate != "mean"
-    trained = int(np.count_nonzero(state.trained)) if state.overlay == "run" else 0
+    trained = 0
+    if state.overlay == "run":
+        columns = store.run_columns(state.run)
+        trained = int(np.count_nonzero(columns.trained & columns.valid))
     whole = f"all instances, {trained} trained on" if trained else ""
     parts = [choice.label, choice.side, state.aggregate if aggregated else "", whole, note]
     return ", ".join(part for part in parts if part)

@@ -30,6 +30,7 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         return None
     worst = max(known, key=lambda row: row["cost"])
     cost, gain = (_interval(worst, name) for name in ("cost", "gain"))
+    cost = cost.at_level(simultaneous(len(known)).level)
     evident = cost.low > 0
     figures = f"{cost.value:+.2f} m real error ({bounds_text(cost)}), n {worst['n']}"
     subject = f"{worst['factor']}, alone {figures}"
@@ -39,7 +40,7 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         run=run,
         n=int(worst["n"]),
         evidence=f"leaving it out gains {gain.value:.2f} m ({bounds_text(gain)}); the largest of "
-        f"{len(known)} factors, not corrected for their number",
+        f"{len(known)} factors, corrected for their number",
         evident=evident,
         values={
             "factor": worst["factor"],
@@ -49,6 +50,7 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         },
         interval=cost,
         interval_of="cost_m",
+        comparisons=len(known),
         n_of="scored instances",
         view="instance",
     )
@@ -63,7 +65,7 @@ def of_translators(store: Store, run: str) -> Finding | None:
         return None
     name, *figures = rows[0]
     value, low, high = map(float, figures)
-    gain = Interval(low, value, high)
+    gain = Interval(low, value, high).at_level(simultaneous(len(rows)).level)
     evident = gain.low > 0
     subject = f"appearance: translator {name} gains {value:.2f} m ({bounds_text(gain)})"
     return Finding(
@@ -71,12 +73,13 @@ def of_translators(store: Store, run: str) -> Finding | None:
         text=subject,
         run=run,
         n=len(rows),
-        evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, not "
+        evidence=f"decrease of the mean real error; the largest of {len(rows)} translators, "
         "corrected for their number",
         evident=evident,
         values={"translator": str(name), "gain_m": value},
         interval=gain,
         interval_of="gain_m",
+        comparisons=len(rows),
         n_of="translators",
         view="overview",
     )

@@ -65,7 +65,7 @@ def largest_group(
 ) -> tuple[Group, float, int] | None:
     """The group that `worst_group` tests first: group, median real error in metres, and n.
 
-    It needs no bootstrap, which takes about a second for a million instances.
+    It needs no intervals, which take some tenths of a second for a million instances.
     """
     grouped, members = _counted_groups(store, grouping, population)
     if len(members) < 2:
