@@ -35,14 +35,27 @@ def held_out(evidence: Evidence) -> Iids:
 
 
 def poses_sha256(store: Store) -> str:
-    """SHA-256 of the ground-truth poses: equal for other images and models of the same poses."""
+    """SHA-256 of the ground-truth poses: equal for other images and models of the same poses.
+
+    The numbers `seq` do not count, only the order inside a trajectory.
+    """
     truth = store.instances
     digest = hashlib.sha256("\n".join(truth.trajectory_names).encode())
-    for column in (truth.trajectory, truth.seq, truth.x, truth.y, truth.heading):
+    places = _places(truth.trajectory).astype(truth.seq.dtype)
+    for column in (truth.trajectory, places, truth.x, truth.y, truth.heading):
         digest.update(np.ascontiguousarray(column).tobytes())
     for domain in filter(store.has_own_poses, sorted(store.domains)):
         digest.update(domain.encode() + store.poses(domain).tobytes())
     return digest.hexdigest()
+
+
+def _places(trajectory: NDArray[np.integer]) -> NDArray[np.intp]:
+    """The place of each instance in its trajectory, from 0 on, (N,)."""
+    order = np.argsort(trajectory, kind="stable")
+    ordered = trajectory[order]
+    places = np.empty(len(trajectory), dtype=np.intp)
+    places[order] = np.arange(len(trajectory)) - np.searchsorted(ordered, ordered)
+    return places
 
 
 def uncomputed_reason(evidence: Evidence) -> str | None:
