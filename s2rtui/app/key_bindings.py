@@ -435,7 +435,7 @@ def _keys_of(names: str) -> str:
 
 QUESTIONS = (
     Question("Where is it worst?", (
-        ("view('rooms')", "the rooms by their median error in reality; the worst one is first"),
+        ("view('rooms')", "the rooms by median real error, the worst one first"),
         ("group group", "the same by heading, then by curvature"),
         ("worst_real view('map')", "the worst 15 % in reality, on the map"),
     )),
@@ -445,16 +445,16 @@ QUESTIONS = (
         ("view('list')", "the same as a list"),
     )),
     Question("Which model is better where?", (
-        ("view('compare')", "this run beside another one, as a map and in numbers"),
+        ("all view('compare')", "this run and another on all instances, room by room"),
         ("other_run", "compare with the next run"),
     )),
     Question("What triggers it?", (
-        ("view('instance')", "images and the most trusted heatmap; its note says what it shows"),
-        ("overlay overlay", "that heat on the map, of the selection"),
+        ("view('instance')", "images and the most trusted heatmap, with a note on it"),
+        ("overlay overlay view('map')", "that heat on the map, of the selection"),
         ("next_heat", "the next heatmap kind; the last one is none"),
     )),
     Question("What should change, and on which instances?", (
-        ("findings open_finding", "the findings in order of evidence; enter selects instances"),
+        ("findings open_finding", "findings (?: not evident); enter selects the instances"),
         ("view('list')", "these instances, the largest error first"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),

@@ -16,13 +16,15 @@ def move(context: SessionContext, state: State, steps: int) -> State:
 
 
 def open_finding(context: SessionContext, state: State, finding: Finding) -> State:
-    """Select the instances of a finding in its run, with the heatmap and run that it names.
+    """Select the instances of a finding in its run, with the heatmap, run and grouping it names.
 
     Findings are about the new instances of all trajectories, so these are shown.
     """
     if finding.heat is not None:
         side = state.heat.side if state.heat else "real"
         state = replace(state, heat=HeatChoice(*finding.heat, side), overlay="run")
+    if finding.grouping is not None:
+        state = replace(state, grouping=finding.grouping)
     if finding.other is not None and finding.other in state.runs:
         state = replace(state, other=finding.other)
     place = replace(

@@ -44,6 +44,8 @@ async def test_each_finding_is_one_key_away_from_its_instances(
             assert not state.is_error
             assert state.run == finding.run
             assert finding.text in state.message
+            if finding.grouping is not None:
+                assert state.grouping == finding.grouping
             if finding.expression is not None:
                 assert state.expression == finding.expression
                 assert np.count_nonzero(state.selected) == finding.n

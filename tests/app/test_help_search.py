@@ -38,6 +38,7 @@ def test_a_question_is_answered_by_at_most_six_keys(question) -> None:
     pressed = " ".join(key for key, _ in question.entries).split()
     assert 1 <= len(pressed) <= 6
     assert set(pressed) <= {action.key for action in ACTIONS}
+    assert all(len(text) <= 54 for _, text in question.entries)  # one line at 80 columns
 
 
 async def test_typing_filters_and_enter_goes_to_the_first_match(tiny_store: Path) -> None:

@@ -158,6 +158,16 @@ def test_missing_nights_are_explained(tiny_store: Path, loaded: reader.History |
     session.close()
 
 
+def test_the_words_about_missing_nights_keep_their_letters(tiny_store: Path) -> None:
+    session = Session(tiny_store)
+    words = VIEW.summary(Scene(session.store, session.state, Resources()))
+    session.close()
+    assert words == (
+        "No nights yet; s2r nightly CONFIG.toml measures the gap and keeps it in the store: "
+        "history/gap.duckdb."
+    )
+
+
 def test_the_gate_that_ran_last_is_shown() -> None:
     later = gaps.night(8, {"task": 3.0}, name="weekly")
     loaded = gaps.history(*gaps.week(), later)

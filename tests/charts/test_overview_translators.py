@@ -53,6 +53,11 @@ def test_the_block_fits_every_size(size: tuple[int, int]) -> None:
     assert "\n".join(lines).isascii()
 
 
+def test_a_gain_that_does_not_fit_ends_with_an_ellipsis() -> None:
+    (line,) = draw_translators(ROWS[:1], "vanilla", (50, 2), RenderOptions()).lines()[1:]
+    assert line.rstrip().endswith("(0.84 to …")
+
+
 def test_the_header_counts_what_does_not_fit() -> None:
     assert "2 of 4" in draw_translators(ROWS, "vanilla", (60, 3), RenderOptions()).lines()[0]
     assert " of " not in draw_translators(ROWS, "vanilla", (60, 5), RenderOptions()).lines()[0]

@@ -119,6 +119,9 @@ def test_errors_below_a_log_axis_are_drawn_at_its_edge_and_counted() -> None:
     assert data.axis.drawn(0.0) == 0
     text = "\n".join(draw_scatter(data, (120, 40)).lines())
     assert f"{scatter_summary(data).below} below {data.axis.low:g} m at the edge" in text
+    low = " ".join(draw_scatter(data, (80, 21)).lines())
+    assert "at the edge" in low  # the legend leaves out other parts first
+    assert "…" in low
 
 
 @st.composite

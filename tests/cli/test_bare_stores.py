@@ -64,7 +64,7 @@ def test_the_application_starts_without_frames(
     text = snapshot(store_copy, size, ["3"], RenderOptions()).text
     assert "no such array" not in text
     if size[1] >= 24:
-        assert "ranks" in text
+        assert "err m" in text
 
 
 @pytest.mark.parametrize("command", [["tui"], [], ["show"], ["runs"]])

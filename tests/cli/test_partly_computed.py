@@ -68,7 +68,9 @@ def test_heat_of_an_instance_that_is_not_computed(
     assert main(["show", str(appended), "instance", "--iid", "42", "--words"]) == 0
     assert capsys.readouterr().out.endswith("not predicted.\n")
     assert main(["show", str(appended), "instance", "--iid", "42"]) == 0
-    expected = "instance 42: activation of run 'vanilla' is not computed; run `s2r precompute`"
+    expected = (
+        "instance 42: feature_distance of run 'vanilla' is not computed; run `s2r precompute`"
+    )
     assert expected in capsys.readouterr().out
 
 

@@ -24,10 +24,10 @@ def test_expressions_of_the_ground_truth_work(
     store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
-    assert main(["query", str(store), "all", "--format", "csv"]) == 0
+    assert main(["query", str(store), "all", "--format", "csv", "--column-names", "new"]) == 0
     rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
     assert len(rows) == 12
-    assert list(rows[0]) == ["iid", "trajectory", "seq", "x", "y", "heading", "room"]
+    assert list(rows[0]) == ["iid", "trajectory", "seq", "x_m", "y_m", "heading_deg", "room"]
     expected = [row["iid"] for row in rows if row["room"] == "west" and row["trajectory"] == "a"]
     command = ["query", str(store), "room:west & traj:a & x < 100 & (straight | curved)"]
     assert main([*command, "--columns", "iid,x,tags", "--format", "csv"]) == 0

@@ -11,11 +11,19 @@ import pandas as pd
 import pytest
 
 import s2rstore
-from s2rstore.findings import Finding, FindingReport, costliest_factor, find_all, worst_room
+from s2rstore.findings import (
+    Finding,
+    FindingReport,
+    costliest_factor,
+    find_all,
+    run_differences,
+    worst_room,
+)
 from s2rstore.findings import gap_drift as DRIFT
 from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rstore.metrics import run_metrics
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from tests.support import gaps, tiny
 from tests.support.copies import copy_store
@@ -74,6 +82,17 @@ def test_the_best_run_is_compared_on_instances_new_to_all(marked: Path) -> None:
     assert finding.values["mean_real_error_m"] == pytest.approx(common.dataaug.mean())
     difference = (common.vanilla - common.dataaug).mean()
     assert finding.values["difference_to_next_m"] == pytest.approx(difference)
+
+
+def test_a_mean_error_has_no_bounds_below_zero(
+    marked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wide = Interval(-0.7, 1.2, 3.4)
+    monkeypatch.setattr(run_differences, "mean_interval", lambda *arguments: wide)
+    with s2rstore.open(marked) as store:
+        finding = by_kind(find_all(store, "vanilla"))["best run"]
+    assert finding.values["mean_real_error_low_m"] == 0
+    assert "(0.00 to 3.40)" in finding.text
 
 
 def test_the_largest_regression_is_where_the_run_is_worst(marked: Path) -> None:

@@ -54,6 +54,8 @@ def test_precedence(text: str, explicit: str | None) -> None:
         ("worst15 &", 10, "ends too early"),
         ("real.eror > 1", 1, "real.error"),
         ("all all", 5, "unexpected"),
+        ("real_error_m > 1", 1, "could be real.error_m"),
+        ("worst(5%, sim_heading_error_deg)", 11, "could be sim.heading_error_deg"),
         ("box(1, 2)", 1, "x0, y0, x1, y1"),
         ("worst(120%)", 1, "0% .. 100%"),
         ("gap", 4, "needs a condition"),

@@ -75,8 +75,8 @@ class HistoryView(View):
             return ("no night of this data set", "name another history: --history FILE")
         return (
             "no nights yet",
-            "s2r nightly CONFIG.toml measures the gap",
-            "and keeps it in the store: history/gap.duckdb",
+            "s2r nightly CONFIG.toml measures the gap and keeps it in the store: "
+            "history/gap.duckdb",
         )
 
     def numbers(self, scene: Scene) -> Table:
@@ -86,7 +86,8 @@ class HistoryView(View):
     def summary(self, scene: Scene) -> str:
         nights = self.input(scene)
         if not nights:
-            return f"{'; '.join(self._missing(scene)).capitalize()}."
+            text = "; ".join(self._missing(scene))
+            return f"{text[:1].upper()}{text[1:]}."
         last = nights[-1]
         passed = sum(night.outcome == "PASS" for night in nights)
         days = "1 day" if last.evidence_age == 1 else f"{last.evidence_age} days"

@@ -77,5 +77,8 @@ def draw_translators(
         ink = theme.text if row.accepted else theme.muted
         left = canvas.text(left, y, row.verdict[: max(0, size[0] - left)], ink) + 2
         gain = options.printable(row.gain_text(run))
-        canvas.text(left, y, gain[: max(0, size[0] - left)], theme.text)
+        if len(gain) > (free := max(0, size[0] - left)):
+            words, blank, _ = set_cell_size(gain, max(0, free - 1)).rpartition(" ")
+            gain = f"{words}{blank}{canvas.glyphs.ellipsis}"[:free]  # no part of a number
+        canvas.text(left, y, gain, theme.text)
     return canvas

@@ -71,7 +71,7 @@ def scatter_layout(
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 36 and height >= 12
     left, below = (LEFT, 1) if axes else (0, 0)
-    rows = fit_rows(_legend(data, options, width, peak), width)[: height // 6]
+    rows = fit_rows(_legend(data, options, width, peak), width, most=height // 6)
     legend = tuple(tuple(row) for row in rows)
     return ScatterLayout(left, width - left, height - below - len(rows), axes, legend)
 
@@ -234,7 +234,8 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
         below = f"; {summary.below} below {short_number(data.axis.low)} {data.unit} at the edge"
         text = f"log axes: {LOG_RULE}{below if summary.below else ''}"
         short = f"log axes{below if summary.below else ''}"
-        parts.append(text_part(((text if len(text) <= width else short, theme.muted),)))
+        part = text_part(((text if len(text) <= width else short, theme.muted),))
+        parts.insert(2 if summary.below else len(parts), part)  # errors at the edge are not lost
     else:
         parts.append(text_part((("linear axes", theme.muted),)))
     return parts

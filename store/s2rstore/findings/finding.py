@@ -25,6 +25,7 @@ class Finding:
     `interval_of`, at a level of its own where `comparisons` > 1 were made. n: number of
     `n_of`; where `node` is not None, it selects these n instances of `run`. view: the view
     that shows it. other: the run that `run` is compared with. heat: (kind, mode) of a heatmap.
+    grouping: how the rooms view groups errors for it, such as `heading`.
     """
 
     kind: str
@@ -42,6 +43,7 @@ class Finding:
     view: str = "map"
     other: str | None = None
     heat: tuple[str, str | None] | None = None
+    grouping: str | None = None
 
     @property
     def expression(self) -> str | None:

@@ -62,7 +62,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     trajectory = store.instances.trajectory[rows]
     ordered = sorted(compared, key=lambda run: float(run.real[rows].mean()))
     best, next_run = ordered[:2]
-    mean = mean_interval(best.real[rows], trajectory)
+    mean = mean_interval(best.real[rows], trajectory).clipped(0.0, np.inf)
     comparisons = len(compared) - 1
     difference = mean_interval(
         next_run.real[rows] - best.real[rows], trajectory, simultaneous(comparisons)

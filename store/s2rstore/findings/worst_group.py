@@ -143,4 +143,5 @@ def _finding(
         comparisons=compared,
         node=group.node,
         view="map" if grouping == "room" else "rooms",
+        grouping=grouping,
     )

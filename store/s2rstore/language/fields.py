@@ -182,6 +182,11 @@ def without_unit(name: str) -> str:
     return _FIELDS.get(name, name)
 
 
+def of_column(column: str) -> str | None:
+    """The field, with its unit, that a column of rows such as `real_error_m` holds."""
+    return next((name for name in _FIELDS if name.replace(".", "_") == column), None)
+
+
 def is_truth(name: str) -> bool:
     """Whether a field belongs to the instance and does not depend on the run."""
     known = NUMERIC.get(name) or TEXT[name]

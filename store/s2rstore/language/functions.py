@@ -46,6 +46,8 @@ def apply(head: Head, arguments: list[Any]) -> Node:
 def numeric(head: Head) -> Field:
     """A field of numbers. Raises ExpressionError with the nearest known ones."""
     if head.name not in fields.NUMERIC:
+        if field := fields.of_column(head.name):
+            raise unknown(head.column, "number field", head.name, [field])
         raise unknown(head.column, "number field", head.name, list(fields.NUMERIC))
     return Field(head.name, head.run)
 
