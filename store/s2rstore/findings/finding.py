@@ -53,7 +53,7 @@ class Finding:
     @property
     def statement(self) -> str:
         """The text, which says so where the finding is not evident."""
-        return self.text if self.evident else f"{self.text}; not evident"
+        return self.text if self.evident else f"not evident: {self.text}"
 
     @property
     def line(self) -> str:
