@@ -103,3 +103,10 @@ def test_the_list_is_sorted_by_columns_with_and_without_unit(store: Path, capsys
         assert main(["show", str(store), "list", "--sort", column, "--json"]) == 0
         shown.append([row["iid"] for row in json.loads(capsys.readouterr().out)])
     assert shown[0] == shown[1] != shown[2] == shown[3]
+
+
+def test_a_named_file_that_is_no_history_is_rejected(store: Path, tmp_path: Path, capsys) -> None:
+    path = tmp_path / "gap.duckdb"
+    path.write_text("no history")
+    assert main(["findings", str(store), "--history", str(path)]) == 2
+    assert "no history that this version reads" in capsys.readouterr().err
