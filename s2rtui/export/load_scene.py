@@ -9,6 +9,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.heatmap_kinds import NO_HEAT
+from s2rstore.language import fields
 from s2rstore.reader import NETWORK_KINDS
 from s2rstore.records import Side, needs_network
 from s2rtui.charts.scene import Resources, Scene
@@ -64,7 +65,7 @@ def open_scene(
     try:
         for view in views:
             view.require_available(session.store)
-        apply_options(session, options)
+        apply_options(session, options, *views)
         cursor = options.iid is not None or not views or any(view.single_instance for view in views)
         yield load_scene(session, *views, cursor=cursor)
     finally:
@@ -90,8 +91,11 @@ def load_scene(session: Session, *views: View, cursor: bool = True) -> Scene:
     return Scene(store, state, Resources(**fields), session.notes)
 
 
-def apply_options(session: Session, options: SceneOptions) -> State:
-    """Set the state of a session to the options and return it. Raises RequestError."""
+def apply_options(session: Session, options: SceneOptions, *views: View) -> State:
+    """Set the state of a session to the options and return it. Raises RequestError.
+
+    `views` are those that are shown, which decide what can be sorted by; by default all.
+    """
     known = session.store.instances.trajectory_names
     for name in options.trajectories or ():
         if name not in known:
@@ -103,18 +107,14 @@ def apply_options(session: Session, options: SceneOptions) -> State:
     overlay = options.overlay or ("run" if options.heat not in (None, NO_HEAT) else "off")
     if options.heat == NO_HEAT and overlay != "off":
         raise RequestError(f"--on {overlay}: --heat none leaves no heat for the map")
-    iid, other, sort = options.iid, options.other, options.sort or state.sort
+    iid, other = options.iid, options.other
     if iid is not None and not 0 <= iid < state.base.size:
         raise RequestError(f"--iid {iid}: must be 0 to {state.base.size - 1}")
     others = [run for run in state.runs if run != state.run]
     if other is not None and other not in others:
         names = ", ".join(others) or "there is none"
         raise RequestError(f"--with {other}: must be another run ({names})")
-    columns = instance_list.columns(session.store, session.notes)
-    if sort not in (*columns, *error_groups.COLUMN_NAMES):
-        known_columns = ", ".join((*columns, *error_groups.COLUMN_NAMES))
-        raise RequestError(f"--sort {sort}: must be one of {known_columns}")
-    group_sort = sort if sort in error_groups.COLUMN_NAMES else state.group_sort
+    sort, group_sort = _sort_columns(session, state, options.sort, {view.name for view in views})
     if iid is None and state.selected.any():
         iid = state.cursor
     return session.set_state(
@@ -128,7 +128,7 @@ def apply_options(session: Session, options: SceneOptions) -> State:
             room_names=options.room_names,
             cursor=iid,
             other=other,
-            sort=sort if sort in columns else state.sort,
+            sort=sort,
             descending=not options.ascending,
             grouping=options.group_by or state.grouping,
             group_sort=group_sort,
@@ -136,6 +136,31 @@ def apply_options(session: Session, options: SceneOptions) -> State:
             past=(),
             message="",
         )
+    )
+
+
+def _sort_columns(
+    session: Session, state: State, name: str | None, views: set[str]
+) -> tuple[str, str]:
+    """The columns that sort the list and the groups; those of the state where `name` is None.
+
+    Raises RequestError for a column that the sortable ones of `views` (by default all) lack.
+    """
+    if name is None:
+        return state.sort, state.group_sort
+    sorted_views = views & {"list", "rooms"} or {"list", "rooms"}
+    columns: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    if "list" in sorted_views:
+        columns = instance_list.columns(session.store, session.notes)
+    if "rooms" in sorted_views:
+        groups = error_groups.COLUMN_NAMES
+    column = fields.without_unit(name)
+    if column not in columns and name not in groups:
+        raise RequestError(f"--sort {name}: must be one of {', '.join((*columns, *groups))}")
+    return (
+        column if column in columns else state.sort,
+        name if name in groups else state.group_sort,
     )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.metrics import heatmap_scores
 from s2rstore.reader import Store
@@ -124,6 +126,8 @@ def map_plane(store: Store, state: State) -> ZoomPlane:
     truth, dataset, at = store.instances, store.dataset, None
     if state.cursor is not None:
         at = float(truth.x[state.cursor]), float(truth.y[state.cursor])
+        if not np.isfinite(at).all():
+            at = None
     return ZoomPlane(MAP_PLANE, dataset.bounds, dataset.y_down, at)
 
 

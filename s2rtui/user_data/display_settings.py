@@ -28,8 +28,11 @@ def settings_path() -> Path:
 
 def read_settings() -> DisplaySettings:
     """Return the stored settings; without values where there is no readable file."""
+    path = settings_path()
+    if not path.is_file():  # reading a pipe would wait
+        return DisplaySettings()
     try:
-        with open(settings_path(), encoding="utf-8") as file:
+        with open(path, encoding="utf-8") as file:
             stored = json.loads(file.read(_MAX_BYTES))
     except (OSError, ValueError, RecursionError):
         return DisplaySettings()

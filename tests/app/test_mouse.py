@@ -153,3 +153,17 @@ def test_wheel_steps_are_summed_until_taken() -> None:
     assert (wheel.cell, wheel.take_steps()) == ((2, 2), 1)
     assert wheel.turn((2, 2), -1)
     assert (wheel.cell, wheel.take_steps()) == ((2, 2), -1)
+
+
+async def test_a_drag_over_findings_draws_no_brush(tiny_store: Path) -> None:
+    app = S2RApp(Session(tiny_store), RenderOptions())
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        await pilot.press("I")
+        await settle(app, pilot)
+        await pilot.mouse_down("#findings", offset=(5, 2))
+        await pilot.hover("#findings", offset=(30, 9))
+        await pilot.mouse_up("#findings", offset=(40, 12))
+        await settle(app, pilot)
+        assert app.is_running
+        assert app.session.state.brush is None

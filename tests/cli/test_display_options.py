@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 import pytest
@@ -89,4 +90,10 @@ def test_settings_that_cannot_be_written_are_a_request_error(own_data_folder: Pa
     (own_data_folder / "s2rtui").write_text("in the way")
     with pytest.raises(RequestError, match=r"display\.json"):
         write_settings(DisplaySettings("light"))
+    assert read_settings() == DisplaySettings()
+
+
+def test_settings_that_are_a_pipe_count_as_none(own_data_folder: Path) -> None:
+    settings_path().parent.mkdir(parents=True, exist_ok=True)
+    os.mkfifo(settings_path())
     assert read_settings() == DisplaySettings()

@@ -128,7 +128,7 @@ def test_a_prediction_outside_all_rooms_has_no_room(tiny_store: Path, capsys) ->
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["all", "--columns", "iid,rubbish"], "rubbish: must be one of iid"),
+        (["all", "--columns", "iid,rubbish"], "rubbish: must be one of iid, seq, x_m"),
         (["all", "--columns", "iid,iid", "--json"], "twice"),
         (["@nothing"], "saved selection"),
     ],

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
 from tests.datasets.helpers import add, ingest, kinds, scan_of
@@ -113,3 +114,11 @@ def test_a_store_that_counts_its_instances_goes_on_counting(tmp_path: Path) -> N
     assert rows["b"] == expected["b"]
     assert set(added) == {"a", "b"}
     assert verify(store) == []
+
+
+def test_a_column_that_exists_twice_is_rejected(tmp_path: Path) -> None:
+    path = pairs.manifest(tmp_path / "data")
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{head},seq", *(f"{row},7" for row in rows)]))
+    with pytest.raises(RequestError, match="column seq exists more than once"):
+        ingest("csv", path, tmp_path / "s.s2r")

@@ -150,3 +150,13 @@ def test_long_expressions_and_many_instances_are_not_widened() -> None:
     many = mask_context(size, sim_error=errors, real_error=errors)
     assert widenings(parse("sim.error > 1 & real.error > 1"), many) == []
     assert math.isclose(widenings(parse("sim.error > 1"), many)[0].admitted, 1.0)
+
+
+def test_a_suggestion_has_no_number_that_the_parser_refuses() -> None:
+    values = np.full(N, 1.0)
+    values[7] = 1e300
+    wide = mask_context(N, np.ones(N, dtype=bool), sim_error=values, real_error=values)
+    for text in ("sim.error > 1000 & real.error < 1", "sim.error > 5 - real.error:2+-1e12"):
+        node = parse(text)
+        for found in widenings(node, wide):
+            assert parse(found.text) == found.node

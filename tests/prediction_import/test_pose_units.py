@@ -125,3 +125,9 @@ def test_wrong_units_are_refused(text: str, message: str) -> None:
 def test_a_wrong_convention_is_refused() -> None:
     with pytest.raises(RequestError, match=r"--heading north: one of 0\+h, 90\+h"):
         pose_units.parse_convention("north")
+
+
+@pytest.mark.filterwarnings("error")
+def test_positions_beyond_all_bounds_are_rejected_without_a_warning() -> None:
+    with pytest.raises(RequestError, match="far off the map"):
+        pose_units.length_unit(None, np.full((5, 2), 1e300), BOUNDS, "p.csv")

@@ -185,3 +185,14 @@ def test_zoom_and_pan_are_limited(session: Session) -> None:
     panned_back = session.state.viewport
     assert panned_back is not None
     assert (panned_back.x0 + panned_back.x1) / 2 == pytest.approx(bounds.x1)
+
+
+def test_a_map_is_zoomed_at_its_middle_where_the_instance_has_no_pose(store_copy: Path) -> None:
+    with edit(store_copy) as draft:
+        draft.rows("UPDATE instance SET x = NULL, y = NULL")
+    session = Session(store_copy)
+    session.set_cursor(3)
+    session.dispatch(view_settings.zoom, 1 / 0.6)
+    viewport = session.state.viewport
+    assert viewport is not None
+    assert np.isfinite([viewport.width, viewport.height, viewport.x0, viewport.y0]).all()

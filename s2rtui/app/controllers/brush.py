@@ -182,6 +182,8 @@ class BrushController:
         if view.drag(session, self._app.renderer.scene, panel, panel.to_data(*trail[-1])):
             self._app.renderer.refresh()
             return
+        if not view.brushable:
+            return
         lasso = (start, *trail) if session.state.lasso else ()
         brush = brush_geometry.dragged(view.name, panel, start, trail[-1], lasso)
         if not stroke.done:

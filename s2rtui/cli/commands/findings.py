@@ -33,10 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     from s2rstore.errors import RequestError
     from s2rstore.findings import find_all
+    from s2rstore.gap_history import reader
 
-    if options.history is not None and not options.history.is_file():
-        message = "no such file; `s2r nightly` writes one"
-        raise RequestError(f"--history {options.history}: {message}")
+    if options.history is not None:
+        if not options.history.is_file():
+            message = "no such file; `s2r nightly` writes one"
+            raise RequestError(f"--history {options.history}: {message}")
+        reader.read(options.history)  # what the user names must be a history
     with s2rstore.open(options.store) as store:
         store.require_poses("findings")
         run = store.run_name(options.run)

@@ -188,7 +188,8 @@ def _column(store: Store, run: str, name: str, notes: Notes) -> Callable[[int], 
         codes = _values(store, run, text.path)
         return lambda iid: labels[codes[iid]] if codes[iid] >= 0 else None
     if name not in fields.NUMERIC:
-        allowed = ", ".join((*fields.NUMERIC, *fields.TEXT, *NOTEBOOK_COLUMNS))
+        numeric = map(fields.with_unit, fields.NUMERIC)
+        allowed = ", ".join((*numeric, *fields.TEXT, *NOTEBOOK_COLUMNS))
         raise RequestError(f"--columns {name}: must be one of {allowed}")
     numbers, scale = _values(store, run, fields.NUMERIC[name].path), fields.NUMERIC[name].scale
     if name in _INTEGER_FIELDS:

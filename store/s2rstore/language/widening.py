@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from s2rstore.errors import ExpressionError
 from s2rstore.geometry import angles
 from s2rstore.language import fields
 from s2rstore.language import syntax_tree as tree
@@ -25,6 +26,7 @@ from s2rstore.language.numpy_backend import (
     field_values,
     mask,
 )
+from s2rstore.language.parser import parse
 
 MAX_TERMS = 12
 """Expressions with more terms are not widened."""
@@ -78,11 +80,21 @@ def widenings(node: tree.Node, context: MaskContext, most: int = 2) -> list[Wide
         found.setdefault(candidate.node, candidate)
     results = []
     for candidate in sorted(found.values(), key=lambda one: one.admitted):
-        if count := int(np.count_nonzero(mask(candidate.node, context))):
+        count = int(np.count_nonzero(mask(candidate.node, context)))
+        if count and _can_be_typed(candidate.node):
             results.append(Widening(candidate.node, candidate.change, count, candidate.admitted))
         if len(results) == most:
             break
     return results
+
+
+def _can_be_typed(node: tree.Node) -> bool:
+    """Whether the parser takes the text; not so with numbers beyond its limit."""
+    try:
+        parse(to_text(node))
+    except ExpressionError:
+        return False
+    return True
 
 
 def _candidates(node: tree.Node, rebuild: Rebuild, context: MaskContext) -> Iterator[_Candidate]:

@@ -101,7 +101,7 @@ def length_unit(
         return Unit(declared, LENGTHS[declared], False)
     centre = np.array([(bounds.x0 + bounds.x1) / 2, (bounds.y0 + bounds.y1) / 2])
     for name, metres in LENGTHS.items():
-        away = np.linalg.norm(positions * metres - centre, axis=1)
+        away = np.hypot(*(positions * metres - centre).T)
         if np.median(away) <= _FARTHEST * bounds.diagonal:
             return Unit(name, metres, True)
     x, y = np.median(positions, axis=0)
@@ -125,7 +125,7 @@ def length_warnings(
     median error, in at least 10 rows.
     """
     errors = {
-        name: float(np.median(np.linalg.norm(positions * metres - truth, axis=1)))
+        name: float(np.median(np.hypot(*(positions * metres - truth).T)))
         for name, metres in LENGTHS.items()
     }
     far = int((_off_map(positions * LENGTHS[unit], bounds) > bounds.diagonal).sum())
@@ -151,7 +151,7 @@ def _off_map(positions: NDArray[np.float64], bounds: Bounds) -> NDArray[np.float
     """The distance of positions (n, 2) from the bounds, 0 inside; metres."""
     low, high = np.array([bounds.x0, bounds.y0]), np.array([bounds.x1, bounds.y1])
     outside = np.maximum(np.maximum(low - positions, positions - high), 0)
-    return np.asarray(np.linalg.norm(outside, axis=1))
+    return np.asarray(np.hypot(*outside.T))
 
 
 def angle_unit(declared: str | None, headings: NDArray[np.float64], where: str) -> Unit:

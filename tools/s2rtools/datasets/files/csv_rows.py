@@ -43,6 +43,7 @@ def read_rows(
             if not names:
                 names = [name.strip() for name in values]
                 _check_separator(path, names)
+                _check_repeated(path, names, columns)
                 check_names(names)
                 continue
             count += 1
@@ -62,6 +63,13 @@ def _check_separator(path: Path, names: list[str]) -> None:
             raise RequestError(
                 f"{path}:1: columns are separated by {name}; separate them by commas"
             )
+
+
+def _check_repeated(path: Path, names: list[str], columns: Collection[str]) -> None:
+    """Raise RequestError if a requested column exists twice: which one counts is unknown."""
+    repeated = next((name for name in names if name in columns and names.count(name) > 1), None)
+    if repeated is not None:
+        raise RequestError(f"{path}:1: column {repeated} exists more than once; keep one")
 
 
 def missing_column(path: Path, name: str, found: Collection[str], needed: str) -> RequestError:
