@@ -40,4 +40,4 @@ def open_finding(context: SessionContext, state: State, finding: Finding) -> Sta
     elif not is_here:
         target = pending_target.with_expression(state, place, text)
         state = navigation.go_to(context, replace(state, operator="replace"), target)
-    return state.with_message(f"{finding.kind}: {finding.statement}")
+    return state.with_message(finding.message)

@@ -251,7 +251,7 @@ def _worst_room(store: Store, run: str) -> tuple[Node, str] | None:
         finding = worst_room(store, run)
         if finding is None or finding.node is None:
             return None
-        return finding.node, f"{finding.kind}: {finding.statement}"
+        return finding.node, finding.message
     largest = largest_room(store, run)
     if largest is None:
         return None

@@ -122,6 +122,7 @@ def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path: Path
     for finding in report.findings:
         assert not finding.evident
         assert finding.statement.endswith("; not evident")
+        assert "(not evident): " in finding.message
 
 
 def test_one_run_is_compared_with_none(tmp_path: Path) -> None:

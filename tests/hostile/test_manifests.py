@@ -121,14 +121,17 @@ def test_outside_links_in_the_sim2realviz_layout_are_rejected(
     assert ingest(tmp_path / "data", *options, "--allow-outside", layout="sim2realviz") == 0
 
 
+COLUMNS = b"trajectory,seq,domain,rgb,depth,x,y,heading"
+
+
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (b"trajectory,seq\n\0\0\0\n", "NUL"),
+        (COLUMNS + b"\n\0\0\0\n", "NUL"),
         (b"a," * 5000 + b"\n", "columns"),
-        (b"trajectory,seq\n" + b"x" * (2 << 20) + b"\n", "longer than"),
-        (b'trajectory,seq\n"' + b"x\n" * (1 << 19), "field"),
-        (b"trajectory,seq\n\xff\xfe\n", "UTF-8"),
+        (COLUMNS + b"\n" + b"x" * (2 << 20) + b"\n", "longer than"),
+        (COLUMNS + b'\n"' + b"x\n" * (1 << 19), "field"),
+        (COLUMNS + b"\n\xff\xfe\n", "UTF-8"),
     ],
     ids=["nul", "columns", "line", "field", "encoding"],
 )

@@ -117,5 +117,12 @@ def saved_entry(expression: str, **changes: object) -> dict[str, object]:
 
 
 def control_characters(text: str) -> set[str]:
-    """The non-printable characters of a text other than line feeds."""
-    return {c for c in text if not c.isprintable() and c != "\n"}
+    """The non-printable characters of a text other than line feeds.
+
+    Octants, block characters of Unicode 16 that older versions of Python do not know, do not count.
+    """
+    return {
+        c
+        for c in text
+        if not c.isprintable() and c != "\n" and not "\U0001cd00" <= c <= "\U0001cde5"
+    }

@@ -56,18 +56,19 @@ class HelpScreen(ModalBase[None]):
 
     def _show(self, lines: list[str], match: int | None = None) -> None:
         """Show lines, with the one of a match in bold."""
-        content = Content(printable_lines("\n".join(lines) or "nothing matches"))
-        if match is not None:
-            start = sum(len(line) + 1 for line in lines[:match])
-            content = content.stylize("bold reverse", start, start + len(lines[match]))
-        self.query_one("#help-text", Static).update(content)
+        text = printable_lines("\n".join(lines) or "nothing matches")
+        before = len(text) if match is None else sum(len(line) + 1 for line in lines[:match])
+        after = before if match is None else before + len(lines[match])
+        self.query_one("#help-text", Static).update(
+            Content.assemble(text[:before], (text[before:after], "bold reverse"), text[after:])
+        )
 
     def action_search(self) -> None:
         """Open the search line."""
         self._line.add_class("open")
         self._line.value = ""
         self._line.focus()
-        self.query_one("#help-hint", Static).update(_SEARCH_HINT)
+        self.query_one("#help-hint", Static).update(Content(_SEARCH_HINT))
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -95,5 +96,5 @@ class HelpScreen(ModalBase[None]):
     def _close_search(self) -> None:
         self._line.remove_class("open")
         self._show(help_lines(self._access))
-        self.query_one("#help-hint", Static).update(_HINT)
+        self.query_one("#help-hint", Static).update(Content(_HINT))
         self._list.focus()

@@ -252,8 +252,8 @@ def signed(value: float) -> str:
     return "0.00" if text in ("+0.00", "-0.00") else text
 
 
-HEADINGS = ("room", "n", "A m", "B m", "B - A m", "95 % interval", "evident")
-"""Columns of the table of rooms, in which A and B are medians and B - A is the median change."""
+HEADINGS = ("room", "n", "A m", "B m", "change m", "95 % interval", "evident")
+"""Columns of the table of rooms: medians of A and of B, and the median of the changes B - A."""
 
 
 def table_rows(rooms: Sequence[tuple[str, Change]], whole: Change) -> list[tuple[str, ...]]:

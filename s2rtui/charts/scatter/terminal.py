@@ -112,6 +112,10 @@ def draw_scatter(
     _lines(chart, model)
     _unselected(chart, model)
     (_shades if model.dense else _dots)(chart, model)
+    if model.trained is not None:
+        chart.char[model.trained] = chart.glyphs.trained
+        if model.dense:
+            chart.fg[model.trained] = chart.theme.text
     canvas.paste(chart, layout.left, 0)
     panel = _panel(data.axis, layout)
     if model.cursor is not None:
@@ -166,8 +170,6 @@ def _dots(chart: Canvas, model: ScatterModel) -> None:
     chart.char[held] = names[several]
     chart.fg[held] = _side_inks(chart.options)[model.larger[held]]
     chart.bold[held] = True
-    if model.trained is not None:
-        chart.char[model.trained] = chart.glyphs.trained
 
 
 def _side_inks(options: RenderOptions) -> np.ndarray:
@@ -252,7 +254,7 @@ def _point_legend(
         where = "above" if side == "real" else "below"
         marked: list[tuple[str, Rgb]] = [] if dense else [(f"{glyph} ", ink)]
         text = f"{side} error larger ({where} the diagonal): "
-        if len(text) + 12 > width // 2:
+        if len(text) + 12 > width // 2 and (dense or options.supports_images):
             text = f"{side} error larger: "
         parts.append(text_part((*marked, (text, theme.muted), (str(count), theme.text))))
     if dense:
@@ -261,7 +263,7 @@ def _point_legend(
         parts.append(
             text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
         )
-    if data.trained is not None and not dense:
+    if data.trained is not None:
         parts.append(trained_legend(options))
     if summary.selected < summary.total:
         grey = "⠿" if not options.ascii else options.glyphs.unselected

@@ -26,6 +26,7 @@ from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, 
 from s2rtui.charts.shared.base_map_terminal import (
     draw_trained,
     plane_panel,
+    point_colours,
     several_legend,
     trained_legend,
 )
@@ -188,7 +189,7 @@ def _legend(data: UmapInput, width: int, options: RenderOptions) -> list[LegendP
     length = 10 if ramp else 8 if width < 60 else 16
     scale, clipped = value_range(data), data.value_range is None
     bar = colour_bar(
-        data.value_label, data.value_unit, scale, options, length,
+        data.value_label, data.value_unit, scale, options, length, point_colours(theme),
         ramp=ramp, room=width, clipped=clipped,
     )  # fmt: skip
     mean = "digit" if ramp else "colour"

@@ -53,7 +53,12 @@ class Finding:
     @property
     def statement(self) -> str:
         """The text, which says so where the finding is not evident."""
-        return self.text if self.evident else f"not evident: {self.text}"
+        return self.text if self.evident else f"{self.text}; not evident"
+
+    @property
+    def message(self) -> str:
+        """Kind and text for a line that may be cut: what is not evident says so first."""
+        return f"{self.kind}{'' if self.evident else ' (not evident)'}: {self.text}"
 
     @property
     def line(self) -> str:
