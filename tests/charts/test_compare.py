@@ -148,8 +148,8 @@ def test_changes_by_room_equal_direct_computation(
             assert part.second == pytest.approx(np.median(two))
             assert part.change.value == pytest.approx(np.median(two - one))
             assert part.large == pytest.approx(np.mean(np.abs(two - one) > 0.5))
-        assert part.better == (two < one - 0.05).sum()
-        assert part.worse == (two > one + 0.05).sum()
+        assert part.better == (two - one < -0.05).sum()
+        assert part.worse == (two - one > 0.05).sum()
 
 
 def test_changes_of_many_instances_are_those_of_their_members() -> None:

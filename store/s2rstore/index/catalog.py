@@ -137,6 +137,8 @@ class IndexCatalog:
         try:
             connection.execute("SELECT gap_m FROM pair LIMIT 0")
             return ""
+        except duckdb.CatalogException:  # the index has no such view
+            return ""
         except duckdb.BinderException:
             missing: set[str] = set()
             for table in ("instance", "prediction"):
