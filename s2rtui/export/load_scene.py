@@ -155,7 +155,7 @@ def _sort_columns(
         columns = instance_list.columns(session.store, session.notes)
     if "rooms" in sorted_views:
         groups = error_groups.COLUMN_NAMES
-    column = fields.without_unit(name)
+    column = fields.of_name(name)
     if column not in columns and name not in groups:
         raise RequestError(f"--sort {name}: must be one of {', '.join((*columns, *groups))}")
     return (

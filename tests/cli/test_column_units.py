@@ -143,3 +143,19 @@ def test_stores_of_earlier_versions_have_columns_with_units(
         assert all(row[::2] == row[1::2] for row in table)
         assert len(store.connection().execute("SELECT gap_m FROM pair").fetchall()) == 80
         assert len(evaluation.select(store, "gap_m > 0")) == 40
+
+
+def test_columns_and_sort_take_the_names_that_rows_have(
+    tiny_store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = []
+    for name in ("real.error", "real.error_m", "real_error_m"):
+        columns = ["--columns", f"iid,{name}", "--format", "csv"]
+        assert main(["query", str(tiny_store), "all", *columns]) == 0
+        found.append(capsys.readouterr().out.splitlines()[1:])
+        assert main(["show", str(tiny_store), "list", "--sort", name, "--format", "csv"]) == 0
+        found.append(capsys.readouterr().out.splitlines()[1:])
+    assert found[0]
+    assert found[0] == found[2] == found[4]
+    assert found[1]
+    assert found[1] == found[3] == found[5]

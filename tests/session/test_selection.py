@@ -287,7 +287,7 @@ def test_names_are_sorted_alphabetically(session: Session, name: str) -> None:
 
 def test_every_column_of_the_list_can_be_sorted_by(session: Session) -> None:
     names, _ = ListView().numbers(Scene(session.store, session.state, Resources()))
-    shown = {fields.without_unit(name) for name in names}
+    shown = {fields.of_name(name) for name in names}
     assert shown == set(instance_list.COLUMNS)
     sort_columns = [
         session.dispatch(instance_list.sort_by_next_column).sort for _ in instance_list.COLUMNS

@@ -129,9 +129,7 @@ def selected_rows(
             query = f"SELECT {', '.join(default)} FROM {pairs} JOIN ({text}) USING (iid)"
             rows = store.execute(f"{query} WHERE run = ? ORDER BY iid", [*parameters, name])
         else:
-            readers = [
-                _column(store, name, fields.without_unit(column), notes) for column in columns
-            ]
+            readers = [_column(store, name, fields.of_name(column), notes) for column in columns]
             iids = store.execute(f"SELECT iid FROM ({text}) ORDER BY iid", parameters)
             rows = [tuple(read(iid) for read in readers) for (iid,) in iids]
     node = parse(expression)

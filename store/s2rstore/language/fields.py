@@ -187,6 +187,11 @@ def of_column(column: str) -> str | None:
     return next((name for name in _FIELDS if name.replace(".", "_") == column), None)
 
 
+def of_name(name: str) -> str:
+    """The field that a name with or without unit, or a column of rows, stands for."""
+    return without_unit(of_column(name) or name)
+
+
 def is_truth(name: str) -> bool:
     """Whether a field belongs to the instance and does not depend on the run."""
     known = NUMERIC.get(name) or TEXT[name]
