@@ -155,13 +155,14 @@ def scenes(session: Session) -> dict[str, Scene]:
         "plain": plain,
         "rich": replace(plain, state=rich, resources=heated),
         "sliding": replace(plain, state=sliding, resources=heated),
+        "findings": replace(plain, state=replace(state, view="findings")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),
     }
 
 
-@pytest.fixture(params=["plain", "rich", "sliding", "trained"])
+@pytest.fixture(params=["plain", "rich", "sliding", "findings", "trained"])
 def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 
