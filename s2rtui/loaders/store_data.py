@@ -112,7 +112,7 @@ def floor_plan_key(store: Store, state: State) -> Key | None:
 
 
 def read_floor_plan(store: Store, state: State, context: LoadContext) -> Fields:
-    """The floor plan, after its walls were found: maps find them in a cache."""
+    """Read the floor plan and detect its walls, which are cached for the maps."""
     plan, width = floor_plan_pixels(str(store.floor_plan_path())), store.dataset.bounds.width
     if width > 0:
         plan_tones(plan, width)

@@ -123,7 +123,7 @@ class PlotView(Widget, can_focus=False):
 
     @dataclass
     class Hovered(Message):
-        """The mouse moved over the widget or left it; `take_hover` tells where it is."""
+        """The mouse moved over the widget or left it; `take_hover` returns its position."""
 
         plot: PlotView
 

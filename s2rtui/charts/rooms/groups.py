@@ -71,7 +71,7 @@ def selected_per_group(grouped: Groups, members: NDArray[np.bool_]) -> dict[str,
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """A column of texts: `sorts` names the columns that its arrow stands for."""
+    """A column of the table; it shows the sort arrow if the table is sorted by one of `sorts`."""
 
     title: str
     sorts: tuple[str, ...]
@@ -100,7 +100,7 @@ _ORDER = ("real", "95 %", "sim", "gap", "n", "sel")
 
 
 def fitting_columns(data: GroupsInput, rows: list[GroupErrors], width: int) -> list[TableColumn]:
-    """The columns that fit beside the names in `width` cells, in the order of the table."""
+    """The columns that fit into `width` cells beside the names of the groups, from the left."""
     longest = max((len(row.group.name) for row in rows), default=0)
     free = width - min(longest, _FEWEST_LETTERS) - 2
     chosen: list[TableColumn] = []

@@ -49,7 +49,7 @@ class ErrorAxis:
         return float(self.low * (self.high / self.low) ** fraction)
 
     def ticks(self, count: int) -> list[float]:
-        """At most about `count` round numbers; on a logarithmic axis 1, 2 and 5 times 10^n."""
+        """About `count` tick values: round numbers, or 1, 2 and 5 times 10^n on a log axis."""
         if not self.log:
             return tick_values(self.low, self.high, count)
         first, last = math.floor(math.log10(self.low)), math.ceil(math.log10(self.high))

@@ -246,7 +246,7 @@ def _places(sim: Floats, real: Floats, axis: ErrorAxis, columns: int, rows: int)
 
 
 def _larger(selected: Counts) -> NDArray[np.int8]:
-    """Which error is larger in each cell, from counts (h, w, 3) per side of the diagonal."""
+    """The side whose error is larger in each cell, (h, w); from counts (h, w, 3) by that side."""
     sim = (selected[..., SIM_LARGER] > 0) & (selected[..., EQUAL:].sum(axis=2) == 0)
     real = (selected[..., REAL_LARGER] > 0) & (selected[..., :REAL_LARGER].sum(axis=2) == 0)
     return np.where(sim, SIM_LARGER, np.where(real, REAL_LARGER, EQUAL)).astype(np.int8)

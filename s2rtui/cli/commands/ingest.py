@@ -18,7 +18,7 @@ from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
 _LISTED_STRICT = 100
-"""Issues of a kind that are listed where they are why the input is refused."""
+"""Number of issues of one kind that are listed when `--strict` refuses the input."""
 _DEFAULT_SIZE = 256
 _DEFAULT_SIZES = {"world": 128, "images": 320}
 EXAMPLE = "s2r ingest csv pairs.csv --calibration lab.toml --store lab.s2r"

@@ -20,7 +20,7 @@ def any_of(nodes: Iterable[Node]) -> Node:
 
 
 def new_to(node: Node, own: Mask, others: Mapping[str, Mask]) -> Node:
-    """What `node` selects of the instances that are new to a run, and to all `others`.
+    """Restrict an expression to the instances that are new to a run and to all `others`.
 
     `own` (N,) marks the instances new to the run, and `others` those new to runs by name. `new` is
     added for each of the others that excludes an instance that is new to the run.
