@@ -14,10 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import RequestError
 from s2rstore.geometry.camera import into_rgb
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.geometry.reprojection import Reprojection
 from s2rstore.records import Domain
+from s2rtools.counterfactual.depth_tolerance import DepthTolerance
+from s2rtools.counterfactual.pair_counterfactuals import PairCounterfactuals
 
 COLOUR_FLOOR = 5.0
 """Grey levels added to both deviations, so that noise of flat images is not amplified."""
@@ -104,9 +107,15 @@ class ImageAlignment:
     """Both rigs of a run with the calibrated correction, and their views."""
 
     def __init__(
-        self, sim: Domain, real: Domain, frame: tuple[int, int], correction: RigOffset
+        self,
+        sim: Domain,
+        real: Domain,
+        frame: tuple[int, int],
+        correction: RigOffset,
+        tolerance: DepthTolerance | None = None,
     ) -> None:
         self._sim, self._real, self._frame = sim, correction.applied(real), frame
+        self._tolerance = tolerance
 
     @cached_property
     def sim_view(self) -> CameraView:
@@ -115,6 +124,13 @@ class ImageAlignment:
     @cached_property
     def real_view(self) -> CameraView:
         return CameraView(self._real, self._sim, self._frame)
+
+    @cached_property
+    def counterfactuals(self) -> PairCounterfactuals:
+        """Raises RequestError if the noise of the depth sensor was not estimated."""
+        if self._tolerance is None:
+            raise RequestError("the depth sensor is not calibrated; run `s2r precompute`")
+        return PairCounterfactuals(self._sim, self._real, self._frame, self._tolerance)
 
 
 def _sample_image(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from s2rstore.errors import RequestError
+from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps.harmonization import HarmonisedPair, ImageAlignment
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
@@ -96,6 +98,15 @@ class PairBatch(ImagePair):
     sim: SideBatch
     real: SideBatch
     alignment: ImageAlignment | None = None
+
+    @cached_property
+    def counterfactuals(self) -> list[CounterfactualInputs]:
+        """Each real image and its counterfactual as inputs; computed once for all kinds."""
+        return self.aligned().counterfactuals.inputs(self.sim, self.real, self.model.contract)
+
+    def composites(self) -> Iterator[NDArray[np.float32]]:
+        """The composites (32, C, h, w) of the factors of each pair, one pair at a time."""
+        return self.aligned().counterfactuals.composites(self.sim, self.real, self.counterfactuals)
 
     def side(self, side: str | None) -> SideBatch:
         return self.sim if side == "sim" else self.real

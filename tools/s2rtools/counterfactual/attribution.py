@@ -1,0 +1,104 @@
+"""Attribute the error of a prediction: to changed segments, to pixels, to factors of the gap.
+
+Errors are position error in metres, heading error in radians, and the loss.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from s2rstore.geometry import angles
+from s2rstore.metrics.pose_metrics import LOSS_GAMMA, pose_loss
+from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
+from s2rtools.counterfactual.factor_composites import FACTORS
+from s2rtools.inference import Backend
+
+
+def pose_errors(poses: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Position error in metres, heading error in radians and loss of poses (n, 3), as (n, 3)."""
+    position = np.hypot(poses[:, 0] - truth[0], poses[:, 1] - truth[1])
+    heading = angles.distance(poses[:, 2], truth[2])
+    return np.stack([position, heading, pose_loss(position, heading)], axis=1)
+
+
+def repair_gains(
+    backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Decrease (n, 3) of position error, heading error and loss by repairing each segment alone."""
+    errors = pose_errors(backend.forward_all(inputs.repaired()).pose, truth)
+    gains: NDArray[np.float64] = errors[0] - errors[1:]
+    return gains
+
+
+def integrated_gradients(
+    backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64], steps: int
+) -> NDArray[np.float32]:
+    """Contributions (3, C, h, w) of the input's values to the three errors of `pose_errors`.
+
+    Each sums to the error of the real input minus that of the counterfactual, up to the error of
+    `steps` points of the integral.
+    """
+    model = backend.model
+    assert backend.trunk is not None
+    start = torch.from_numpy(inputs.counterfactual).to(backend.device)
+    way = torch.from_numpy(inputs.real).to(backend.device) - start
+    shares = (torch.arange(steps, device=backend.device) + 0.5) / steps
+    target = torch.as_tensor(truth, dtype=torch.float32, device=backend.device)
+    with torch.enable_grad():
+        x = (start + shares[:, None, None, None] * way).contiguous(
+            memory_format=torch.channels_last
+        )
+        x.requires_grad_(True)
+        pose = model.convention.decode(model.network.head(model.network.embed(backend.trunk(x))))
+        position = (pose[:, :2] - target[:2]).square().sum(dim=1).clamp_min(1e-12).sqrt()
+        turn = torch.remainder(pose[:, 2] - target[2] + torch.pi, 2 * torch.pi) - torch.pi
+        along_position = _gradient(position, x, keep=True)
+        along_heading = _gradient(turn.abs(), x, keep=False)
+    weight = (2 * (1 - LOSS_GAMMA) * position.detach())[:, None, None, None]
+    along_loss = weight * along_position + LOSS_GAMMA * along_heading
+    means = [each.mean(dim=0) for each in (along_position, along_heading, along_loss)]
+    return np.asarray((torch.stack(means) * way).cpu().numpy(), dtype=np.float32)
+
+
+def _gradient(output: Tensor, x: Tensor, keep: bool) -> Tensor:
+    (found,) = torch.autograd.grad(output.sum(), x, retain_graph=keep)
+    return found
+
+
+def gap_shares(
+    backend: Backend, composites: NDArray[np.float32], truth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Shapley value (5,) of each of `FACTORS` for the gap of a pair, in metres.
+
+    `composites` (32, C, h, w) are the inputs of all coalitions, see `composite_inputs`. The shares
+    sum to the error of the real image minus that of the sim image.
+    """
+    errors = pose_errors(backend.forward_all(composites).pose, truth)[:, 0]
+    shares = shapley_values(errors)
+    assert len(shares) == len(FACTORS)
+    return shares
+
+
+def shapley_values(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Exact Shapley values (players, ...) of the coalition values (2 ** players, ...).
+
+    The index of a coalition has the bit 1 << i set where player i belongs to it. They sum to the
+    value of all players minus that of none. Source: Shapley, "A value for n-person games", 1953.
+    """
+    count = int(np.log2(len(values)))
+    if 1 << count != len(values):
+        raise ValueError(f"{len(values)} coalitions: not a power of 2")
+    index = np.arange(len(values))
+    size = np.array([int(k).bit_count() for k in index])
+    weight = np.array([1.0 / (count * comb(count - 1, s)) for s in range(count)])
+    shares = []
+    for player in range(count):
+        without = index[(index >> player) & 1 == 0]
+        difference = values[without | (1 << player)] - values[without]
+        shares.append(np.tensordot(weight[size[without]], difference, axes=1))
+    return np.stack(shares)
