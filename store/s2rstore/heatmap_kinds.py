@@ -11,6 +11,9 @@ SHIPPED_PLACE = "4 synthetic buildings"
 """Where the shipped scores were measured; see docs/explanation/heatmaps.md."""
 
 
+_HARM_PLANES = {"position": "m", "heading": "rad", "loss": "loss"}
+
+
 @dataclass(frozen=True, slots=True)
 class HeatmapFacts:
     """Facts about one heatmap kind.
@@ -71,6 +74,18 @@ HEATMAPS: dict[str, HeatmapFacts] = {
             default_mode="loss",
             planes={"x": "m", "y": "m", "heading": "rad", "loss": "loss"},
             is_signed=True, needs_network=True,
+        ),
+        HeatmapFacts(
+            "harm",
+            "what each changed segment costs this prediction; sums to metres",
+            default_mode="position", planes=_HARM_PLANES,
+            is_signed=True, needs_network=True, is_slow=True,
+        ),
+        HeatmapFacts(
+            "harm_fine",
+            "what each pixel that differs costs this prediction, noise included",
+            default_mode="position", planes=_HARM_PLANES,
+            is_signed=True, needs_network=True, is_slow=True,
         ),
         HeatmapFacts(NO_HEAT, "plain images"),
     )

@@ -17,6 +17,10 @@ _LEAST_PIXELS = 50
 _MAD = 1.4826
 
 
+DepthPair = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Real depth and that of the sim surface in the same pixels (h, w), in metres, 0 if unknown."""
+
+
 @dataclass(frozen=True, slots=True)
 class DepthTolerance:
     """Deviation of the real depth from the sim surface: base + slope * depth^2, in metres.
@@ -44,12 +48,10 @@ class DepthTolerance:
         return (depth >= self.near) & (depth <= self.far)
 
 
-def estimate_tolerance(
-    pairs: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]],
-) -> DepthTolerance:
-    """Estimate the tolerance from pairs of depth images (h, w) in metres, 0 where unknown.
+def estimate_tolerance(pairs: Sequence[DepthPair]) -> DepthTolerance:
+    """Estimate the tolerance from pairs of depth images.
 
-    Each pair is the real depth and that of the sim surface in the same pixels. The deviation of
+    The deviation of
     each of some ranges of depth is 1.4826 times the median absolute difference from the median, so
     that changed surfaces count little; base and slope are fitted to these. The range is that in
     which most pixels of the sim surface have a real value.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from s2rtools.heatmaps.activation import Activation
 from s2rtools.heatmaps.feature_distance import FeatureDistance
+from s2rtools.heatmaps.harm import Harm, HarmFine
 from s2rtools.heatmaps.harmonized_difference import HarmonisedDifference, HarmonisedDistance
 from s2rtools.heatmaps.heatmap_method import (
     HeatmapKind,
@@ -32,6 +33,8 @@ HEATMAP_KINDS: dict[str, HeatmapKind] = {
         HarmonisedDistance(),
         HarmonisedDifference(),
         Occlusion(),
+        Harm(),
+        HarmFine(),
     )
 }
 

@@ -20,6 +20,8 @@ from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 MAX_SIDE = 128
+STAGE = "harm"
+"""Name of the stage that makes the counterfactuals of image pairs once for all kinds."""
 STEPS = 8
 """Images along the path from the counterfactual to the real image."""
 
@@ -34,7 +36,9 @@ class _HarmKind(HeatmapKind):
     """
 
     aligned = True
+    compares_depth = True
     cost = "many"
+    stage = STAGE
     planes = ("position", "heading", "loss")
     unit: ClassVar[str] = "m rad loss"
 

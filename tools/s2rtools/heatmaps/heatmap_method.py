@@ -136,9 +136,11 @@ class HeatmapKind(ABC):
 
     `version` changes whenever the values change. `cost` is `forward` if one pass suffices.
     `planes` names the maps along the first axis of an array with several maps per instance.
+    Kinds that need many passes and name the same `stage` are computed together.
     `model_free` kinds need no network, see `ImageHeatmapKind`; `uses_features` tells whether
     `compute` reads the features and predictions of the pair, `uses_truth` whether it reads the true
-    poses; `aligned` kinds compare both views by calibrated rigs; `compares_images` tells whether
+    poses; `aligned` kinds compare both views by calibrated rigs, and those that `compares_depth`
+    know the noise of the depth sensor; `compares_images` tells whether
     the images of a pair are compared position by position, as if both had one pose.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
     """
@@ -152,6 +154,8 @@ class HeatmapKind(ABC):
     uses_truth: ClassVar[bool] = True
     uses_features: ClassVar[bool] = False
     aligned: ClassVar[bool] = False
+    compares_depth: ClassVar[bool] = False
+    stage: ClassVar[str | None] = None
     compares_images: ClassVar[bool] = True
     surface: ClassVar[Literal["own", "nearer"]] = "own"
 

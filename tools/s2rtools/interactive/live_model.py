@@ -25,7 +25,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.inference import open_float32
 from s2rtools.models.load_model import load_model
-from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.frame_reader import (
     FrameImages,
     Renderers,
@@ -268,7 +268,7 @@ class LiveModel:
     def _pair_batch(self, run: Run, sim: SideBatch, real: SideBatch) -> PairBatch:
         moves = tuple(run_camera_move(self._store, run, side) for side in SIDES)
         if self._alignment[0] != moves:
-            self._alignment = moves, rig_calibration.load_alignment(self._store, run)
+            self._alignment = moves, load_alignment(self._store, run)
         return PairBatch(self._backend.model, self._backend, sim, real, self._alignment[1])
 
     def _heatmaps(self, name: str, pair: PairBatch) -> dict[HeatKey, NDArray[np.float32]]:

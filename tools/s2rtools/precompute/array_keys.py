@@ -17,7 +17,9 @@ from typing import Any
 from s2rstore.files import layout, safe_files
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import SIDES, Part, Run, Side
+from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
+from s2rtools.precompute.depth_calibration import load_tolerance
 from s2rtools.precompute.input_hashes import InputHashes
 
 KEY_VERSION = 1
@@ -85,8 +87,28 @@ class ArrayKeys:
             # Calibration estimates no pitch; the key has the entries that earlier versions wrote.
             facts["correction"] = offset and {"height": offset.height, "zoom": offset.zoom}
             inputs["cameras"] = self._cameras
+        if kind.compares_depth:
+            facts["tolerance"] = self._tolerance
         key, is_new = self._key({**facts, **inputs}, {**facts, **earlier})
         return key, is_new and kind.model_free
+
+    def gap_shares(self, backend: Facts, rendered: Sequence[str]) -> str:
+        """The key of the shares of the gap, which no earlier release computed."""
+        offset = self._store.rig_offset(self._run.sim_domain, self._run.real_domain)
+        return content_key(
+            {
+                "kind": gap_shares.KIND,
+                "version": gap_shares.VERSION,
+                "backend": backend,
+                "correction": offset and asdict(offset),
+                "tolerance": self._tolerance,
+                "cameras": self._cameras,
+                "poses": self._poses,
+                **self._images(rendered),
+                **self._model,
+                **self._source_sizes,
+            }
+        )
 
     def map(self, heat: str, prediction: str, settings: Facts) -> str:
         """The key of the map grids of heatmaps, given by the keys of these and the predictions."""
@@ -98,6 +120,11 @@ class ArrayKeys:
             "floor": self._hashes.floor(),
         }
         return self._key({**facts, **inputs}, facts)[0]
+
+    @cached_property
+    def _tolerance(self) -> Facts | None:
+        tolerance = load_tolerance(self._store, self._run)
+        return None if tolerance is None else asdict(tolerance)
 
     def _images(self, rendered: Sequence[str]) -> Facts:
         domains = self._run.sim_domain, self._run.real_domain

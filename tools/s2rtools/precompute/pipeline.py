@@ -17,7 +17,7 @@ from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import rig_calibration
+from s2rtools.precompute import depth_calibration, rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
@@ -124,10 +124,7 @@ def _compute_run(
     if run.is_imported:
         kinds = _without_network(name, kinds, reporter)
     kinds = usable_kinds(current.get(), run, kinds, reporter.say)
-    if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
-        current.get(), run, lease.check
-    ):
-        reporter.say(f"{run.sim_domain} | {run.real_domain}: rigs calibrated")
+    _calibrate(current, run, kinds, reporter, lease)
     if run.model is None:
         return _compute_imported(current, run, kinds, options, reporter, lease)
     model = model_outline(current.get(), run.model, options.trust)
@@ -158,6 +155,25 @@ def _compute_run(
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
+
+
+def _calibrate(
+    current: CurrentStore,
+    run: Run,
+    kinds: Sequence[str],
+    reporter: ProgressReporter,
+    lease: Lease,
+) -> None:
+    """Calibrate the run's pair of domains as far as the heatmap kinds need it."""
+    pair = f"{run.sim_domain} | {run.real_domain}"
+    if any(HEATMAP_KINDS[kind].aligned for kind in kinds) and rig_calibration.ensure_calibrated(
+        current.get(), run, lease.check
+    ):
+        reporter.say(f"{pair}: rigs calibrated")
+    if any(HEATMAP_KINDS[kind].compares_depth for kind in kinds) and (
+        depth_calibration.ensure_depth_tolerance(current.get(), run, lease.check)
+    ):
+        reporter.say(f"{pair}: noise of the depth sensor estimated")
 
 
 def _without_network(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -13,8 +12,8 @@ from numpy.typing import NDArray
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Domain, Intrinsics, Run
-from s2rstore.run_inputs import run_domain
+from s2rstore.records import SIDES, Domain, Run
+from s2rtools.counterfactual.pair_counterfactuals import scaled_cameras
 from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, ViewImages
 
 MAX_FRAMES = 24
@@ -36,19 +35,6 @@ _CalibrationPair = tuple[ViewImages, ViewImages, NDArray[np.float32]]
 """Sim and real images of an instance, and the gradients of the sim image."""
 
 
-def load_alignment(store: Store, run: Run) -> ImageAlignment | None:
-    """The rigs of a run with the stored correction; None if the domains are not calibrated.
-
-    The correction applies to the declared cameras, so it also holds if the run moves a camera.
-    """
-    correction = store.rig_offset(run.sim_domain, run.real_domain)
-    if correction is None:
-        return None
-    frame = store.dataset.frame_height, store.dataset.frame_width
-    sim, real = (run_domain(store, run, side) for side in SIDES)
-    return ImageAlignment(sim, real, frame, correction)
-
-
 def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda: None) -> bool:
     """Calibrate the run's pair of domains and publish the result; False if it exists.
 
@@ -63,12 +49,12 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
     size = store.dataset.frame_height, store.dataset.frame_width
     share = min(1.0, MAX_SIDE / max(size))
     frame = max(8, round(size[0] * share)), max(8, round(size[1] * share))
-    iids = _comparable(store)
+    iids = comparable_iids(store)
     sim_images, real_images = (
-        [_read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
+        [read_images(store, int(iid), domain, frame) for iid in iids] for domain in domains
     )
     pairs = list(zip(sim_images, real_images, strict=True))
-    sim, real = (_scale_cameras(domain, frame, size) for domain in domains)
+    sim, real = (scaled_cameras(domain, size, frame) for domain in domains)
     offset = calibrate(sim, real, frame, pairs)
     with edit(store.path, check) as draft:
         facts = {
@@ -78,7 +64,7 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
     return True
 
 
-def _comparable(store: Store) -> NDArray[np.intp]:
+def comparable_iids(store: Store) -> NDArray[np.intp]:
     """At most `MAX_FRAMES` iids, evenly spread, of pairs whose images have nearly one pose."""
     truth = store.instances
     near = (truth.pair_offset_m <= MAX_PAIR_OFFSET) & (truth.pair_offset_deg <= MAX_PAIR_ANGLE)
@@ -87,23 +73,12 @@ def _comparable(store: Store) -> NDArray[np.intp]:
     return iids[np.unique(places)]
 
 
-def _read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
+def read_images(store: Store, iid: int, domain: Domain, frame: tuple[int, int]) -> ViewImages:
     stored = store.frame(iid, domain.domain)
     size = frame[1], frame[0]
     rgb = cv2.resize(stored.rgb, size, interpolation=cv2.INTER_AREA)
     depth = cv2.resize(stored.depth, size, interpolation=cv2.INTER_NEAREST)
     return np.asarray(rgb), depth, (depth >= domain.depth_raw_min) & (depth <= domain.depth_raw_max)
-
-
-def _scale_cameras(domain: Domain, frame: tuple[int, int], size: tuple[int, int]) -> Domain:
-    rows, cols = frame[0] / size[0], frame[1] / size[1]
-
-    def scaled(lens: Intrinsics) -> Intrinsics:
-        return replace(
-            lens, fx=lens.fx * cols, cx=lens.cx * cols, fy=lens.fy * rows, cy=lens.cy * rows
-        )
-
-    return replace(domain, rgb=scaled(domain.rgb), depth=scaled(domain.depth))
 
 
 def calibrate(

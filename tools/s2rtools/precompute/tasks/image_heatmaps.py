@@ -13,7 +13,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
 from s2rtools.heatmaps import IMAGE_KINDS
 from s2rtools.heatmaps.heatmap_method import ImageBatch, SideImages
-from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.tasks.network_outputs import FORWARD_ROWS, as_stored, heatmap_specs
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
@@ -44,7 +44,7 @@ def image_stages(
 
 def compute_heatmaps(store: Store, run: Run, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
     """The missing heatmaps of a unit's instances, of the frames as they are stored."""
-    alignment = rig_calibration.load_alignment(store, run)
+    alignment = load_alignment(store, run)
     kinds = dict.fromkeys(spec.kind for spec in unit.missing)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     rows = unit.instances

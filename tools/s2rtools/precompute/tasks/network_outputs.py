@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
-from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch
+from s2rtools.counterfactual import gap_shares
+from s2rtools.counterfactual.factor_composites import FACTORS
+from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch, harm
 from s2rtools.heatmaps.heatmap_method import OutputSpec
 from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import rig_calibration
+from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
@@ -40,11 +42,11 @@ def network_stages(
     frames: tuple[ArraySpec, ...] = (),
     has_depth: bool = True,
 ) -> tuple[Stage, list[Stage]]:
-    """The forward stage of a part, and one stage per heatmap kind that needs many passes.
+    """The forward stage of a part, and the stages of the heatmap kinds that need many passes.
 
     The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
-    only. `frames` are the arrays of rendered frames that the stages read. `has_depth` tells whether
-    both domains have depth.
+    only. The shares of the gap belong to the stage of the harm kinds. `frames` are the arrays of
+    rendered frames that the stages read. `has_depth` tells whether both domains have depth.
     """
     rendered = [spec.key for spec in frames]
     key = keys.prediction(backends.predictions.facts(), rendered)
@@ -68,7 +70,7 @@ def network_stages(
         )
         for side in SIDES
     ]
-    stages = []
+    grouped: dict[str, list[ArraySpec]] = {}
     for kind in kinds:
         described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
         key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
@@ -76,8 +78,22 @@ def network_stages(
         if HEATMAP_KINDS[kind].cost == "forward":
             specs += heatmaps
         else:
-            stages.append(Stage(kind, run.run, tuple(heatmaps), HEATMAP_ROWS, frames))
+            grouped.setdefault(HEATMAP_KINDS[kind].stage or kind, []).extend(heatmaps)
+    if harm.STAGE in grouped:
+        facts = backends.kind_facts(gap_shares.KIND)
+        grouped[harm.STAGE].append(_share_spec(part, keys.gap_shares(facts, rendered)))
+    stages = [
+        Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames)
+        for name, of_stage in grouped.items()
+    ]
     return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames), stages
+
+
+def _share_spec(part: Part, key: str) -> ArraySpec:
+    """The array of the shares of the gap in a part."""
+    item, axes = (len(FACTORS),), ("iid", "factor")
+    return ArraySpec(gap_shares.KIND, None, None, item, "float32", axes, "m", key, part.instances,
+                     first_iid=part.first_iid)  # fmt: skip
 
 
 def _described(
@@ -119,11 +135,12 @@ def compute_outputs(
 
     `backend` computes predictions and embeddings, `heatmap_backend` what heatmaps are made of.
     """
-    alignment = rig_calibration.load_alignment(store, run)
+    alignment = load_alignment(store, run)
     truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, contract = unit.instances, backend.model.contract
     kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
+    is_shared = any(spec.kind == gap_shares.KIND for spec in unit.missing)
     is_predicted = any(spec.kind in ("prediction", "embedding") for spec in unit.missing)
     uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
@@ -135,7 +152,7 @@ def compute_outputs(
         if is_predicted:
             outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
         heatmaps: dict[str, Any] = {}
-        if kinds:
+        if kinds or is_shared:
             given = outputs if heatmap_backend is backend else {}
             sim, real = (
                 side_batch(
@@ -149,6 +166,8 @@ def compute_outputs(
             )
             pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)
             heatmaps = {kind: HEATMAP_KINDS[kind].compute(pair) for kind in kinds}
+            if is_shared:
+                heatmaps[gap_shares.KIND] = {(None, None): _gap_shares(pair)}
         for spec in unit.missing:
             if spec.kind == "prediction":
                 values: NDArray[Any] = outputs[spec.side].pose
@@ -158,6 +177,14 @@ def compute_outputs(
                 values = heatmaps[spec.kind][spec.side, spec.mode]
             batches[spec].append(as_stored(values, spec.dtype))
     return {spec: np.concatenate(parts) for spec, parts in batches.items()}
+
+
+def _gap_shares(pair: PairBatch) -> NDArray[np.float64]:
+    """Shares of the gap (B, 5) of a batch in metres."""
+    return np.stack([
+        gap_shares.gap_shares(pair.backend, composites, truth)
+        for composites, truth in zip(pair.composites(), pair.real.truth, strict=True)
+    ])  # fmt: skip
 
 
 def side_batch(
