@@ -132,13 +132,14 @@ _SITUATIONS = {
 
 def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
     """Pairs of a group's title and its (key, description, situation)."""
-    from s2rtui.app import key_bindings
+    from s2rtui.app.action import GROUPS
+    from s2rtui.app.key_bindings import ACTIONS
 
     groups = []
-    for group, title in key_bindings.GROUPS.items():
+    for group, title in GROUPS.items():
         rows = [
             (action.all_keys, action.description, _SITUATIONS.get(action.when, action.when))
-            for action in key_bindings.ACTIONS
+            for action in ACTIONS
             if action.group == group and action.description
         ]
         groups.append((title, rows))
@@ -147,7 +148,7 @@ def _key_groups() -> list[tuple[str, list[tuple[str, str, str]]]]:
 
 def _question_sections() -> list[str]:
     """The questions of a user with the keys that answer them, one section each."""
-    from s2rtui.app.key_bindings import QUESTIONS
+    from s2rtui.app.screens.help_content import QUESTIONS
 
     parts = []
     for question in QUESTIONS:
@@ -212,7 +213,7 @@ def language_page() -> str:
 
 def names_page() -> str:
     """Names of columns with their units, and the deprecated names without."""
-    from s2rstore.index import schema
+    from s2rstore.index import pair_view
     from s2rstore.language import fields
     from s2rtui.charts.registry import STORED
     from s2rtui.export.rows.selected_instances import DEPRECATED
@@ -227,7 +228,9 @@ def names_page() -> str:
         )
         for name in renamed
     )
-    old = [("view `pair`", name, schema.pair_column(name)) for name in schema.pair_comments()]
+    old = [
+        ("view `pair`", name, pair_view.column_name(name)) for name in pair_view.column_comments()
+    ]
     old += [("`s2r query`, rows of `s2r tui`", *names) for names in DEPRECATED.items()]
     for view in STORED.values():
         old += [(f"`s2r show STORE {view.name}`", *names) for names in view.deprecated.items()]
@@ -262,7 +265,7 @@ def names_page() -> str:
 def schema_page() -> str:
     """Tables and columns of the index and of the gap history."""
     from s2rstore.gap_history import schema as history_schema
-    from s2rstore.index import schema
+    from s2rstore.index import pair_view, schema
 
     parts = [
         "# Index schema\n",
@@ -272,7 +275,7 @@ def schema_page() -> str:
         "value, never NaN.\n",
     ]
     parts += [_schema_table(described) for described in schema.TABLES]
-    comments = schema.pair_comments()
+    comments = pair_view.column_comments()
     parts += [
         "## pair (view)\n",
         "One row per run and instance: ground truth and both sides.\n",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,8 @@ os.environ["S2R_BACKEND"] = "torch"
 """The default measures which backend is the fastest, so that values would depend on the machine."""
 _CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
+
+PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 _wait.SLEEP_GRANULARITY, _wait.SLEEP_IDLE = 0.002, 0.0002
 """Seconds; Textual's defaults wait 20 ms of idle time after each key and slow the tests down."""
@@ -38,6 +41,21 @@ def user_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A separate folder per test for the user's selections, notes and tags."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
     return tmp_path / "share" / "s2rtui"
+
+
+@pytest.fixture
+def declared_entry_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The entry points of pyproject.toml, whatever an earlier installation has recorded."""
+    project = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
+    folder = tmp_path / "installed" / f"{project['name']}-{project['version']}.dist-info"
+    folder.mkdir(parents=True)
+    metadata = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (folder / "METADATA").write_text(metadata, encoding="utf-8")
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {target}" for name, target in points.items())]
+    (folder / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+    monkeypatch.syspath_prepend(folder.parent)
 
 
 @pytest.fixture(scope="session")

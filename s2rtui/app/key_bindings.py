@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
-from textual.keys import KEY_NAME_REPLACEMENTS
-
-from s2rstore.index.catalog import NO_POSES
 from s2rstore.metrics import nearest_neighbours
+from s2rtui.app.action import Action
 from s2rtui.charts.instance.model import NEIGHBOURS
 from s2rtui.charts.registry import VIEWS
-from s2rtui.security import Capability, Permissions
+from s2rtui.security import Permissions
 from s2rtui.session import (
     Brush,
     Session,
@@ -32,107 +27,7 @@ from s2rtui.session.context import Reducer, SessionContext
 from s2rtui.session.state import State
 
 if TYPE_CHECKING:
-    from s2rstore.reader import Store
     from s2rtui.app.app import S2RApp
-
-Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
-When = Literal[
-    "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "elsewhere",
-]  # fmt: skip
-
-GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
-
-TERMS = {
-    "instance": "one recorded pose with its images",
-    "run": "one model on a sim and a real domain, with adjustments",
-    "error": "distance between the predicted and the true position, m",
-    "new instance": "one that the run's model was not trained on; views count only these",
-    "trained instance": "one whose image the model was trained or chosen on; M includes them",
-    "gap": "real error minus sim error, m",
-    "shift": "distance between the sim and the real prediction, m",
-    "outlier": "distance to similar images in the embedding; 1 is the median",
-    "straight": "heading changes by less than 10 degrees over 7 images",
-    "accuracy": "1 - error / scale of the data set, at least 0",
-    "generation": "one published, unchangeable state of the store",
-}
-"""Terms of the project, explained in the help."""
-
-
-_OF_RUNS = ("alike", "other_run", "map_mode", "clip")
-"""Actions outside of the groups adjust and heat that need a computed run."""
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """One action with a unique `name`.
-
-    `do` changes the session, `command` calls a controller of the application; with neither, the
-    application has a method `action_NAME`. `key_names` are Textual's names, separated by commas;
-    the first one is displayed (as `shown`). `short` is the label in the footer, if any. `when` is
-    the situation in which the keys mean this action, `needs` the permission that it requires.
-    """
-
-    name: str
-    key_names: str
-    group: Group
-    description: str
-    do: Callable[[Session], object] | None = None
-    short: str = ""
-    shown: str = ""
-    when: When = "always"
-    needs: Capability = ""
-    command: Callable[[S2RApp], object] | None = None
-
-    @property
-    def needs_poses(self) -> bool:
-        """Whether it does nothing in a data set without poses."""
-        return self.group in ("adjust", "heat", "map") or self.name in ("alike", "other_run")
-
-    def unavailable(self, store: Store) -> str:
-        """Why it does nothing in a store, in one line; empty if it does something."""
-        if self.needs_poses and not store.has_poses:
-            return NO_POSES
-        needs_run = self.group in ("adjust", "heat") or self.name in _OF_RUNS
-        return store.missing_run if needs_run else ""
-
-    @property
-    def keys(self) -> list[str]:
-        return self.key_names.split(",")
-
-    @property
-    def key(self) -> str:
-        return self.shown or key_label(self.keys[0])
-
-    @property
-    def all_keys(self) -> str:
-        """All keys, as `z  +  =`; a label for a group of keys replaces all names."""
-        if " " in self.shown:
-            return self.shown
-        return "  ".join([self.key, *(key_label(name) for name in self.keys[1:])])
-
-    @property
-    def call(self) -> str:
-        """The action string for Textual."""
-        is_method = self.do is None and self.command is None
-        return self.name if is_method else f"do('{self.name}')"
-
-    def applies(self, state: State) -> bool:
-        """Whether the action is available in a state."""
-        brushing = state.brush is not None
-        return {
-            "always": True,
-            "begun": brushing or state.operator != "replace" or state.is_error,
-            "still": not brushing,
-            "plain": not brushing and state.view != "adjust",
-            "adjust": not brushing and state.view == "adjust",
-            "brushing": brushing,
-            "list": not brushing and state.view == "list",
-            "rooms": not brushing and state.view == "rooms",
-            "not rooms": state.view != "rooms",
-            "findings": not brushing and state.view == "findings",
-            "elsewhere": not brushing and state.view not in ("list", "adjust", "findings"),
-        }[self.when]
 
 
 def _do(reducer: Reducer, *arguments: Any) -> Callable[[Session], object]:
@@ -413,106 +308,3 @@ def footer(width: int, state: State, access: Permissions | None = None) -> list[
             room -= len(key) + len(word) + 3
             shown.append((key, word))
     return [*shown, *last]
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """A question of a user, and the actions that answer it, each with what it shows."""
-
-    text: str
-    steps: tuple[tuple[str, str], ...]
-
-    @property
-    def entries(self) -> list[tuple[str, str]]:
-        """(key, text) pairs, one per step."""
-        return [(_keys_of(names), text) for names, text in self.steps]
-
-
-def _keys_of(names: str) -> str:
-    """The keys of actions separated by blanks, in the same order."""
-    return " ".join(BY_NAME[name].key for name in names.split())
-
-
-QUESTIONS = (
-    Question("Where is it worst?", (
-        ("view('rooms')", "the rooms by median real error, the worst one first"),
-        ("group group", "the same by heading, then by curvature"),
-        ("worst_real view('map')", "the worst 15 % in reality, on the map"),
-    )),
-    Question("What is poor in sim but good in real?", (
-        ("view('scatter')", "sim error against real error; the title counts them"),
-        ("worst_sim intersect best_real", "the worst in sim that are among the best in reality"),
-        ("view('list')", "the same as a list"),
-    )),
-    Question("Which model is better where?", (
-        ("all view('compare')", "this run and another on all instances, room by room"),
-        ("other_run", "compare with the next run"),
-    )),
-    Question("What triggers it?", (
-        ("view('instance')", "images and the most trusted heatmap, with a note on it"),
-        ("overlay overlay view('map')", "that heat on the map, of the selection"),
-        ("next_heat", "the next heatmap kind; the last one is none"),
-    )),
-    Question("What should change, and on which instances?", (
-        ("findings open_finding", "findings (?: not evident); enter selects the instances"),
-        ("view('list')", "these instances, the largest error first"),
-        ("write_selection", "write them as CSV, JSON or Parquet"),
-    )),
-)  # fmt: skip
-"""The questions of the cheat sheet, each answered in at most six keys."""
-
-
-def help_sections(access: Permissions | None = None) -> list[tuple[str, list[tuple[str, str]]]]:
-    """The sections of the help: questions, permitted actions by group, terms; (key, text) pairs."""
-    sections = [(question.text, question.entries) for question in QUESTIONS]
-    for group, title in GROUPS.items():
-        entries = [
-            (action.all_keys, action.description)
-            for action in permitted_actions(access)
-            if action.group == group and action.description
-        ]
-        sections.append((title, entries))
-    return [*sections, ("Terms", list(TERMS.items()))]
-
-
-def help_lines(access: Permissions | None = None, searched: str = "") -> list[str]:
-    """The lines of the help, with a title above each section.
-
-    `searched` leaves the entries whose section, key or text holds all its words; one character
-    finds a key.
-    """
-    lines: list[str] = []
-    for title, entries in help_sections(access):
-        found = [entry for entry in entries if _holds((title, *entry), searched)]
-        if found:
-            lines += [*([""] if lines else []), title]
-            lines += [f"  {key:<18}{text}" for key, text in found]
-    return lines
-
-
-def _holds(entry: tuple[str, str, str], searched: str) -> bool:
-    title, key, text = entry
-    if len(searched) == 1:
-        return searched in key.split()
-    shown = f"{title} {key} {text}".lower()
-    return all(word in shown for word in searched.lower().split())
-
-
-def help_text(access: Permissions | None = None) -> str:
-    """The lines of the help in plain text."""
-    return "\n".join(help_lines(access))
-
-
-_UNICODE = {short: long for long, short in KEY_NAME_REPLACEMENTS.items()}
-_WORDS = {"pagedown": "page down", "pageup": "page up"}
-
-
-def key_label(name: str) -> str:
-    """The ASCII label of a Textual key name: `=` for `equals_sign`, `shift+left` unchanged."""
-    *held, last = name.split("+") if len(name) > 1 else [name]
-    long, word = _UNICODE.get(last, last).upper(), _WORDS.get(last, last)
-    for spelled in (long.replace("_", " "), long.replace("_", "-")):
-        with suppress(KeyError):
-            char = unicodedata.lookup(spelled)
-            word = char if char.isascii() and char.isprintable() and char != " " else word
-    return "+".join([*held, word])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.language import Node, parse
 from s2rstore.reader import Store
@@ -169,7 +169,7 @@ def enter_generation(context: SessionContext, state: State) -> State:
     if target.run in runs:
         result = keep_input(state, result)
     count = len(store.instances) - state.selected.size
-    added = f"{count} {'instance' if count == 1 else 'instances'} added" if count > 0 else ""
+    added = f"{counted(count, 'instance')} added" if count > 0 else ""
     parts = (f"generation {store.generation}", added, result.message)
     return replace(result, message="; ".join(part for part in parts if part), keeps_message=False)
 

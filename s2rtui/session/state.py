@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.errors import counted
 from s2rstore.gap_history.reader import Stamp
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.index.population import INCLUDE_HINT, Population, count_text
@@ -240,7 +241,7 @@ class State:
     def population_message(self) -> str:
         """Whether the population holds the trained instances, for the message line."""
         count = int(np.count_nonzero(self.trained))
-        which = f"{count} trained {'instance' if count == 1 else 'instances'} in view"
+        which = f"{counted(count, 'trained instance')} in view"
         if not count:
             which = f"trained instances (run {self.run} has none in view)"
         if self.with_trained:

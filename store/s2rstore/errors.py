@@ -1,4 +1,4 @@
-"""Errors that a user can act on; each carries the exit code of the command line."""
+"""Errors that a user can act on, each with its exit code, and parts of messages."""
 
 from __future__ import annotations
 
@@ -74,3 +74,8 @@ def first_line(error: BaseException) -> str:
 def shortened(text: str, limit: int = _MAX_NAME) -> str:
     """A text for a message: at most `limit` characters."""
     return text if len(text) <= limit else f"{text[: limit - 3]}..."
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun for a message, such as `1 issue` or `3 issues`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import html
-import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Any
 
 import duckdb
@@ -17,10 +18,10 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 
-FIGURES = "s2rtui.export.figures"
-"""The module whose function `figure(store, view, **options)` draws figures.
+FIGURES = "s2r.figures"
+"""Group of the entry point of a package that draws figures: `figure(store, view, **options)`.
 
-It is imported by name when a figure is drawn, so that this package depends on no user interface.
+The application declares it, so that this package depends on no user interface.
 """
 
 
@@ -60,12 +61,7 @@ class InteractiveStore(Store):
         and so on. The figure shows this generation of the store. Raises RequestError for unknown
         views and options, and where s2rtui or matplotlib is not installed.
         """
-        try:
-            figures = importlib.import_module(FIGURES)
-        except ImportError as error:
-            message = f"figure: needs the package {error.name}; install s2rtui"
-            raise RequestError(message) from error
-        return figures.figure(self, view, **options)
+        return _figure_function()(self, view, **options)
 
     def __repr__(self) -> str:
         if self._opened is None:
@@ -111,6 +107,19 @@ class InteractiveStore(Store):
 
     def _run_summaries(self) -> list[RunSummary]:
         return [_summary(self, name) for name in self.runs]
+
+
+def _figure_function() -> Callable[..., Any]:
+    """The function that an installed package declares in group `FIGURES`."""
+    declared = next(iter(entry_points(group=FIGURES)), None)
+    if declared is None:
+        raise RequestError("figure: no installed package draws figures; install s2rtui")
+    try:
+        function: Callable[..., Any] = declared.load()
+    except ImportError as error:
+        message = f"figure: needs the package {error.name}; install s2rtui"
+        raise RequestError(message) from error
+    return function
 
 
 def _summary(store: Store, name: str) -> RunSummary:

@@ -10,9 +10,11 @@ from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
+from s2rtui.app.action import key_label
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_bindings import ACTIONS, footer, help_text, key_label
+from s2rtui.app.key_bindings import ACTIONS, footer
 from s2rtui.app.pilot import settle, snapshot, take_screenshot
+from s2rtui.app.screens.help_content import help_text
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import ColourMode, RenderOptions
 from s2rtui.canvas.marks import Mark

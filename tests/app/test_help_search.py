@@ -9,8 +9,9 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from s2rtui.app.app import S2RApp
-from s2rtui.app.key_bindings import ACTIONS, BY_NAME, QUESTIONS, help_lines, help_text
+from s2rtui.app.key_bindings import ACTIONS, BY_NAME
 from s2rtui.app.pilot import settle
+from s2rtui.app.screens.help_content import QUESTIONS, help_lines, help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.session import Session
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics import bootstrap
+from s2rstore.metrics import median_intervals
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
 from s2rtui.charts.compare.change import room_changes, words
@@ -155,7 +155,7 @@ def test_changes_by_room_equal_direct_computation(
 def test_changes_of_many_instances_are_those_of_their_members() -> None:
     """Above the number of values that are resampled, numbers come from sorted columns."""
     rng = np.random.default_rng(8)
-    n = 3 * bootstrap.MOST_RESAMPLED
+    n = 3 * median_intervals.MOST_RESAMPLED
     first, second = rng.gamma(2.0, size=(2, n))
     first[rng.random(n) < 0.01] = np.nan
     room, trajectory = rng.integers(-1, 2, n), np.arange(n) % 7
@@ -168,7 +168,7 @@ def test_changes_of_many_instances_are_those_of_their_members() -> None:
     for name, part in (("all", changes.whole), *changes.rooms):
         rows = known[parts[name][known]] if name in parts else known
         apart = second[rows] - first[rows]
-        assert part.change == bootstrap.median_interval(apart, trajectory[rows])
+        assert part.change == median_intervals.median_interval(apart, trajectory[rows])
         assert (part.n, part.first, part.second) == (
             rows.size, np.median(first[rows]), np.median(second[rows]),
         )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import s2rstore
-from s2rstore.index import schema
+from s2rstore.index import pair_view
 from s2rstore.language import evaluation, fields, parse, to_text
 from s2rtui.charts.registry import STORED
 from s2rtui.cli import main
@@ -53,7 +53,7 @@ def test_columns_of_rows_name_their_units(rows) -> None:
 
 
 def test_columns_of_the_pair_view_have_units_or_are_deprecated(tiny_store: Path) -> None:
-    comments = schema.pair_comments()
+    comments = pair_view.column_comments()
     with s2rstore.open(tiny_store) as store:
         described = store.execute(
             "SELECT column_name, comment FROM duckdb_columns() WHERE table_name = 'pair'"
@@ -63,8 +63,8 @@ def test_columns_of_the_pair_view_have_units_or_are_deprecated(tiny_store: Path)
     assert_units(current)
     for name, text in described:
         if name not in current:
-            assert text == f"deprecated: use {schema.pair_column(name)}"
-            assert schema.pair_column(name) in current
+            assert text == f"deprecated: use {pair_view.column_name(name)}"
+            assert pair_view.column_name(name) in current
 
 
 def test_query_and_sql_agree_after_conversion(rows) -> None:
@@ -90,8 +90,8 @@ def test_deprecated_names_have_the_values_of_the_new_ones(rows) -> None:
         assert all(row[name] == value for name, value in alone.items())
         assert not set(alone) & set(DEPRECATED.values())
     stored = rows("sql", "SELECT * FROM pair")
-    for name in schema.pair_comments():
-        assert all(row[name] == row[schema.pair_column(name)] for row in stored)
+    for name in pair_view.column_comments():
+        assert all(row[name] == row[pair_view.column_name(name)] for row in stored)
     for name, view in STORED.items():
         shown = rows("show", name, "--select", "ids(3..8)")
         assert all(row[o] == row[new] for row in shown for o, new in view.deprecated.items()
@@ -137,7 +137,7 @@ def test_stores_of_earlier_versions_have_columns_with_units(
     path = without(store_copy, missing)
     with s2rstore.open(path) as store:
         columns = ("x", "real_heading_error", "gap", "sim_error", "curvature")
-        listed = ", ".join(f"{name}, {schema.pair_column(name)}" for name in columns)
+        listed = ", ".join(f"{name}, {pair_view.column_name(name)}" for name in columns)
         table = store.execute(f"SELECT {listed} FROM pair ORDER BY run, iid")
         assert len(table) == 80
         assert all(row[::2] == row[1::2] for row in table)

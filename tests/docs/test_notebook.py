@@ -14,6 +14,7 @@ from tests.support import notebooks
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "store.ipynb"
 
 
+@pytest.mark.usefixtures("declared_entry_points")
 def test_all_cells_run_on_a_small_store(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("S2R_STORE", str(tiny_store))
     outputs = [output for cell in notebooks.run(notebooks.code_cells(NOTEBOOK)) for output in cell]

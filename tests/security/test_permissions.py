@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
 from s2rtui.app import key_bindings
+from s2rtui.app.action import Action
 from s2rtui.app.app import S2RApp
 from s2rtui.app.key_bindings import (
     ACTIONS,
-    Action,
     find_action,
     footer,
-    help_text,
     permitted_actions,
 )
 from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.security import Permissions
 from s2rtui.session import Session, view_settings

@@ -92,6 +92,7 @@ def test_html_escapes_names(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -
         assert "<b>run" not in store._repr_html_()
 
 
+@pytest.mark.usefixtures("declared_entry_points")
 def test_figures_show_themselves_and_are_saved(tiny_store: Path, tmp_path: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         figure = store.figure("map", run="dataaug", select="worst15", width=80, dpi=100)
@@ -104,6 +105,7 @@ def test_figures_show_themselves_and_are_saved(tiny_store: Path, tmp_path: Path)
             figure.save(tmp_path / "map.gif")
 
 
+@pytest.mark.usefixtures("declared_entry_points")
 @pytest.mark.parametrize(
     ("view", "options", "reason"),
     [
@@ -123,7 +125,17 @@ def test_wrong_figure_options_are_refused_in_one_line(
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.usefixtures("declared_entry_points")
 def test_a_missing_package_is_named(tiny_store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, interactive_store.FIGURES, None)
+    monkeypatch.setitem(sys.modules, "s2rtui.export.figures", None)
     with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match="install s2rtui"):
+        store.figure("map")
+
+
+def test_figures_need_an_installed_application(
+    tiny_store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interactive_store, "FIGURES", "no.package.declares.this")
+    reason = "figure: no installed package draws figures; install s2rtui"
+    with s2rstore.open(tiny_store) as store, pytest.raises(RequestError, match=reason):
         store.figure("map")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from s2rstore.metrics import bootstrap
+from s2rstore.metrics import bootstrap, median_intervals
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
 
 
@@ -28,7 +28,7 @@ def test_replicates_are_the_medians_of_the_drawn_blocks() -> None:
     parts = [values[a:b] for a, b in zip(blocks.start[:-1], blocks.start[1:], strict=True)]
     drawn = [np.median(np.concatenate(list(map(np.tile, parts, row)))) for row in counts]
     expected = bootstrap.corrected(np.array(drawn), float(np.median(values)), blocks.unit_count)
-    replicates = bootstrap.median_replicates(values, blocks, settings)
+    replicates = median_intervals.median_replicates(values, blocks, settings)
     assert replicates == pytest.approx(expected)
 
 
@@ -42,7 +42,7 @@ def test_many_values_give_nearly_the_replicates_of_their_ranks() -> None:
     below = np.cumsum(weights[:, order], axis=1)
     exact = values[order][(below >= below[:, -1:] / 2).argmax(axis=1)]
     expected = bootstrap.corrected(exact, float(np.median(values)), blocks.unit_count)
-    replicates = bootstrap.median_replicates(values, blocks, settings)
+    replicates = median_intervals.median_replicates(values, blocks, settings)
     assert np.abs(replicates - expected).max() < 0.005
 
 
@@ -51,7 +51,9 @@ def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
     rng = np.random.default_rng(n)
     codes, settings, hits = np.zeros(n, dtype=np.int64), BootstrapSettings(300), 0
     for _ in range(150):
-        interval = bootstrap.median_interval(correlated(rng, n, correlation), codes, settings)
+        interval = median_intervals.median_interval(
+            correlated(rng, n, correlation), codes, settings
+        )
         hits += interval.low <= 1 <= interval.high
     assert hits >= 0.85 * 150
 
@@ -59,16 +61,16 @@ def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
 @pytest.mark.parametrize("n", range(1, 9))
 def test_too_few_values_have_no_interval(n: int) -> None:
     values, codes = np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.int64)
-    interval = bootstrap.median_interval(values, codes)
+    interval = median_intervals.median_interval(values, codes)
     assert interval.value == np.median(values)
     assert math.isnan(interval.low) == (n < 6)
-    strict = bootstrap.median_interval(values, codes, bootstrap.simultaneous(10))
+    strict = median_intervals.median_interval(values, codes, bootstrap.simultaneous(10))
     assert math.isnan(strict.low)
 
 
 def test_no_values_have_no_median() -> None:
     nothing = np.zeros(0)
-    assert math.isnan(bootstrap.median_interval(nothing, nothing.astype(np.int64)).value)
+    assert math.isnan(median_intervals.median_interval(nothing, nothing.astype(np.int64)).value)
 
 
 def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:
@@ -90,8 +92,8 @@ def test_one_of_many_equal_groups_seldom_seems_to_differ() -> None:
         groups = [rng.gamma(2.0, size=40) for _ in range(10)]
         most = max(groups, key=np.median)
         others = np.concatenate([group for group in groups if group is not most])
-        far = bootstrap.median_interval(others, np.zeros(360, dtype=np.int64), settings)
-        near = bootstrap.median_interval(most, codes, settings)
+        far = median_intervals.median_interval(others, np.zeros(360, dtype=np.int64), settings)
+        near = median_intervals.median_interval(most, codes, settings)
         false_alarms += bootstrap.difference_of(near, far).low > 0
     assert settings.level == pytest.approx(0.995)
     assert false_alarms <= 4
@@ -104,10 +106,10 @@ def test_ranks_bound_the_median_of_many_values_as_resampling_does(
     levels = np.repeat(rng.normal(size=12), 2500)
     values = levels + np.log(correlated(rng, levels.size, 0.8))
     for codes in (np.zeros(levels.size, dtype=np.int64), np.arange(levels.size) // 2500):
-        by_rank = bootstrap.median_interval(values, codes)
+        by_rank = median_intervals.median_interval(values, codes)
         with monkeypatch.context() as patch:
-            patch.setattr(bootstrap, "MOST_RESAMPLED", values.size)
-            resampled = bootstrap.median_interval(values, codes)
+            patch.setattr(median_intervals, "MOST_RESAMPLED", values.size)
+            resampled = median_intervals.median_interval(values, codes)
         width = resampled.high - resampled.low
         assert by_rank.value == resampled.value
         assert by_rank.low == pytest.approx(resampled.low, abs=0.2 * width)
@@ -119,7 +121,7 @@ def test_ranks_bound_the_median_of_many_values_as_resampling_does(
 def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike() -> None:
     """Replicates that are rounded up to 1024 ranks would lie too high by half the interval."""
     values = np.random.default_rng(7).permutation(np.arange(1_000_001.0))
-    interval = bootstrap.median_interval(values, np.zeros(values.size, dtype=np.int64))
+    interval = median_intervals.median_interval(values, np.zeros(values.size, dtype=np.int64))
     below, above = interval.value - interval.low, interval.high - interval.value
     assert below == above
     assert 980 <= below <= 1100
@@ -127,8 +129,8 @@ def test_ranks_bound_the_median_of_independent_values_on_both_sides_alike() -> N
 
 def test_units_that_disagree_on_everything_bound_the_median_by_all_values() -> None:
     values = np.repeat([1.0, 9.0], 15_000)
-    interval = bootstrap.median_interval(values, np.repeat([0, 1], 15_000))
-    wide = bootstrap.median_bound_rank(
+    interval = median_intervals.median_interval(values, np.repeat([0, 1], 15_000))
+    wide = median_intervals.median_bound_rank(
         values, 5.0, np.repeat([0, 1], 15_000), BootstrapSettings(block_length=15_000)
     )
     assert (interval.low, interval.high) == (1.0, 9.0)

@@ -13,7 +13,7 @@ import s2rstore
 from s2rstore.findings import store_summary, worst_room
 from s2rstore.geometry import angles
 from s2rstore.index.transaction import edit
-from s2rstore.metrics import bootstrap, pose_metrics, run_metrics
+from s2rstore.metrics import bootstrap, median_intervals, pose_metrics, run_metrics
 from tests.support import tiny
 
 
@@ -142,7 +142,7 @@ def test_the_interval_of_a_median_is_that_of_resampled_blocks_or_wider(
 ) -> None:
     values = np.random.default_rng(n).gamma(2, 1, n).round(2)
     trajectory = np.arange(n) * trajectories // n
-    interval = bootstrap.median_interval(values, trajectory)
+    interval = median_intervals.median_interval(values, trajectory)
     low, high = _naive_median_interval(values, trajectory)
     place = int(stats.binom.ppf(0.025, n, 0.5))  # P(X < place) <= 0.025
     ordered = np.sort(values)
@@ -154,8 +154,8 @@ def test_the_interval_of_a_median_is_that_of_resampled_blocks_or_wider(
 
 
 def test_a_median_of_few_values_has_no_interval() -> None:
-    few = bootstrap.median_interval(np.arange(5.0))
+    few = median_intervals.median_interval(np.arange(5.0))
     assert (few.value, np.isnan(few.low), np.isnan(few.high)) == (2.0, True, True)
-    one = bootstrap.median_interval(np.array([3.0]))
+    one = median_intervals.median_interval(np.array([3.0]))
     assert (one.value, np.isnan(one.low), np.isnan(one.high)) == (3.0, True, True)
-    assert np.isnan(bootstrap.median_interval(np.array([])).value)
+    assert np.isnan(median_intervals.median_interval(np.array([])).value)

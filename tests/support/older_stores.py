@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from s2rstore.index import schema
+from s2rstore.index import pair_view, schema
 from s2rstore.index.transaction import edit
 
 
 def without(path: Path, prediction: tuple[str, ...]) -> Path:
     """The store as an earlier release wrote it, without pair offsets and some other columns."""
-    view = schema._pair_view(with_units=False)
+    view = pair_view.view_statement(with_units=False)
     for side, alias in (("sim", "s"), ("real", "r")):
         for name in prediction:
             view = view.replace(f"{alias}.{name} AS {side}_{name}, ", "")

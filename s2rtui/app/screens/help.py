@@ -11,8 +11,8 @@ from textual.content import Content
 from textual.widgets import Input, Static
 
 from s2rstore.security.printable_text import printable_lines
-from s2rtui.app.key_bindings import help_lines
 from s2rtui.app.screens import ModalBase
+from s2rtui.app.screens.help_content import help_lines
 from s2rtui.security import Permissions
 
 _HINT = "/ searches   up and down scroll   escape closes"

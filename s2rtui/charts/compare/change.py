@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics import bootstrap
+from s2rstore.metrics import bootstrap, median_intervals
 from s2rtui.analysis.binning import (
     Bins,
     Bools,
@@ -196,15 +196,15 @@ class _Changes:
         )
 
     def _interval(self, group: int | None, n: int) -> bootstrap.Interval:
-        """The median change with the interval of `bootstrap.median_interval`."""
+        """The median change with the interval of `median_intervals.median_interval`."""
         columns, ranks = self._columns, self._ranks[2]
         rows = columns.rows[-1 if group is None else group]
         chosen = rows[take(self._members, rows)]
         apart, trajectory = take(columns.apart, chosen), take(columns.trajectory, chosen)
-        if n <= bootstrap.MOST_RESAMPLED:
-            return bootstrap.median_interval(apart, trajectory)
+        if n <= median_intervals.MOST_RESAMPLED:
+            return median_intervals.median_interval(apart, trajectory)
         median = ranks.median(group)
-        bound = bootstrap.median_bound_rank(apart, median, trajectory)
+        bound = median_intervals.median_bound_rank(apart, median, trajectory)
         return bootstrap.Interval(
             ranks.value(bound - 1, group), median, ranks.value(n - bound, group)
         )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import lru_cache
 from textwrap import wrap
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.gap_history.gate_status import axis_status, stored_status
 from s2rstore.gap_history.reader import History, Night
 from s2rstore.metrics.bootstrap import Interval
@@ -39,8 +39,8 @@ class HistoryView(View):
             return "the gap G, night by night"
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
-        counted = f"{_count(nights)} of {last.name}{stale}"
-        return f"{counted}: gap G of {last.run} (0: none, 100: declared bad)"
+        shown = f"{counted(len(nights), 'night')} of {last.name}{stale}"
+        return f"{shown}: gap G of {last.run} (0: none, 100: declared bad)"
 
     def input(self, scene: Scene) -> tuple[Night, ...]:
         loaded = scene.resources.history
@@ -90,7 +90,7 @@ class HistoryView(View):
             return f"{text[:1].upper()}{text[1:]}."
         last = nights[-1]
         passed = sum(night.outcome == "PASS" for night in nights)
-        days = "1 day" if last.evidence_age == 1 else f"{last.evidence_age} days"
+        days = counted(last.evidence_age, "day")
         text = f"Night {last.night}: {last.outcome}"
         if last.worst is not None:
             gap = " .. ".join(f"{end:.1f}" for end in (last.gap.low, last.gap.high))
@@ -113,10 +113,6 @@ VIEW = HistoryView()
 @lru_cache(4)
 def _nights(loaded: History, run: str, dataset: str) -> tuple[Night, ...]:
     return loaded.of_run(run, dataset)
-
-
-def _count(nights: Sequence[Night]) -> str:
-    return f"{len(nights)} night{'' if len(nights) == 1 else 's'}"
 
 
 def _rows(night: Night) -> Iterator[tuple[object, ...]]:

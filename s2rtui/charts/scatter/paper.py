@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.scatter.axis import LOG_RULE, ErrorAxis
 from s2rtui.charts.scatter.model import (
@@ -28,6 +27,7 @@ from s2rtui.charts.shared.paper import (
     style_axes,
     value_colours,
 )
+from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,11 +110,10 @@ def _lines(axes: Axes, page: Page, model: ScatterModel) -> None:
 def _points(axes: Axes, page: Page, data: ScatterInput) -> None:
     """Unselected points small and grey, the selected in the colour of the larger error."""
     inks, axis = page.inks, data.axis
-    selected = selection_indices(data.selected, data.valid).members
-    others = np.asarray(data.valid, dtype=np.bool_).copy()
-    others[selected] = False
     sim, real = (_shown(errors, axis) for errors in (data.sim, data.real))
-    axes.scatter(sim[others], real[others], s=7, color=inks.unselected, linewidths=0, zorder=3)
+    points = paper_points(axes, inks, sim, real, data)
+    points.draw_unselected(7, 3)
+    selected = points.members
     edge = [inks.background]
     for larger, ink in ((real > sim, inks.real), (sim > real, inks.sim), (sim == real, inks.text)):
         part = selected[larger[selected]]
@@ -122,10 +121,7 @@ def _points(axes: Axes, page: Page, data: ScatterInput) -> None:
             sim[part], real[part], s=24, color=ink, edgecolors=edge, linewidths=0.5, zorder=5,
             alpha=0.85,
         )  # fmt: skip
-
-    if data.trained is not None:
-        hole = selected[data.trained[selected]]
-        axes.scatter(sim[hole], real[hole], s=6, color=[inks.background], linewidths=0, zorder=6)
+    points.draw_holes(6, 6)
 
 
 def _shown(errors: Floats, axis: ErrorAxis) -> Floats:
@@ -142,7 +138,7 @@ def _density(axes: Axes, page: Page, model: ScatterModel, corner: tuple[float, f
     across, up = (
         [model.axis.value(place / cells) for place in range(cells + 1)] for cells in (columns, rows)
     )
-    grey = model.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
+    grey = cells_with_dots(model.grey)
     shade = np.ma.masked_where(~grey, np.ones(grey.shape))
     axes.pcolormesh(
         across, up, shade[::-1], cmap=ListedColormap([page.inks.unselected]), alpha=0.6, zorder=1,

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import LIGHT, Theme
 from s2rtui.charts.shared.axis_scale import Floats, scale_fraction
 from s2rtui.charts.shared.paper import (
@@ -25,6 +24,7 @@ from s2rtui.charts.shared.paper import (
     value_colours,
     wrapped_label,
 )
+from s2rtui.charts.shared.points_paper import cells_with_dots, paper_points
 from s2rtui.charts.umap.model import (
     UmapInput,
     UmapLayer,
@@ -141,11 +141,9 @@ def _draw_panel(
 
 def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, inks: Inks) -> None:
     """Unselected points small and grey, the selected by value, the largest on top."""
-    highlighted = selection_indices(data.selected, data.valid).members
-    others = np.asarray(data.valid, dtype=np.bool_).copy()
-    others[highlighted] = False
-    x, y = points[others].T
-    axes.scatter(x, y, s=6, color=inks.unselected, linewidths=0, zorder=2)
+    layers = paper_points(axes, inks, points[:, 0], points[:, 1], data)
+    layers.draw_unselected(6, 2)
+    highlighted = layers.members
     shares = scale_fraction(umap_values(data), model.value_range)[highlighted]
     order = np.argsort(np.nan_to_num(shares, nan=-1.0), kind="stable")
     shares = shares[order]
@@ -153,17 +151,14 @@ def _draw_points(axes: Axes, data: UmapInput, points: Floats, model: UmapModel, 
     colours[~np.isfinite(shares)] = inks.muted
     (x, y), edge = points[highlighted[order]].T, [inks.background]
     axes.scatter(x, y, s=24, c=colours, edgecolors=edge, linewidths=0.5, zorder=4)
-    if data.trained is not None:
-        x, y = points[highlighted[data.trained[highlighted]]].T
-        axes.scatter(x, y, s=8, color=edge, linewidths=0, zorder=5)
+    layers.draw_holes(8, 5)
 
 
 def _draw_cells(axes: Axes, model: UmapModel, layer: UmapLayer, inks: Inks) -> None:
     """The cells of the model as an image."""
     area, (rows, columns) = model.frame.extent, layer.level.shape
     image = np.zeros((rows, columns, 4))
-    grey = layer.grey.reshape(rows, 4, columns, 2).any(axis=(1, 3))
-    image[grey] = (*inks.unselected, 0.6)
+    image[cells_with_dots(layer.grey)] = (*inks.unselected, 0.6)
     colours = np.vstack([np.array([inks.muted]), value_colours(level_shares()) / 255.0])
     highlighted = layer.level >= 0
     image[highlighted, :3] = colours[layer.level[highlighted]]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
@@ -127,7 +127,7 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
 
 def _print_outside_folders(scan: Any) -> None:
     for folder, count in sorted(scan.outside_folders.items()):
-        files = "1 file" if count == 1 else f"{count} files"
+        files = counted(count, "file")
         print(printable(f"read from outside the data folder: {folder} ({files})"), file=sys.stderr)
 
 

@@ -15,7 +15,8 @@ from s2rstore.geometry.curvature import STRAIGHT_BELOW
 from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.language import Node, to_text
 from s2rstore.language.syntax_tree import And, Bend, Compare, Everything, Field, Minus, Named, Or
-from s2rstore.metrics.bootstrap import Interval, median_interval
+from s2rstore.metrics.bootstrap import Interval
+from s2rstore.metrics.median_intervals import median_interval
 from s2rstore.reader import Store
 
 Grouping = Literal["room", "heading", "curvature", "trajectory"]

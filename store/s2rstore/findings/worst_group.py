@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.groups import Group, Grouping, Groups, groups_of, members_of, real_median
 from s2rstore.geometry.rooms import NO_ROOM
-from s2rstore.metrics.bootstrap import Interval, difference_of, median_interval, simultaneous
+from s2rstore.metrics.bootstrap import Interval, difference_of, simultaneous
+from s2rstore.metrics.median_intervals import median_interval
 from s2rstore.reader import Store
 
 _PLURALS: dict[Grouping, str] = {

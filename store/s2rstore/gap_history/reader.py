@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
-from s2rstore.index.schema import Table
+from s2rstore.index.table_definition import Table
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable_values
 

@@ -6,7 +6,13 @@ Missing values are SQL NULL, never NaN.
 from __future__ import annotations
 
 from s2rstore.gap_history.gate_status import EXIT_CODES_TEXT
-from s2rstore.index.schema import Column, ColumnData, Table, statements_of, table_of
+from s2rstore.index.table_definition import (
+    Column,
+    ColumnData,
+    Table,
+    statements_of,
+    table_of,
+)
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 
 BOUNDS = {"": "", "_low": f", lower {LEVEL_TEXT} bound", "_high": f", upper {LEVEL_TEXT} bound"}

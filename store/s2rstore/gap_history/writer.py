@@ -20,7 +20,7 @@ from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes
 from s2rstore.gap_history import reader, schema
 from s2rstore.index import locked_connection
-from s2rstore.index.schema import Table
+from s2rstore.index.table_definition import Table
 
 Check = Callable[[], None]
 Change = Callable[[duckdb.DuckDBPyConnection], None]

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from functools import cached_property
 from pathlib import Path
-from threading import RLock
 from typing import Any
 
-import duckdb
-
-from s2rstore.errors import DamagedStoreError, RequestError, first_line
-from s2rstore.files import layout, safe_files
+from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
 from s2rstore.geometry.camera_offset import RigOffset
-from s2rstore.index import locked_connection, reading_statements, row_check, row_files, schema
+from s2rstore.index import row_check, schema
+from s2rstore.index.open_index import OpenIndex
 from s2rstore.records import (
     NO_RUN,
     SIDES,
@@ -36,13 +32,10 @@ from s2rstore.security.printable_text import printable, printable_lines
 
 NO_POSES = "the data set has no poses"
 """Why views and commands refuse a data set of images without poses."""
-_JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons",
-         "input")  # fmt: skip
-"""Columns of JSON, whose strings become printable once they are parsed."""
 
 
-class IndexCatalog:
-    """The tables of an open index; any thread may read them."""
+class IndexCatalog(OpenIndex):
+    """An open index with the rows of its small tables as records, which are checked at opening."""
 
     def __init__(
         self,
@@ -51,31 +44,11 @@ class IndexCatalog:
         generation: int | None = None,
         left_out: Collection[str] = (),
     ) -> None:
-        """Open the published generation, or an earlier one.
-
-        For `memory` and `left_out` see `locked_connection.connect`. Raises RequestError where
-        `path` holds no store that this version can read.
-        """
-        self.path = Path(path)
-        current = layout.read_current(self.path)
-        if current.schema not in schema.VERSIONS:
-            known = " and ".join(map(str, schema.VERSIONS))
-            raise RequestError(
-                f"{path}: schema {current.schema}, this program reads {known}; "
-                "use the release that wrote it, or ingest again"
-            )
-        self.generation = current.generation if generation is None else generation
-        name = layout.index_name(self.generation)
-        self._index = safe_files.checked_path(self.path, name)
-        self._lock = RLock()
-        self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
-            self._index, memory, left_out=left_out
-        )
+        super().__init__(path, memory, generation, left_out)
         try:
-            self.row_files = row_files.listed(self._opened, self._index)
             self._check_rows()
         except BaseException:
-            self._opened.close()
+            super().close()
             raise
 
     def _check_rows(self) -> None:
@@ -90,105 +63,6 @@ class IndexCatalog:
                 raise RequestError(f"{self._index}: table {name}: {count} rows, at most {most}")
         for table in ["dataset", *tables] if filled else tables:
             getattr(self, table)  # reads and checks the table
-
-    def close(self) -> None:
-        """Close the index."""
-        with self._lock:
-            opened, self._opened = self._opened, None
-        if opened is not None:
-            with contextlib.suppress(duckdb.Error):  # busy in another thread: closed after that
-                opened.close()
-
-    @property
-    def _connection(self) -> duckdb.DuckDBPyConnection:
-        if self._opened is None:
-            raise RequestError(f"{self.path}: the store is closed")
-        return self._opened
-
-    def latest_generation(self) -> int:
-        """The generation that is published now; this store stays at its own."""
-        return layout.read_current(self.path).generation
-
-    def connection(self) -> duckdb.DuckDBPyConnection:
-        """A new read-only connection to this generation's index, for use in another thread.
-
-        Where rows are in files, check other statements than own ones by `reading_statements`.
-        """
-        with self._lock:
-            connection = self._connection.cursor()
-            if self._pair_view:
-                connection.execute(self._pair_view)
-        return connection
-
-    def _connection_for(self, sql: str) -> duckdb.DuckDBPyConnection:
-        """A connection for one statement: `connection`, unless it does not read view `pair`."""
-        if "pair" in sql.lower():
-            return self.connection()
-        with self._lock:
-            return self._connection.cursor()
-
-    @cached_property
-    def _pair_view(self) -> str:
-        """The statement that makes view `pair` with units in a connection; empty if it has them.
-
-        Temporary views belong to one connection.
-        """
-        connection = self._connection
-        try:
-            connection.execute("SELECT gap_m FROM pair LIMIT 0")
-            return ""
-        except duckdb.CatalogException:  # the index has no such view
-            return ""
-        except duckdb.BinderException:
-            missing: set[str] = set()
-            for table in ("instance", "prediction"):
-                stored = connection.execute(f"SELECT * FROM {table} LIMIT 0").description
-                missing |= set(schema.BY_NAME[table].column_names) - {name[0] for name in stored}
-            return schema.temporary_pair_view(missing)
-
-    def execute(self, sql: str, parameters: list[Any] | None = None) -> list[tuple[Any, ...]]:
-        """All rows of a query."""
-        connection = self._connection_for(sql)
-        if self.row_files:
-            reading_statements.check(connection, sql)
-        with self._explained():
-            return connection.execute(sql, parameters or []).fetchall()
-
-    @contextlib.contextmanager
-    def _explained(self) -> Iterator[None]:
-        """Raise DamagedStoreError where a query fails because a file of rows is not there."""
-        try:
-            yield
-        except (duckdb.PermissionException, duckdb.IOException):
-            try:
-                row_files.check_present(self._index, self.row_files)
-            except RequestError as error:
-                raise DamagedStoreError(
-                    f"{error}; if generation {self.generation} was removed, open the store again"
-                ) from error
-            raise
-
-    def _rows(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table, with texts in printable characters."""
-        return [
-            {name: _printable(name, value) for name, value in row.items()}
-            for row in self._stored_rows(table)
-        ]
-
-    def _stored_rows(self, table: str) -> list[dict[str, Any]]:
-        """The rows of a table; columns that an earlier release did not write are None."""
-        known = schema.BY_NAME[table]
-        if known.optional and not self.has_table(table):
-            return []
-        missing = self.missing_columns(table)
-        names = ("NULL" if name in missing else f'"{name}"' for name in known.column_names)
-        query = f'SELECT {", ".join(names)} FROM "{table}" ORDER BY {", ".join(known.order)}'
-        try:
-            rows = self.execute(query)
-        except duckdb.Error as error:
-            message = f"{self._index}: table {table}: {first_line(error)}; run `s2r verify`"
-            raise RequestError(message) from error
-        return [dict(zip(known.column_names, row, strict=True)) for row in rows]
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -355,11 +229,6 @@ class IndexCatalog:
             "predictions (`s2r run import`)"
         )
 
-    def has_table(self, table: str) -> bool:
-        """Whether the index has an optional table."""
-        query = "SELECT count(*) FROM duckdb_tables() WHERE table_name = ? AND NOT internal"
-        return self.execute(query, [table]) != [(0,)]
-
     @property
     def missing_run(self) -> str:
         """Why there are no predictions, and what to do; empty where a run is computed."""
@@ -384,16 +253,6 @@ class IndexCatalog:
         if not name and not self.has_poses:
             return NO_RUN
         return NO_RUN if name == NO_RUN and not self.has_computed_run else self.run(name).run
-
-    def missing_columns(self, table: str) -> frozenset[str]:
-        """The columns that an index of an earlier release does not have."""
-        optional = {c.name for c in schema.BY_NAME[table].columns if c.optional}
-        if not optional:
-            return frozenset()
-        with self._explained():
-            query = f'SELECT * FROM "{table}" LIMIT 0'
-            cursor = self._connection_for(query).execute(query)
-        return frozenset(optional - {column[0] for column in cursor.description})
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
@@ -461,12 +320,6 @@ class IndexCatalog:
 def _is_map(column: str) -> bool:
     """Whether a column of table `dataset` describes the map and the scale of errors on it."""
     return column.startswith("bounds_") or column == "accuracy_scale"
-
-
-def _printable(column: str, value: Any) -> Any:
-    if not isinstance(value, str):
-        return value
-    return printable_lines(value) if column in _JSON else printable(value)
 
 
 def _domain(row: dict[str, Any]) -> Domain:

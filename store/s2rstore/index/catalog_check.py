@@ -17,7 +17,7 @@ import duckdb
 from s2rstore.errors import RequestError, first_line
 from s2rstore.index import row_files
 from s2rstore.index.row_files import RowFiles
-from s2rstore.index.schema import Table
+from s2rstore.index.table_definition import Table
 
 # Objects of a database that can hold code or change what names mean. Macros come first: nothing
 # else may be queried before it is known that no function was replaced.

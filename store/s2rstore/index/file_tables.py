@@ -11,8 +11,9 @@ import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
-from s2rstore.index import locked_connection, row_files, schema
+from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.row_files import PARTITIONS, RowFile, RowFiles
+from s2rstore.index.table_definition import comments_on, statements_of
 
 _CHANGED = 'memory.main."{}"'
 
@@ -48,7 +49,7 @@ class FileTables:
             self._connection.execute(f"CREATE TABLE {self.target(table)} ({columns})")
             self._show(table)
         if self._kept:
-            self._connection.execute(schema.temporary_pair_view(()))
+            self._connection.execute(pair_view.temporary_view_statement(()))
 
     def target(self, table: str) -> str:
         """The name of the table, for SQL, that takes rows of `table`."""
@@ -181,11 +182,11 @@ class FileTables:
             known = schema.BY_NAME[table]
             files.sort(key=lambda file: (file.run or "", file.path))  # as `row_files.listed`
             if files:
-                made += [row_files.view(table, files), *schema.comments_on(known, "VIEW")]
+                made += [row_files.view(table, files), *comments_on(known, "VIEW")]
             else:
-                made += schema.statements_of(known)
+                made += statements_of(known)
         try:
-            locked_connection.run_at_once(self._connection, [*made, *schema.pair_statements()])
+            locked_connection.run_at_once(self._connection, [*made, *pair_view.statements()])
         except duckdb.Error as error:
             raise RequestError(
                 f"{self._folder}: files of rows cannot be read ({first_line(error)}); run "

@@ -21,8 +21,9 @@ import duckdb
 
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import safe_files
-from s2rstore.index import catalog_check, catalog_check_cache, row_files, schema
+from s2rstore.index import catalog_check, catalog_check_cache, pair_view, row_files, schema
 from s2rstore.index.row_files import RowFiles
+from s2rstore.index.table_definition import Table
 
 DEFAULT_MEMORY = "2GB"
 """Memory limit of DuckDB for one file and its queries."""
@@ -48,8 +49,8 @@ _counted: dict[tuple[int, ...], None] = {}
 def connect(
     path: Path,
     memory: str = "",
-    tables: Sequence[schema.Table] = schema.TABLES,
-    views: Sequence[str] = schema.VIEWS,
+    tables: Sequence[Table] = schema.TABLES,
+    views: Sequence[str] = pair_view.VIEWS,
     with_row_files: bool = True,
     left_out: Collection[str] = (),
 ) -> duckdb.DuckDBPyConnection:
@@ -161,8 +162,8 @@ def attach_read_only(
     connection: duckdb.DuckDBPyConnection,
     path: Path,
     name: str,
-    tables: Sequence[schema.Table] = schema.TABLES,
-    views: Sequence[str] = schema.VIEWS,
+    tables: Sequence[Table] = schema.TABLES,
+    views: Sequence[str] = pair_view.VIEWS,
 ) -> None:
     """Attach a file of a folder that the connection may reach, and check its catalog."""
     require_regular(path)
@@ -239,7 +240,7 @@ def escaped(text: str) -> str:
 
 def _check(
     connection: duckdb.DuckDBPyConnection,
-    tables: Sequence[schema.Table],
+    tables: Sequence[Table],
     views: Sequence[str],
     path: Path,
 ) -> None:

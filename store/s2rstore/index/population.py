@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2rstore.errors import counted
 from s2rstore.index.columns import BoolColumn, InstanceColumns, RunColumns
 from s2rstore.records import SIDES, SPLITS, TRAINING_SPLITS
 
@@ -82,4 +83,4 @@ def count_text(selected: int, in_view: int, trained: int, with_trained: bool) ->
 
 def left_out_text(count: int, hint: str = INCLUDE_HINT) -> str:
     """`24 trained instances left out: M includes them`; `hint` says what includes them."""
-    return f"{count} trained {'instance' if count == 1 else 'instances'} left out: {hint}"
+    return f"{counted(count, 'trained instance')} left out: {hint}"

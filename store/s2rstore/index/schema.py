@@ -6,8 +6,8 @@ Missing values are SQL NULL, never NaN. Angles are radians, lengths metres.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Literal
+
+from s2rstore.index.table_definition import Table, statements_of, table_of
 
 VERSION = 2
 """The schema number that every written index has, in `CURRENT.json`.
@@ -31,43 +31,6 @@ part, `value` the check of its headings and depth."""
 
 # Readable by every DuckDB release from 1.4 on.
 STORAGE_VERSION = "v1.4.0"
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """`optional` ones are missing in stores that an earlier release wrote."""
-
-    name: str
-    type: str
-    comment: str
-    optional: bool = False
-
-
-ColumnData = tuple[str, str, str] | tuple[str, str, str, bool]
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table; files of older releases may lack an `optional` one."""
-
-    name: str
-    comment: str
-    columns: tuple[Column, ...]
-    order: tuple[str, ...]
-    optional: bool = False
-
-    @property
-    def column_names(self) -> tuple[str, ...]:
-        return tuple(column.name for column in self.columns)
-
-
-def table_of(
-    name: str, comment: str, order: str, *columns: ColumnData, optional: bool = False
-) -> Table:
-    """A table of columns (name, type, comment); `order` names the columns that sort its rows."""
-    declared = tuple(Column(*column) for column in columns)
-    return Table(name, comment, declared, tuple(order.split()), optional)
-
 
 _ADJUSTMENTS = (
     'JSON list of {"name", "value"}, applied in order; [] = untouched; '
@@ -395,164 +358,11 @@ TABLES: tuple[Table, ...] = (
 
 BY_NAME: dict[str, Table] = {table.name: table for table in TABLES}
 
-_SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_error": "rad"} | (
-    dict.fromkeys(("loss", "accuracy", "rank", "split", "outlier"), "see prediction")
-)
-"""Columns of each side in view `pair`, with their comments."""
 PAIR_OFFSETS = ("pair_offset_m", "pair_offset_deg")
 """Columns of table `instance` that are 0 where both images of a pair have the same pose."""
-_UNIT_NAMES = {
-    "x": "x_m", "y": "y_m", "heading": "heading_rad", "curvature": "curvature_deg",
-    "odom_x": "odom_x_m", "odom_y": "odom_y_m", "odom_heading": "odom_heading_rad",
-    "timestamp": "timestamp_s", "error": "error_m", "heading_error": "heading_error_rad",
-    "gap": "gap_m", "shift": "shift_m",
-}  # fmt: skip
-"""Columns of view `pair` (those of a side without its name) with their units."""
-
-
-def pair_column(name: str) -> str:
-    """The name with its unit of a column of view `pair`: `sim_error_m` for `sim_error`.
-
-    The name without unit is a deprecated column. Columns without a unit have one name.
-    """
-    side, _, rest = name.partition("_")
-    if side in ("sim", "real"):
-        return f"{side}_{_UNIT_NAMES.get(rest, rest)}"
-    return _UNIT_NAMES.get(name, name)
-
-
-_Terms = list[tuple[str, str]]
-"""Expressions in SQL, and the names of their columns."""
-
-
-def _truth(alias: str, missing: Collection[str]) -> _Terms:
-    """The columns of table `instance` in view `pair`; those of `missing` are not in the index."""
-    return [
-        (f"coalesce({alias}{name}, 0)" if name in PAIR_OFFSETS else f"{alias}{name}", name)
-        for name in BY_NAME["instance"].column_names
-        if name != "iid" and name not in missing
-    ]
-
-
-def _with_units(terms: _Terms) -> _Terms:
-    """The columns, followed by those whose names have a unit."""
-    return terms + [(sql, pair_column(name)) for sql, name in terms if pair_column(name) != name]
-
-
-def _select_list(terms: _Terms) -> str:
-    return ", ".join(
-        sql if sql.split(".")[-1] == name else f"{sql} AS {name}" for sql, name in terms
-    )
-
-
-def _pair_view(missing: frozenset[str] = frozenset(), with_units: bool = True) -> str:
-    """The statement that makes the view; `missing` are columns to leave out.
-
-    `with_units`: whether it has columns whose names have a unit, as releases up to 0.2.0 had not.
-    """
-    terms = [("s.run", "run"), ("s.iid", "iid"), *_truth("i.", missing)]
-    for side, alias in (("sim", "s"), ("real", "r")):
-        names = [name for name in _SIDE_COLUMNS if name not in missing]
-        terms += [(f"{alias}.{name}", f"{side}_{name}") for name in names]
-        terms += [(f"{alias}p.{axis}", f"{side}_{axis}") for axis in "uv"]
-    terms.append(("r.error - s.error", "gap"))
-    terms.append(("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y))", "shift"))
-    return f"""
-        CREATE VIEW pair AS SELECT {_select_list(_with_units(terms) if with_units else terms)}
-        FROM instance i
-        JOIN prediction s ON s.iid = i.iid AND s.side = 'sim'
-        JOIN prediction r ON r.run = s.run AND r.iid = s.iid AND r.side = 'real'
-        LEFT JOIN projection sp ON sp.run = s.run AND sp.iid = s.iid AND sp.side = 'sim'
-        LEFT JOIN projection rp ON rp.run = s.run AND rp.iid = s.iid AND rp.side = 'real'
-    """
-
-
-def unpredicted(missing: Collection[str] = ()) -> str:
-    """A relation with the columns of view `pair` and a row per instance, without predictions.
-
-    It takes the place of that view where no run is computed; `run` is `records.NO_RUN`.
-    `missing` are columns of table `instance` that the index does not have.
-    """
-    types = {
-        c.name: c.type for table in ("prediction", "projection") for c in BY_NAME[table].columns
-    }
-    terms = [("''", "run"), ("iid", "iid"), *_truth("", missing)]
-    for side in ("sim", "real"):
-        names = (*_SIDE_COLUMNS, "u", "v")
-        terms += [(f"NULL::{types[name]}", f"{side}_{name}") for name in names]
-    terms += [("NULL::DOUBLE", "gap"), ("NULL::DOUBLE", "shift")]
-    return f"(SELECT {_select_list(_with_units(terms))} FROM instance)"
-
-
-VIEWS: tuple[str, ...] = (
-    _pair_view(),
-    _pair_view(with_units=False),
-    _pair_view(frozenset(PAIR_OFFSETS), with_units=False),
-    _pair_view(frozenset({*PAIR_OFFSETS, "outlier"}), with_units=False),
-)
-"""The statements with which this release and earlier ones make the views of an index."""
-
-
-def temporary_pair_view(missing: Collection[str]) -> str:
-    """The statement that makes view `pair` for one connection, in place of that of the index.
-
-    It gives the columns with units to an index that an earlier release wrote; `missing` are columns
-    of tables `instance` and `prediction` that it does not have.
-    """
-    return _pair_view(frozenset(missing)).replace("VIEW", "TEMP VIEW", 1)
-
-
-def pair_comments() -> dict[str, str]:
-    """The comment of each column of view `pair`."""
-    comments = {"run": "run"} | {c.name: c.comment for c in BY_NAME["instance"].columns}
-    comments["iid"] = "instance"
-    for side in ("sim", "real"):
-        for name, comment in _SIDE_COLUMNS.items():
-            comments[f"{side}_{name}"] = f"{side} prediction: {comment}"
-        comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
-    comments["gap"] = "real error - sim error, m"
-    comments["shift"] = "distance between the sim and the real prediction, m"
-    renamed = {name: pair_column(name) for name in comments if pair_column(name) != name}
-    comments |= {new: comments[name] for name, new in renamed.items()}
-    return comments | {name: f"deprecated: use {new}" for name, new in renamed.items()}
 
 
 def statements(without: Collection[str] = ()) -> list[str]:
-    """The SQL that makes an empty index, comments included.
-
-    The tables `without` are left out, and with them the view `pair`, which may need them.
-    """
+    """The SQL that makes the empty tables, comments included, apart from those `without`."""
     made = (table for table in TABLES if table.name not in without)
-    listed = [statement for table in made for statement in statements_of(table)]
-    return listed if without else listed + pair_statements()
-
-
-def pair_statements() -> list[str]:
-    """The SQL that makes view `pair`, comments included."""
-    comments = pair_comments()
-    return [
-        VIEWS[0],
-        "COMMENT ON VIEW pair IS 'one row per run and instance: truth and both sides'",
-        *(f"COMMENT ON COLUMN pair.{name} IS '{_quoted(comments[name])}'" for name in comments),
-    ]
-
-
-def statements_of(table: Table) -> list[str]:
-    """The SQL that makes one empty table, comments included."""
-    columns = ", ".join(f'"{column.name}" {column.type}' for column in table.columns)
-    return [f'CREATE TABLE "{table.name}" ({columns})', *comments_on(table, "TABLE")]
-
-
-def comments_on(table: Table, kind: Literal["TABLE", "VIEW"]) -> list[str]:
-    """The SQL that describes a table, or the view in its place, and its columns."""
-    return [
-        f"COMMENT ON {kind} \"{table.name}\" IS '{_quoted(table.comment)}'",
-        *(
-            f'COMMENT ON COLUMN "{table.name}"."{column.name}" IS \'{_quoted(column.comment)}\''
-            for column in table.columns
-        ),
-    ]
-
-
-def _quoted(text: str) -> str:
-    return text.replace("'", "''")
+    return [statement for table in made for statement in statements_of(table)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, locks, safe_files
-from s2rstore.index import locked_connection, row_files, schema
+from s2rstore.index import locked_connection, pair_view, row_files, schema
 from s2rstore.index.file_tables import FileTables
 
 _TABLES = "SELECT table_name FROM duckdb_tables() WHERE database_name = ?"
@@ -192,11 +192,20 @@ def _begin(
         row_files.check_present(path, files)
         tables.take_over(files)
     beside = safe_files.checked_path(root, building)
-    locked_connection.attach_new(connection, beside, "draft", schema.statements(tables.names))
+    locked_connection.attach_new(connection, beside, "draft", _empty_index(tables.names))
     if base is not None:
         _copy_tables(connection, "base", "draft", tables.names)
         connection.execute("DETACH base")
     tables.begin()
+
+
+def _empty_index(without: Sequence[str]) -> list[str]:
+    """The SQL that makes an empty index, comments included.
+
+    The tables `without` are left out, and with them the view `pair`, which may need them.
+    """
+    tables = schema.statements(without)
+    return tables if without else tables + pair_view.statements()
 
 
 def _copy_tables(
@@ -225,7 +234,7 @@ def _copy_without(
     To drop these tables would leave their space in the file.
     """
     target = safe_files.checked_path(root, path)
-    locked_connection.attach_new(connection, target, "compacted", schema.statements(without))
+    locked_connection.attach_new(connection, target, "compacted", _empty_index(without))
     _copy_tables(connection, "draft", "compacted", without)
     connection.execute("DETACH draft")
 

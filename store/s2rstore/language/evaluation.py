@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.index import schema
+from s2rstore.index import pair_view
 from s2rstore.index.population import Population
 from s2rstore.language import (
     MaskContext,
@@ -133,7 +133,7 @@ def pairs(store: Store) -> str:
     """The relation of instances with their predictions: view `pair`, or one without any."""
     if store.has_computed_run:
         return "pair"
-    return schema.unpredicted(store.missing_columns("instance"))
+    return pair_view.unpredicted(store.missing_columns("instance"))
 
 
 def _neighbours(

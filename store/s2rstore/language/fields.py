@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from s2rstore.index.schema import pair_column
+from s2rstore.index.pair_view import column_name as pair_column
 from s2rstore.records import SIDES
 
 

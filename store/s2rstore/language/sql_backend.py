@@ -23,7 +23,7 @@ class SqlContext:
     `neighbours` resolves `like`; `missing` are columns of view `pair` that the index,
     written by an earlier release, does not have. `stored_rooms` gives the index's own name of a
     room for the one that is shown, where they differ. `pairs` is the relation of instances: view
-    `pair`, or `schema.unpredicted` where there are no predictions.
+    `pair`, or `pair_view.unpredicted` where there are no predictions.
     """
 
     run: str

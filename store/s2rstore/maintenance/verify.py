@@ -20,7 +20,7 @@ import duckdb
 from s2rstore.arrays import stored_array
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.dataset_reader import SOURCE_IMAGES
-from s2rstore.errors import RequestError, first_line
+from s2rstore.errors import RequestError, counted, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import appending_folders, building_folders
@@ -373,7 +373,7 @@ class _Verification:
     def _check_ledger_lines(self) -> None:
         count = self._ledger.unreadable_lines()
         if count:
-            lines = "1 line" if count == 1 else f"{count} lines"
+            lines = counted(count, "line")
             self.notes.append(
                 f"{layout.LEDGER}: {lines} cannot be read (cut by a killed write, or damaged); "
                 "they prove nothing"

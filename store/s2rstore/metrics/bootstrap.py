@@ -9,15 +9,13 @@ Every interval on the screen, in reports and in the gate is made in three steps:
 3. The deviations of the replicates from the estimate are multiplied by `correction_factor`, which
    widens them for few units, and the interval ends at their percentiles.
 
-The interval of the median of more than `MOST_RESAMPLED` values needs no replicates: the spread over
-the units of the share of values below the median gives the ranks at which it ends.
+Intervals of medians are in `median_intervals`.
 
 Sources: Carlstein, "The use of subseries values for estimating the variance", 1986 (fixed blocks);
 Politis and Romano, "A circular block-resampling procedure for stationary data", 1992 (circular
 blocks); Davison and Hinkley, "Bootstrap methods and their application", 1997, section 3.8 (whole
 groups); Hesterberg, "What teachers should know about the bootstrap", The American Statistician 69,
-2015, section 5.3 (few units); Woodruff, "Confidence intervals for medians and other position
-measures", Journal of the American Statistical Association 47, 1952 (ranks).
+2015, section 5.3 (few units).
 """
 
 from __future__ import annotations
@@ -25,7 +23,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from math import comb
 from statistics import NormalDist
 
 import numpy as np
@@ -38,11 +35,6 @@ LEVEL_TEXT = f"{100 * LEVEL:g} %"
 REPLICATES = 1000
 SEED = 1
 
-RANKS = 1024
-"""Ranks that medians are resampled with: exact up to this number of values."""
-MOST_RESAMPLED = 20_000
-"""Values up to which the median is resampled; the ranks are too coarse for more."""
-_REPLICATES_AT_ONCE = 500
 _MOST_REPLICATES = 4000
 _FEWEST_BEYOND = 5
 
@@ -79,7 +71,7 @@ class Interval:
 
     def at_level(self, level: float) -> Interval:
         """The interval at another level, if the estimate varies as a normal one does."""
-        scale = _normal_quantile(level) / _normal_quantile(self.level)
+        scale = normal_quantile(level) / normal_quantile(self.level)
         below, above = self.value - self.low, self.high - self.value
         return Interval(self.value - scale * below, self.value, self.value + scale * above, level)
 
@@ -110,7 +102,7 @@ def correction_factor(units: int | Floats, level: float = LEVEL) -> Floats:
     return np.array(factors, dtype=np.float64).reshape(b.shape)
 
 
-def _normal_quantile(level: float) -> float:
+def normal_quantile(level: float) -> float:
     """The z with P(|Z| <= z) = `level` of the standard normal distribution."""
     return NormalDist().inv_cdf((1 + level) / 2)
 
@@ -119,7 +111,7 @@ def _normal_quantile(level: float) -> float:
 def _factor(units: int, level: float) -> float:
     if units < 2:
         return np.nan
-    normal = _normal_quantile(level)
+    normal = normal_quantile(level)
     return float(np.sqrt(units / (units - 1)) * student_quantile(units - 1, level) / normal)
 
 
@@ -130,7 +122,7 @@ def student_quantile(freedom: int, level: float) -> float:
     expansion around the normal quantile. Source: Abramowitz and Stegun, 26.7.3 to 26.7.5.
     """
     if freedom > 200:
-        z = _normal_quantile(level)
+        z = normal_quantile(level)
         terms = (
             (z**3 + z) / 4,
             (5 * z**5 + 16 * z**3 + 3 * z) / 96,
@@ -316,107 +308,6 @@ def mean_interval(
     if blocks.unit_count < 2:
         return Interval.unknown(value)
     return percentile_interval(value, mean_replicates(values, blocks, settings), settings.level)
-
-
-def median_replicates(
-    values: Floats, blocks: Blocks, settings: BootstrapSettings = DEFAULT_SETTINGS
-) -> Floats:
-    """Corrected replicates (R,) of the median of `values` (n,) over their rows.
-
-    More than `RANKS` values are rounded up to that many quantiles, so that a replicate errs by at
-    most 1 / `RANKS` of the ranks.
-    """
-    ordered = np.sort(values)
-    edges = ordered[np.unique(np.linspace(0, values.size - 1, min(values.size, RANKS)).round())
-                    .astype(np.intp)]  # fmt: skip
-    ranks = np.searchsorted(edges, values)
-    row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
-    cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
-    table = cells.reshape(blocks.count, edges.size).astype(np.float64)
-    counts = block_counts(blocks, settings)
-    parts = []
-    for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
-        below = np.cumsum(counts[start : start + _REPLICATES_AT_ONCE] @ table, axis=1)
-        half = below[:, -1:] / 2
-        lower, upper = (below >= half).argmax(axis=1), (below > half).argmax(axis=1)
-        parts.append((edges[lower] + edges[upper]) / 2)
-    medians = np.concatenate(parts)
-    return corrected(medians, float(np.median(values)), blocks.unit_count, settings.level)
-
-
-def median_interval(
-    values: Floats,
-    trajectories: NDArray[np.integer] | None = None,
-    settings: BootstrapSettings = DEFAULT_SETTINGS,
-) -> Interval:
-    """Median of `values` (n,) in recording order, without NaN, with its interval.
-
-    `trajectories` (n,) as in `mean_interval`. The interval is that of the block bootstrap, and at
-    least as wide as that of n independent values: medians of few blocks take few values, so that
-    their percentiles alone are too narrow. The bounds are NaN where n is too small for the level
-    (below 6 at 95 %) or there are fewer than two blocks. In simulations of correlated errors
-    (0 and 0.6 between neighbours) 95 % intervals covered the truth in 90 to 99 % of the cases. More
-    than `MOST_RESAMPLED` values are bounded by `median_bound_rank`.
-    """
-    if not values.size:
-        return Interval.unknown()
-    value = float(np.median(values))
-    codes = np.zeros(values.size, dtype=np.int64) if trajectories is None else trajectories
-    blocks = split_into_blocks(codes, settings.block_length)
-    place = _median_bound(values.size, settings.level)
-    if blocks.unit_count < 2 or place < 1:
-        return Interval.unknown(value)
-    if values.size > MOST_RESAMPLED:
-        place = median_bound_rank(values, value, codes, settings)
-        low, high = np.partition(values, (place - 1, values.size - place))[[place - 1, -place]]
-        return Interval(float(low), value, float(high), settings.level)
-    drawn = percentile_interval(value, median_replicates(values, blocks, settings), settings.level)
-    low, high = np.sort(values)[[place - 1, -place]].tolist()
-    return Interval(min(drawn.low, low), value, max(drawn.high, high), settings.level)
-
-
-def median_bound_rank(
-    values: Floats,
-    median: float,
-    trajectories: NDArray[np.integer],
-    settings: BootstrapSettings = DEFAULT_SETTINGS,
-) -> int:
-    """The k for which the k-th smallest and the k-th largest of `values` (n,) bound their median.
-
-    For many values in recording order; `trajectories` (n,) as in `mean_interval`. The share of
-    values below the median varies between units as its bootstrap does, whose spread is known. The
-    bounds are the smallest and the largest value where the spread exceeds all ranks, and at least
-    as far apart as those of n independent values.
-    """
-    n = values.size
-    blocks = split_into_blocks(trajectories, settings.block_length)
-    ends = np.append(blocks.start[1:], n)[: blocks.count]
-    above, below = (
-        np.diff(np.cumsum(side)[ends - 1], prepend=0) for side in (values > median, values < median)
-    )
-    excess = np.bincount(blocks.units, (below - above) / 2)  # over half of the unit's rows
-    factor = float(correction_factor(excess.size, settings.level))
-    spread = (
-        factor
-        * _normal_quantile(settings.level)
-        * float(np.sqrt(np.square(excess - excess.mean()).sum()))
-    )
-    return max(1, min(_median_bound(n, settings.level), int(n / 2 - spread)))
-
-
-@lru_cache(maxsize=4096)
-def _median_bound(n: int, level: float) -> int:
-    """The k for which the k-th smallest and the k-th largest of n values bound the median.
-
-    The largest k with P(X < k) <= (1 - level) / 2 for a binomial X of n trials with probability
-    1/2, by its normal approximation above 100 trials; 0 where there is none. Source: Conover,
-    "Practical nonparametric statistics", 1999, section 3.2.
-    """
-    tail = (1 - level) / 2
-    if n > 100:
-        return int(n / 2 - NormalDist().inv_cdf(1 - tail) * np.sqrt(n) / 2)
-    below = np.cumsum([float(comb(n, k)) for k in range(n + 1)]) / 2.0**n
-    return int(np.count_nonzero(below <= tail))
 
 
 def difference_of(first: Interval, second: Interval) -> Interval:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from s2rstore.errors import counted
 from s2rstore.gap_history.gate_status import (
     AxisStatus,
     NightStatus,
@@ -145,7 +146,7 @@ def _golden_check(night: Night) -> Check:
 
 
 def _staleness_check(night: Night) -> Check:
-    days = f"{night.evidence_age} day{'' if night.evidence_age == 1 else 's'}"
+    days = counted(night.evidence_age, "day")
     limit = f"limit {night.stale_after:g} days"
     message = f"evidence is {days} old, since {night.evidence_since}, {limit}"
     return Check("staleness", "INCONCLUSIVE" if night.stale else "PASS", message)

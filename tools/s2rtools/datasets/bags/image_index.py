@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
-from s2rtools.common.count_text import count_text
+from s2rstore.errors import RequestError, counted
 from s2rtools.datasets.bags import image_messages
 from s2rtools.datasets.bags.frame_tree import plain
 from s2rtools.datasets.bags.messages import BagMessages, stamp_of
@@ -51,7 +50,7 @@ class ImageIndex:
             self.issues.append(InputIssue("unordered stamps", self._place, detail))
         self.times, first = np.unique(times, return_index=True)
         if len(first) < len(times):
-            again = count_text(len(times) - len(first), "image")
+            again = counted(len(times) - len(first), "image")
             detail = f"left out: {again} with the stamp of another"
             self.issues.append(InputIssue("repeated stamps", self._place, detail))
         self._table = table[first]

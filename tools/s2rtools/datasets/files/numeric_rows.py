@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.files.input_files import read_text
-from s2rtools.common.count_text import count_text
 from s2rtools.datasets.files.text_lines import read_lines
 from s2rtools.datasets.lazy_sequence import RowFile
 from s2rtools.datasets.recordings.recorded_poses import pose_defect, usable_poses
@@ -162,7 +161,7 @@ def in_time_order(rows: NumericRows | StampedNames, issues: list[InputIssue]) ->
     kept = np.flatnonzero(finite)
     earlier = np.flatnonzero(np.diff(times[kept]) < 0)
     if len(earlier):
-        late = count_text(len(earlier), "row")
+        late = counted(len(earlier), "row")
         detail = f"sorted by time; {late} with an earlier time than the row before"
         issues.append(
             InputIssue("times not in order", rows.place(int(kept[earlier[0] + 1])), detail)

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.errors import RequestError
-from s2rtools.common.count_text import count_text
+from s2rstore.errors import RequestError, counted
 from s2rtools.datasets.recording import RecordedTrajectory
 from s2rtools.datasets.recordings.recorded_poses import nearest_times
 from s2rtools.datasets.scan import InputIssue
@@ -50,7 +49,7 @@ def require_frames(
     if issues:
         first = issues[0]
         reason = ": ".join(text for text in (first.file, first.kind, first.detail) if text)
-        message += f" ({count_text(len(issues), 'issue')}, the first: {reason})"
+        message += f" ({counted(len(issues), 'issue')}, the first: {reason})"
     raise RequestError(message)
 
 

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.ingest_folder import BuildingFolder, building_folder, building_folders
 from s2rstore.index import schema
 from s2rstore.index.transaction import edit
-from s2rtools.common.count_text import count_text
 from s2rtools.datasets.conventions import convention_report
 from s2rtools.datasets.floor.floor_plan_image import read_floor_plan
 from s2rtools.datasets.floor.floor_plans import plan_from_depth
@@ -194,7 +193,7 @@ def refuse_unusable(scan: Scan, strict: bool) -> None:
     if fatal or (strict and scan.issues):
         first = issues[0]
         reason = ": ".join(text for text in (first.file, first.kind, first.detail) if text)
-        more = f"; {count_text(len(issues) - 1, 'more issue')}" if len(issues) > 1 else ""
+        more = f"; {counted(len(issues) - 1, 'more issue')}" if len(issues) > 1 else ""
         raise RequestError(f"{reason}{more}; nothing was ingested")
 
 
