@@ -15,6 +15,8 @@ DIRECTIONS: tuple[Direction, Direction] = ("sim2real", "real2sim")
 
 Split = Literal["train", "validation", "test", "unseen"]
 SPLITS: tuple[Split, ...] = ("train", "validation", "test", "unseen")
+GAP_FACTORS = ("lighting", "depth", "objects", "sensor", "camera")
+"""The factors that the gap of an image pair is shared out to."""
 TRAINING_SPLITS: tuple[Split, ...] = ("train", "validation")
 """The splits of images that a model was fitted or chosen on; they come first in `SPLITS`."""
 

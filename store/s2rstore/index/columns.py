@@ -72,7 +72,8 @@ class SideColumns(Columns):
     is a code into `records.SPLITS` with -1 for NULL; `room` is the prediction's room, a code
     into `InstanceColumns.room_names` with -1 for none; u, v are the UMAP coordinates; `outlier`
     is the distance to the nearest embeddings over the side's median. x, y, error in metres,
-    heading and heading_error in radians.
+    heading and heading_error in radians. `share_*` of the real side are the metres of the gap that
+    each factor causes; NaN for the sim side.
     """
 
     x: FloatColumn
@@ -88,6 +89,11 @@ class SideColumns(Columns):
     u: FloatColumn
     v: FloatColumn
     outlier: FloatColumn
+    share_lighting: FloatColumn
+    share_depth: FloatColumn
+    share_objects: FloatColumn
+    share_sensor: FloatColumn
+    share_camera: FloatColumn
 
 
 class RunColumns(Columns):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from s2rstore.index.schema import BY_NAME, PAIR_OFFSETS
+from s2rstore.index.schema import BY_NAME, GAP_SHARES, PAIR_OFFSETS
 from s2rstore.index.table_definition import quoted
 
 _SIDE_COLUMNS = {"x": "m", "y": "m", "heading": "rad", "error": "m", "heading_error": "rad"} | (
@@ -67,8 +67,11 @@ def view_statement(missing: frozenset[str] = frozenset(), with_units: bool = Tru
         terms += [(f"{alias}p.{axis}", f"{side}_{axis}") for axis in "uv"]
     terms.append(("r.error - s.error", "gap"))
     terms.append(("sqrt((r.x - s.x) * (r.x - s.x) + (r.y - s.y) * (r.y - s.y))", "shift"))
+    if with_units:
+        shares = (name for name in GAP_SHARES if name not in missing)
+        terms = [*_with_units(terms), *((f"r.{name}", f"{name}_m") for name in shares)]
     return f"""
-        CREATE VIEW pair AS SELECT {_select_list(_with_units(terms) if with_units else terms)}
+        CREATE VIEW pair AS SELECT {_select_list(terms)}
         FROM instance i
         JOIN prediction s ON s.iid = i.iid AND s.side = 'sim'
         JOIN prediction r ON r.run = s.run AND r.iid = s.iid AND r.side = 'real'
@@ -91,11 +94,13 @@ def unpredicted(missing: Collection[str] = ()) -> str:
         names = (*_SIDE_COLUMNS, "u", "v")
         terms += [(f"NULL::{types[name]}", f"{side}_{name}") for name in names]
     terms += [("NULL::DOUBLE", "gap"), ("NULL::DOUBLE", "shift")]
-    return f"(SELECT {_select_list(_with_units(terms))} FROM instance)"
+    terms = _with_units(terms) + [("NULL::FLOAT", f"{name}_m") for name in GAP_SHARES]
+    return f"(SELECT {_select_list(terms)} FROM instance)"
 
 
 VIEWS: tuple[str, ...] = (
     view_statement(),
+    view_statement(frozenset(GAP_SHARES)),
     view_statement(with_units=False),
     view_statement(frozenset(PAIR_OFFSETS), with_units=False),
     view_statement(frozenset({*PAIR_OFFSETS, "outlier"}), with_units=False),
@@ -122,6 +127,8 @@ def column_comments() -> dict[str, str]:
         comments |= {f"{side}_{axis}": f"{side} side of the UMAP" for axis in "uv"}
     comments["gap"] = "real error - sim error, m"
     comments["shift"] = "distance between the sim and the real prediction, m"
+    for name in GAP_SHARES:
+        comments[f"{name}_m"] = f"share of the gap that {name.removeprefix('share_')} causes, m"
     renamed = {name: column_name(name) for name in comments if column_name(name) != name}
     comments |= {new: comments[name] for name, new in renamed.items()}
     return comments | {name: f"deprecated: use {new}" for name, new in renamed.items()}

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from s2rstore.index.table_definition import Table, statements_of, table_of
+from s2rstore.records import GAP_FACTORS
 
 VERSION = 2
 """The schema number that every written index has, in `CURRENT.json`.
@@ -271,6 +272,15 @@ TABLES: tuple[Table, ...] = (
             "mean distance to the nearest embeddings over the side's median; NULL = unknown",
             True,
         ),
+        *(
+            (
+                f"share_{factor}",
+                "FLOAT",
+                f"real side: share of the gap that {factor} causes, m; NULL = not computed",
+                True,
+            )
+            for factor in GAP_FACTORS
+        ),
     ),
     table_of(
         "projection",
@@ -358,6 +368,8 @@ TABLES: tuple[Table, ...] = (
 
 BY_NAME: dict[str, Table] = {table.name: table for table in TABLES}
 
+GAP_SHARES = tuple(f"share_{factor}" for factor in GAP_FACTORS)
+"""Columns of table `prediction` with the shares of the gap."""
 PAIR_OFFSETS = ("pair_offset_m", "pair_offset_deg")
 """Columns of table `instance` that are 0 where both images of a pair have the same pose."""
 

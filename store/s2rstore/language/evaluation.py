@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from s2rstore.errors import RequestError
 from s2rstore.index import pair_view
 from s2rstore.index.population import Population
+from s2rstore.index.schema import GAP_SHARES
 from s2rstore.language import (
     MaskContext,
     Node,
@@ -110,7 +111,9 @@ def sql(
     node, name = parse(expression), store.run_name(run)
     if name == NO_RUN and store.has_poses:
         _require_no_run(store, expand(node, vocabulary(store, saved)))
-    missing = {f"{side}_{name}" for name in store.missing_columns("prediction") for side in SIDES}
+    lacking = store.missing_columns("prediction")
+    missing = {f"{side}_{name}" for name in lacking for side in SIDES}
+    missing |= {f"{name}_m" for name in lacking & set(GAP_SHARES)}
     context = SqlContext(
         name, vocabulary(store, saved),
         _population(trajectories, with_trained), partial(_neighbours, store),

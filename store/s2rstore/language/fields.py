@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from s2rstore.index.pair_view import column_name as pair_column
-from s2rstore.records import SIDES
+from s2rstore.records import GAP_FACTORS, SIDES
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +82,15 @@ NUMERIC: dict[str, Numeric] = {
     ),
     "gap": Numeric("gap_m", "gap", "m", "real error - sim error"),
     "shift": Numeric("shift_m", "shift", "m", "between the sim and the real prediction"),
+    **{
+        f"share.{factor}": Numeric(
+            f"share_{factor}_m",
+            f"real.share_{factor}",
+            "m",
+            f"part of the gap that {factor} causes",
+        )
+        for factor in GAP_FACTORS
+    },
     **{
         f"{side}.{name}": Numeric(
             pair_column(f"{side}_{name}"), f"{side}.{name}", unit, f"{side}: {text}", *turn

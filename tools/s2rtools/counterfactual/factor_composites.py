@@ -12,9 +12,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.records import GAP_FACTORS
 from s2rtools.counterfactual.relighting import Relighting
 
-FACTORS = ("lighting", "depth", "objects", "sensor", "camera")
+FACTORS = GAP_FACTORS
 VIEW_FACTORS = FACTORS[:-1]
 """The factors that differ within the view of one camera."""
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_json
+from s2rstore.index.schema import GAP_SHARES
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import SPLITS
 
@@ -24,12 +25,14 @@ def prediction_columns(
     accuracy_scale: float,
     split: NDArray[np.int8],
     outlier: NDArray[np.float64],
+    shares: NDArray[np.float32] | None = None,
 ) -> dict[str, Any]:
     """Columns of table `prediction` for one side.
 
     `poses` (n, 3) of the first n instances and `truth` (N, 3), as `Store.poses` gives it for the
     side's domain: x and y in metres, heading in radians. A pose that is not finite is a missing
-    prediction: its metrics are NaN and its rank is 0 (both become NULL).
+    prediction: its metrics are NaN and its rank is 0 (both become NULL). `shares` (n, 5) of the gap
+    by `records.GAP_FACTORS` in metres, where they are computed.
     """
     n = len(poses)
     known = np.isfinite(poses).all(axis=1, keepdims=True)
@@ -53,7 +56,14 @@ def prediction_columns(
         "rank": np.where(rank > 0, rank, np.nan),
         "split": np.array(SPLITS, dtype=object)[split[:n]],
         "outlier": outlier,
+        **_share_columns(shares, n),
     }
+
+
+def _share_columns(shares: NDArray[np.float32] | None, n: int) -> dict[str, Any]:
+    if shares is None:
+        shares = np.full((n, len(GAP_SHARES)), np.nan, dtype=np.float32)
+    return dict(zip(GAP_SHARES, shares.T, strict=True))
 
 
 def encode_split(codes: NDArray[np.int8]) -> str:

@@ -12,13 +12,16 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
+from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import bootstrap
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord
+from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference.backend import processor_name
 from s2rtools.precompute.array_keys import content_key
@@ -59,7 +62,8 @@ def publish_run(
     if _are_listed(store, run, specs, listed) and not store.missing_columns("prediction"):
         return False
     root = store.path
-    columns = list(_instance_columns(store, run, specs))
+    keeps_shares = any(record.kind == gap_shares.KIND for record in listed)
+    columns = list(_instance_columns(store, run, specs, keeps_shares))
     ranges = _heat_ranges(store, run, specs)
     previous = store.provenance(f"run:{run}") if same else {}
     computed = {(spec.kind, spec.side, spec.mode) for spec in specs}
@@ -108,32 +112,49 @@ def run_key(specs: Sequence[ArraySpec]) -> str:
 
 
 def _instance_columns(
-    store: Store, run: str, specs: Sequence[ArraySpec]
+    store: Store, run: str, specs: Sequence[ArraySpec], keeps_shares: bool
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Columns of the tables `prediction` and `projection`, each with its table.
 
-    Imported predictions may be those of the first parts alone, and without embeddings.
+    Imported predictions may be those of the first parts alone, and without embeddings. With
+    `keeps_shares`, published shares of the gap stay where `specs` have none.
     """
     record = store.run(run)
     splits = store.provenance(f"run:{run}" if record.is_imported else f"model:{record.model}")
     n = len(store.instances)
+    shares = _gap_shares(store, run, specs, keeps_shares)
     for side in SIDES:
         arrays = {
-            kind: np.asarray(open_parts(parts, store.path, run))
+            kind: np.asarray(open_parts(of_kind, store.path, run))
             for kind in ("prediction", outliers.KIND, "umap")
-            if (parts := [s for s in specs if (s.kind, s.side) == (kind, side)])
+            if (of_kind := [s for s in specs if (s.kind, s.side) == (kind, side)])
         }
         split = decode_split(splits.get(f"split:{record.domain(side)}"), n)
         poses = arrays["prediction"]
         scores = np.full(len(poses), np.nan)
         if outliers.KIND in arrays:
             scores = outliers.outlier_scores(arrays[outliers.KIND])
-        columns = prediction_columns(run, side, poses, store.poses(record.domain(side)),
-                                     store.dataset.accuracy_scale, split, scores)  # fmt: skip
+        columns = prediction_columns(
+            run, side, poses, store.poses(record.domain(side)), store.dataset.accuracy_scale, split,
+            scores, shares if side == "real" else None,
+        )  # fmt: skip
         yield "prediction", columns
         if "umap" in arrays:
             u, v = arrays["umap"].astype(np.float64).T
             yield "projection", {**{k: columns[k] for k in ("run", "iid", "side")}, "u": u, "v": v}
+
+
+def _gap_shares(
+    store: Store, run: str, specs: Sequence[ArraySpec], keeps: bool
+) -> NDArray[np.float32] | None:
+    """The shares (n, 5) of the gap in metres: those of `specs`, else with `keeps` the published."""
+    parts = [spec for spec in specs if spec.kind == gap_shares.KIND]
+    if parts:
+        return np.asarray(open_parts(parts, store.path, run), dtype=np.float32)
+    if not keeps:
+        return None
+    real = store.run_columns(run).real
+    return np.stack([getattr(real, name) for name in GAP_SHARES], axis=1).astype(np.float32)
 
 
 def array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
