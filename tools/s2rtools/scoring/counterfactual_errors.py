@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.adjustments import apply_chain
-from s2rtools.inference import Backend
+from s2rtools.inference import Backend, open_backend
+from s2rtools.models.load_model import load_model
 from s2rtools.models.preprocessing import preprocess
 from s2rtools.scoring.ground_truth import GroundTruth, move_camera
 from s2rtools.synthetic_world.factors import scene_severities
@@ -23,6 +25,15 @@ Factors = Mapping[str, float]
 EvaluatedRuns = Sequence[tuple[Run, Backend]]
 Errors = dict[str, NDArray[np.float64]]
 """Position errors (n,) in metres by run."""
+
+
+def open_runs(store: Store, runs: Iterable[str], trust: bool = False) -> EvaluatedRuns:
+    """Runs with their networks in float32 torch; `trust` allows formats that execute code."""
+    records = [store.run(run) for run in runs]
+    return [
+        (run, open_backend(load_model(store, run.network("scoring"), trust), "torch"))
+        for run in records
+    ]
 
 
 class CounterfactualErrors:

@@ -14,8 +14,9 @@ from s2rtools.scoring.block_intervals import weighted_mean, weighted_pearson
 
 HARMFUL = 0.25
 """Metres from which a gain counts as harm, and an estimate as a claim of harm."""
-MIN_HARMFUL = 8
-"""Harmful pairs below which scores have no interval."""
+MIN_COUNT = 8
+"""Harmful pairs below which scores have no interval, and claims below which their scores have none.
+"""
 
 Floats = NDArray[np.float64]
 
@@ -72,11 +73,14 @@ def harm_score(
             weighted_mean(pairs.gain, weights * claimed),
         ]
 
-    if int((pairs.gain > HARMFUL).sum()) >= MIN_HARMFUL:
+    if int((pairs.gain > HARMFUL).sum()) >= MIN_COUNT:
         found = block_intervals.block_intervals(statistics, pairs.view, pairs.trajectory, settings)
     else:
         found = [Interval.unknown(value) for value in statistics(np.ones(pairs.gain.size))]
-    correlation, auroc, precision, delivered = found
+    correlation, auroc, *of_claims = found
+    if claimed.sum() < MIN_COUNT:
+        of_claims = [Interval.unknown(each.value) for each in of_claims]
+    precision, delivered = of_claims
     return HarmScore(
         correlation.clipped(-1, 1), auroc.clipped(0, 1), int(claimed.sum()),
         precision.clipped(0, 1), delivered, weighted_mean(pairs.gain > HARMFUL),

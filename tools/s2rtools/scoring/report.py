@@ -19,11 +19,9 @@ from s2rstore.index.transaction import check_writable, edit
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
-from s2rtools.inference import open_backend
-from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
 from s2rtools.scoring import harm_report, heatmap_metrics
-from s2rtools.scoring.counterfactual_errors import EvaluatedRuns
+from s2rtools.scoring.counterfactual_errors import EvaluatedRuns, open_runs
 from s2rtools.scoring.factor_effects import Counterfactuals
 from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
@@ -68,12 +66,7 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         reporter.begin("score", 6 if settings.harm else 3)
         maps = heatmap_metrics.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
-        evaluated = []
-        for run in map(store.run, runs):
-            backend = open_backend(
-                load_model(store, run.network("scoring"), settings.trust), "torch"
-            )
-            evaluated.append((run, backend))
+        evaluated = open_runs(store, runs, settings.trust)
         table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()
         reporter.advance(1)
