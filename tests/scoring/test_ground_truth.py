@@ -23,16 +23,11 @@ from s2rtools.training import pretrained
 from s2rtools.training.train_into_store import TrainingRequest, train_into_store
 from s2rtui.cli import main
 from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("world")
 
 KINDS = ("pixel_difference", "harmonised_difference", "harmonised_distance")
-
-
-class SilentReporter:
-    def begin(self, what: str, total: int) -> None: ...
-    def advance(self, steps: int) -> None: ...
-    def say(self, line: str) -> None: ...
 
 
 def make(path: Path, factors: str) -> Path:
@@ -86,16 +81,6 @@ def test_only_the_active_factor_has_a_cost(objects_scored: report.ScoreReport) -
     assert row["factor"] == "objects"
     assert row["cost"] == pytest.approx(row["gain"])
     assert objects_scored["objects"]
-
-
-@pytest.fixture(scope="module")
-def world_with_all_factors(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("world") / "all.s2r"
-    arguments = ["ingest", "world", "--instances", "6", "--store", str(path)]
-    assert main(arguments) == 0
-    pretrained.add_pretrained_models(path)
-    precompute(path, SilentReporter(), ["vanilla", "finetune"], PrecomputeOptions(()))
-    return path
 
 
 def test_counterfactuals_start_and_end_at_the_stored_errors(world_with_all_factors: Path) -> None:

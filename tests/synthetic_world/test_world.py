@@ -104,7 +104,7 @@ def test_restoring_an_object_changes_only_its_pixels(data: WorldData) -> None:
     sim = world.renderer({}).render(poses, camera, samples=0)
     visible_changes = 0
     for number in world.changed_objects({"objects": 1.0})[:4]:
-        restored = world.renderer({"objects": 1.0}, restored=number).render(poses, camera, 0)
+        restored = world.renderer({"objects": 1.0}, restored=(number,)).render(poses, camera, 0)
         is_affected = (real.identity == number) | (restored.identity == number)
         assert np.array_equal(restored.identity[~is_affected], real.identity[~is_affected])
         shows_object = restored.identity == number

@@ -77,6 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--factors", default="all", metavar="NAME[=SEVERITY],...",
                        help="differences between the real and the sim side: all (severity 1), "
                        "none, or a list (default all)")  # fmt: skip
+    group.add_argument("--constants", default="", metavar="FACTOR.NAME=VALUE,...",
+                       help="other constants of the factors at severity 1, such as "
+                       "exposure.vignette=0.4,depth.farthest=5 (default: those of the "
+                       "factors)")  # fmt: skip
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -90,10 +94,11 @@ def execute(options: argparse.Namespace) -> int:
         return _ingest_pairs(options, size)
     world: dict[str, Any] = {}
     if options.layout == "world":
-        from s2rtools.synthetic_world.factors import parse_factors
+        from s2rtools.synthetic_world.factors import parse_constants, parse_factors
 
         world = {"seed": options.seed, "count": options.instances, "survey": options.survey,
-                 "factors": parse_factors(options.factors)}  # fmt: skip
+                 "factors": parse_factors(options.factors),
+                 "constants": parse_constants(options.constants)}  # fmt: skip
     frame = size, size
     header = getattr(options, "header", None)
     allow_outside = getattr(options, "allow_outside", False)

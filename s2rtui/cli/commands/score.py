@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
@@ -23,6 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "store")  # fmt: skip
     add("--instances", type=int, default=120,
         help="instances for the counterfactual tables (default 120)")  # fmt: skip
+    add("--harm", action="store_true",
+        help="also score what harms the pose: every heatmap kind against the gain of restoring "
+        "each visible object, repair curves, and the shares of the gap (minutes)")  # fmt: skip
+    add("--views", type=int, default=200,
+        help="views per run whose objects are restored, with --harm (default 200)")  # fmt: skip
     add("--seed", type=int, default=1, help="random seed that breaks ties (default 1)")
     add("--trust", action="store_true", help="allow model formats that execute code")
     add = parser.add_argument_group("output").add_argument
@@ -33,12 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
+    from s2rtui.cli.formatting import score_tables
 
     saves = not options.no_keep and not options.run
     if saves:
         _check_writable(options.store)
     runs = tuple(options.run)
-    settings = report.ScoreSettings(runs, options.trust, options.instances, options.seed)
+    settings = report.ScoreSettings(
+        runs, options.trust, options.instances, options.seed, options.harm, options.views
+    )
     with reporter() as progress:
         scores = report.score(options.store, settings, progress)
     if saves:
@@ -47,7 +54,7 @@ def execute(options: argparse.Namespace) -> int:
         json.dump(scores, sys.stdout, indent=1, sort_keys=True)
         print()
     elif not options.quiet:
-        print("\n".join(_tables(scores)))
+        print("\n".join(score_tables.tables(scores)))
     return 0
 
 
@@ -60,41 +67,3 @@ def _check_writable(store: Path) -> None:
         check_writable(store)
     except RequestError as error:
         raise RequestError(f"{error}; use --no-keep to print the score only") from error
-
-
-def _tables(scores: dict[str, Any]) -> list[str]:
-    from s2rtui.cli.formatting import rows as output
-
-    heat = [
-        (r["run"], r["kind"], r["mode"], r["side"], r["place"], _interval(r, "auroc"),
-         _interval(r, "precision"), _number(r["base_rate"]), r["n"], r["without"])
-        for r in scores["heatmaps"]
-    ]  # fmt: skip
-    factors = [
-        (r["run"], r["factor"], _interval(r, "alone"), _interval(r, "cost"),
-         _interval(r, "without"), _interval(r, "gain"), r["n"])
-        for r in scores["factors"]
-    ]  # fmt: skip
-    objects = [
-        (r["run"], r["object"], r["name"], r["change"], _interval(r, "gain"), r["n"])
-        for r in scores["objects"]
-    ]
-    parts = (
-        ("Agreement of heatmaps with the labelled changes",
-         ("run", "heatmap", "mode", "side", "place", "AUROC", "precision of top 5 %", "base rate",
-          "n", "frames without"), heat),
-        ("Causes of the real error: mean position error, m",
-         ("run", "factor", "alone", "costs", "all but it", "leaving it out gains", "n"), factors),
-        ("Error reduction by restoring one object, in images that show it, m",
-         ("run", "object", "name", "change", "gain", "n"), objects),
-    )  # fmt: skip
-    return [f"{title}\n\n{output.table(names, rows)}" for title, names, rows in parts]
-
-
-def _interval(row: dict[str, Any], name: str) -> str:
-    low, high = (_number(row[f"{name}_{end}"]) for end in ("low", "high"))
-    return f"{_number(row[name])} ({low} .. {high})"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"

@@ -143,6 +143,8 @@ class HeatmapKind(ABC):
     know the noise of the depth sensor; `compares_images` tells whether
     the images of a pair are compared position by position, as if both had one pose.
     `surface` selects the depth for the projection on the floor: that of the side, or the nearer.
+    `sums_to_metres` tells whether the heat over a region sums to the metres of position error that
+    the region costs, in the plane `position` of kinds with planes.
     """
 
     name: ClassVar[str]
@@ -158,6 +160,7 @@ class HeatmapKind(ABC):
     stage: ClassVar[str | None] = None
     compares_images: ClassVar[bool] = True
     surface: ClassVar[Literal["own", "nearer"]] = "own"
+    sums_to_metres: ClassVar[bool] = False
 
     def suits(self, model: LoadedModel) -> bool:
         """Whether the method can be computed for a model."""

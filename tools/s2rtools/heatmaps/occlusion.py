@@ -59,6 +59,7 @@ class Occlusion(HeatmapKind):
     name = "occlusion"
     params = {"patches": 6}  # noqa: RUF012
     cost = "many"
+    sums_to_metres = True
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         count = self.params["patches"]

@@ -113,7 +113,7 @@ def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
     A value of a coarser map counts for every cell that its own cell covers.
     """
     height, width = heat.shape[1:]
-    rows, cols = _overlap_shares(height), _overlap_shares(width)
+    rows, cols = (overlap_shares(extent, IMAGE_CELLS) for extent in (height, width))
     known = np.isfinite(heat)
     values = np.where(known, heat, 0).astype(np.float64)
     total, weight = (rows @ plane @ cols.T for plane in (values, known.astype(np.float64)))
@@ -121,10 +121,10 @@ def to_cells(heat: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.where(weight > 1e-9, total / weight, np.nan).astype(np.float32)
 
 
-def _overlap_shares(extent: int) -> NDArray[np.float64]:
-    """(IMAGE_CELLS, extent): share of each common cell that each source cell covers."""
-    edges = np.linspace(0, extent, IMAGE_CELLS + 1)
+def overlap_shares(extent: int, cells: int) -> NDArray[np.float64]:
+    """(cells, extent): share of each of `cells` equal cells that each source cell covers."""
+    edges = np.linspace(0, extent, cells + 1)
     source = np.arange(extent)
     low = np.maximum(edges[:-1, None], source[None])
     high = np.minimum(edges[1:, None], source[None] + 1)
-    return np.maximum(high - low, 0.0) * IMAGE_CELLS / extent
+    return np.maximum(high - low, 0.0) * cells / extent

@@ -9,37 +9,48 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
+from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
-from s2rtools.inference import open_backend
-from s2rtools.models.load_model import load_model
 from s2rtools.precompute.pipeline import ProgressReporter
-from s2rtools.scoring import heatmap_metrics
+from s2rtools.scoring import harm_report, heatmap_metrics
+from s2rtools.scoring.counterfactual_errors import EvaluatedRuns, open_runs
 from s2rtools.scoring.factor_effects import Counterfactuals
+from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.scoring.object_gains import INSTANCES, measure_object_gains
+from s2rtools.scoring.repair_curves import VIEWS, measure_repairs
 
 ScoreReport = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreSettings:
-    """Number of `instances` for counterfactual errors, and the random `seed` for ties."""
+    """Number of `instances` for counterfactual errors, and the random `seed` for ties.
+
+    With `harm` also what harms the pose, from `views` real views per run, `repair_views` of which
+    are rendered with several objects restored.
+    """
 
     runs: tuple[str, ...] = ()
     trust: bool = False
     instances: int = 120
     seed: int = 1
+    harm: bool = False
+    views: int = INSTANCES
+    repair_views: int = VIEWS
 
     def __post_init__(self) -> None:
-        if not 2 <= self.instances <= 100_000:
-            raise RequestError("--instances: 2 .. 100000")
+        for option, count in (("--instances", self.instances), ("--views", self.views)):
+            if not 2 <= count <= 100_000:
+                raise RequestError(f"{option}: 2 .. 100000")
         if not 0 <= self.seed < 2**31:
             raise RequestError("--seed: 0 .. 2147483647")
 
@@ -52,20 +63,16 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
     with s2rstore.open(root) as store:
         truth = GroundTruth(store)
         runs = _computed_runs(store, settings.runs)
-        reporter.begin("score", 3)
+        reporter.begin("score", 6 if settings.harm else 3)
         maps = heatmap_metrics.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
-        evaluated = []
-        for run in map(store.run, runs):
-            backend = open_backend(
-                load_model(store, run.network("scoring"), settings.trust), "torch"
-            )
-            evaluated.append((run, backend))
+        evaluated = open_runs(store, runs, settings.trust)
         table = Counterfactuals(truth, evaluated, settings.instances)
         factors = table.factor_scores()
         reporter.advance(1)
         objects = table.object_scores()
         reporter.advance(1)
+        harm = _harm(truth, evaluated, settings, reporter) if settings.harm else {}
         return {
             "seed": settings.seed,
             "instances": len(table.iids),
@@ -74,7 +81,41 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
             "heatmaps": [_json_row(row) for row in maps],
             "factors": [_json_row(row) for row in factors],
             "objects": [_json_row(row) for row in objects],
+            **harm,
         }
+
+
+def _harm(
+    truth: GroundTruth, evaluated: EvaluatedRuns, settings: ScoreSettings,
+    reporter: ProgressReporter,
+) -> ScoreReport:  # fmt: skip
+    """What harms the pose: kinds against true gains, repair curves, and shares of the gap."""
+    gains = measure_object_gains(truth, evaluated, settings.views)
+    reporter.advance(1)
+    repairs = measure_repairs(truth, evaluated, gains, settings.repair_views)
+    reporter.advance(1)
+    kinds, curves = [], []
+    for estimates in harm_report.kind_estimates(truth.store, gains, settings.seed):
+        kinds += harm_report.kind_scores(gains, estimates)
+        if estimates.side == "real":
+            curves += harm_report.kind_repairs(repairs, estimates)
+    true = measure_shares(truth, evaluated, settings.instances)
+    shares, largest = harm_report.share_scores(truth.store, true)
+    reporter.advance(1)
+    sections: dict[str, Sequence[object]] = {
+        "harm": kinds,
+        "repairs": curves,
+        "shares": shares,
+        "largest_share": largest,
+    }
+    return {
+        "harm_views": {run: int(new.sum()) for run, new in gains.is_new.items()},
+        "harm_left_out": {
+            run: len(truth.poses) - int(run_metrics.held_out(truth.store, run).sum())
+            for run in gains.runs
+        },
+        **{name: [_json_row(row) for row in rows] for name, rows in sections.items()},
+    }  # fmt: skip
 
 
 def save_report(root: Path, report: ScoreReport) -> bool:
@@ -102,13 +143,15 @@ def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
 
 
 def _json_row(row: Any) -> dict[str, Any]:
-    """A record as JSON: intervals as three numbers, NaN as null."""
+    """A record as JSON: intervals as three numbers, NaN as null, nested records flattened."""
     values: dict[str, Any] = {}
     for field in fields(row):
         value = getattr(row, field.name)
         if isinstance(value, Interval):
             low, high = f"{field.name}_low", f"{field.name}_high"
             values |= {field.name: value.value, low: value.low, high: value.high}
+        elif is_dataclass(value):
+            values |= _json_row(value)
         else:
             values[field.name] = value
     for name, value in values.items():

@@ -15,7 +15,7 @@ from s2rstore.files.input_files import parse_json
 from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
-from s2rtools.synthetic_world.factors import complete_severities
+from s2rtools.synthetic_world.factors import Factor, complete_severities, configured_factors
 from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
 from s2rtools.synthetic_world.routes import Poses
 from s2rtools.synthetic_world.world import (
@@ -37,7 +37,8 @@ class WorldRecipe:
 
     There are `count` instances on each of the two trajectories. If `survey` is not 0, the data set
     is a training set: `survey` random instances over the whole floor and `count` on a separate
-    tour. `frame` is the side of the square images; `factors` are the severities of the real side.
+    tour. `frame` is the side of the square images; `factors` are the severities of the real side;
+    `constants` replace constants of the factors, such as `exposure.vignette`.
     """
 
     seed: int = 1
@@ -45,9 +46,10 @@ class WorldRecipe:
     survey: int = 0
     frame: int = 128
     factors: Mapping[str, float] = field(default_factory=complete_severities)
+    constants: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raises RequestError for counts out of range."""
+        """Raises RequestError for counts out of range and unknown constants."""
         for number in (self.seed, self.count, self.survey, self.frame):
             if type(number) is not int:
                 raise TypeError(f"{number!r} is not a whole number")
@@ -57,6 +59,7 @@ class WorldRecipe:
             raise RequestError("--instances: 0 .. 5000 for each trajectory; --survey: 0 .. 200000")
         if self.count < (0 if self.survey else 2):
             raise RequestError("--instances: at least 2")
+        configured_factors(self.constants)
 
 
 class WorldData:
@@ -65,6 +68,7 @@ class WorldData:
     def __init__(self, recipe: WorldRecipe) -> None:
         self.recipe = recipe
         self.world = world_of(recipe.seed)
+        self._factors: Mapping[str, Factor] = configured_factors(recipe.constants)
 
     @classmethod
     def of_store(cls, store: Store) -> WorldData | None:
@@ -113,11 +117,22 @@ class WorldData:
         field of view.
         """
         views = self.renderer(side).render(poses, camera or self.camera(side))
-        return apply_sensor_factors(views, self.severities(side), self.recipe.seed, numbers)
+        return self.sensed(views, self.severities(side), numbers)
 
     def camera(self, side: Side) -> Camera:
         """The true camera of a side."""
-        return side_camera(self.recipe.frame, self.severities(side))
+        return self.camera_with(self.severities(side))
+
+    def camera_with(self, severities: Mapping[str, float], frame: int = 0) -> Camera:
+        """The simulator's camera as some factors change it; `frame` 0 is that of the recipe."""
+        return side_camera(frame or self.recipe.frame, severities, self._factors)
+
+    def sensed(
+        self, views: RenderedViews, severities: Mapping[str, float], numbers: NDArray[np.intp]
+    ) -> RenderedViews:
+        """Rendered views after the sensor effects of some factors; `numbers` seed the noise."""
+        seed = self.recipe.seed
+        return apply_sensor_factors(views, severities, seed, numbers, self._factors)
 
     def matches(self, store: Store) -> bool:
         """Whether one rendered view of each trajectory equals the stored frame.
@@ -181,6 +196,8 @@ class WorldData:
     def provenance(self) -> dict[str, Any]:
         """The recipe and the labelled changes, for the store's provenance."""
         recipe = asdict(self.recipe) | {"factors": dict(self.recipe.factors)}
+        if not self.recipe.constants:
+            del recipe["constants"]
         changed = set(self.world.changed_objects(self.severities("real")))
         objects = [item for item in labelled_changes(self.world) if item["object"] in changed]
         return {"recipe": recipe, "changes": objects}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import zip_longest
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world import floor_plan as planning
-from s2rtools.synthetic_world.factors import FACTORS, active_factors
+from s2rtools.synthetic_world.factors import FACTORS, Factor, active_factors
 from s2rtools.synthetic_world.furnish import furnish
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster, RenderedViews, SceneRenderer
@@ -129,18 +129,19 @@ class World:
             good &= (near < 0.35) & (np.median(depth, axis=(1, 2)) > 1.4)
         return good
 
-    def renderer(self, factors: Mapping[str, float], restored: int | None = None) -> SceneRenderer:
-        """Renderer of one side; object `restored` (an id) stays as in simulation."""
-        if restored is not None:
+    def renderer(
+        self, factors: Mapping[str, float], restored: Collection[int] = ()
+    ) -> SceneRenderer:
+        """Renderer of one side; the objects with the ids `restored` stay as in simulation."""
+        if restored:
             return RayCaster(self.scene(factors, restored))
         return _renderer(self, tuple(sorted(factors.items())))
 
-    def scene(self, factors: Mapping[str, float], restored: int | None = None) -> WorldScene:
+    def scene(self, factors: Mapping[str, float], restored: Collection[int] = ()) -> WorldScene:
         """Scene of one side; without factors, the simulated one."""
-        changed = self.changed_objects(factors)
+        changed = set(self.changed_objects(factors)) - set(restored)
         objects = tuple(
-            (number, item.parts(number in changed and number != restored))
-            for number, item in enumerate(self.objects, 1)
+            (number, item.parts(number in changed)) for number, item in enumerate(self.objects, 1)
         )
         scene = self._bare
         for factor, severity in active_factors(factors):
@@ -192,19 +193,28 @@ def standard_camera(frame: int) -> Camera:
     return Camera((frame, frame), lens, CAMERA_HEIGHT)
 
 
-def side_camera(frame: int, factors: Mapping[str, float]) -> Camera:
-    """The simulator's camera as the factors change it."""
+def side_camera(
+    frame: int, factors: Mapping[str, float], registry: Mapping[str, Factor] = FACTORS
+) -> Camera:
+    """The simulator's camera as the factors of `registry`, with their constants, change it."""
     camera = standard_camera(frame)
-    for factor, severity in active_factors(factors):
+    for factor, severity in active_factors(factors, registry):
         camera = factor.camera(camera, severity)
     return camera
 
 
 def apply_sensor_factors(
-    views: RenderedViews, factors: Mapping[str, float], seed: int, numbers: Iterable[int]
+    views: RenderedViews,
+    factors: Mapping[str, float],
+    seed: int,
+    numbers: Iterable[int],
+    registry: Mapping[str, Factor] = FACTORS,
 ) -> RenderedViews:
-    """Apply the sensor effects of factors to rendered views; `numbers` seed the noise of each."""
-    applied = active_factors(factors)
+    """Apply the sensor effects of factors to rendered views; `numbers` seed the noise of each.
+
+    `registry` holds the factors with their constants.
+    """
+    applied = active_factors(factors, registry)
     rgb, depth = views.rgb.copy(), views.depth.copy()
     for row, number in enumerate(numbers):
         colour = views.rgb[row].astype(np.float32)

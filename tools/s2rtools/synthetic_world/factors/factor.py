@@ -16,7 +16,8 @@ Generator = np.random.Generator
 class Factor:
     """A named cause of the gap; severity 0 changes nothing, 1 is the default.
 
-    A subclass overrides the steps that it changes. Noise is seeded per instance, so that a view
+    A subclass overrides the steps that it changes. Its dataclass fields are constants that a
+    recipe may set, such as `exposure.vignette`. Noise is seeded per instance, so that a view
     does not depend on what else is rendered.
     """
 
@@ -26,6 +27,8 @@ class Factor:
     """Whether the severity changes the scene itself, not only the camera and its sensors."""
     moves_robot: ClassVar[bool] = False
     """Whether it changes drives only, and no image."""
+    group: ClassVar[str | None] = None
+    """Group of which the factor's share of the gap is a part; None for factors of the robot."""
 
     def scene(self, scene: WorldScene, severity: float) -> WorldScene:
         """The scene with other lights."""

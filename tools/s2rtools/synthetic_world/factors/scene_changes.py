@@ -19,6 +19,7 @@ class Lights(Factor):
     """
 
     name = "lights"
+    group = "lighting"
     description = "lamps off, warmer light, brighter windows, white balance"
     shapes_scene = True
 
@@ -49,5 +50,6 @@ class Objects(Factor):
     """
 
     name = "objects"
+    group = "objects"
     description = "objects removed, added, moved, doors closed"
     shapes_scene = True

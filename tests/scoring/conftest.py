@@ -1,0 +1,24 @@
+"""A small default world that the tests of scores share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.training import pretrained
+from s2rtui.cli import main
+from tests.support.silent_reporter import SilentReporter
+
+
+@pytest.fixture(scope="session")
+def world_with_all_factors(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six instances of each trajectory, two runs with one heatmap kind; no test modifies it."""
+    path = tmp_path_factory.mktemp("world") / "all.s2r"
+    assert main(["ingest", "world", "--instances", "6", "--store", str(path)]) == 0
+    pretrained.add_pretrained_models(path)
+    precompute(
+        path, SilentReporter(), ["vanilla", "finetune"], PrecomputeOptions(("pixel_difference",))
+    )
+    return path

@@ -1,0 +1,91 @@
+"""Shapley values compared with brute force, and scores of estimated shares."""
+
+from __future__ import annotations
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.scoring.factor_shares import (
+    TrueShares,
+    constant_answers,
+    largest_group_share,
+    score_shares,
+    shapley_values,
+)
+from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
+
+
+def random_game(seed: int, players: list[str]) -> dict[frozenset[str], np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {
+        frozenset(members): rng.normal(0, 1, 3)
+        for size in range(len(players) + 1)
+        for members in combinations(players, size)
+    }
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 5))
+def test_shapley_values_are_the_mean_over_all_orders(seed: int, count: int) -> None:
+    players = list("abcde"[:count])
+    values = random_game(seed, players)
+    expected = np.zeros((3, count))
+    orders = list(permutations(range(count)))
+    for order in orders:
+        present: frozenset[str] = frozenset()
+        for player in order:
+            joined = present | {players[player]}
+            expected[:, player] += (values[joined] - values[present]) / len(orders)
+            present = joined
+    found = shapley_values(values, players)
+    assert np.allclose(found, expected, atol=1e-12)
+    assert np.allclose(found.sum(axis=1), values[frozenset(players)] - values[frozenset()])
+
+
+def test_every_factor_that_changes_images_has_a_group() -> None:
+    for factor in FACTORS.values():
+        assert (factor.group in FACTOR_GROUPS) != factor.moves_robot
+    assert {factor.group for factor in FACTORS.values()} - {None} == set(FACTOR_GROUPS)
+
+
+@pytest.fixture(scope="module")
+def true() -> TrueShares:
+    n = 100
+    shares = np.random.default_rng(1).normal([0.8, 0.1, 0.3, 0.0, 0.1], 0.3, (n, 5))
+    is_new = np.arange(n) % 10 != 0
+    iids = np.arange(n)
+    return TrueShares(iids, iids // 50, {"r": shares}, {"r": shares.sum(axis=1)}, {"r": is_new})
+
+
+def test_true_shares_score_one(true: TrueShares) -> None:
+    for score in score_shares(true, "r", "truth", true.shares["r"]):
+        assert score.correlation.value == pytest.approx(1)
+        assert score.error.value == 0
+        assert (score.n, score.left_out) == (90, 10)
+    assert largest_group_share(true, "r", true.shares["r"]).value == 1
+
+
+def test_constant_answers_know_the_gap_only(true: TrueShares) -> None:
+    answers = constant_answers(true, "r")
+    for answer in answers.values():
+        assert np.allclose(answer.sum(axis=1), true.gap["r"])
+    always = score_shares(true, "r", "always lighting", answers["always lighting"])
+    assert np.isnan([score.correlation.value for score in always[1:]]).all()
+    assert all(score.error.value > 0.1 for score in always)
+    mean = [score.mean for score in always]
+    assert mean == pytest.approx(true.shares["r"][true.is_new["r"]].mean(axis=0))
+
+
+def test_random_shares_do_not_correlate(true: TrueShares) -> None:
+    guess = np.random.default_rng(2).normal(0, 1, (100, 5))
+    scores = score_shares(true, "r", "random", guess)
+    assert np.mean([score.correlation.value for score in scores]) == pytest.approx(0, abs=0.15)
+
+
+def test_shares_of_another_shape_are_refused(true: TrueShares) -> None:
+    with pytest.raises(ValueError, match="shape"):
+        score_shares(true, "r", "short", true.shares["r"][:10])

@@ -1,0 +1,162 @@
+"""True shares of the gap: exact Shapley values of the groups of factors, from all coalitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.metrics import run_metrics
+from s2rstore.metrics.bootstrap import Interval, mean_interval
+from s2rtools.scoring.block_intervals import block_intervals, weighted_pearson
+from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns, Factors
+from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
+
+Floats = NDArray[np.float64]
+Coalition = frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueShares:
+    """Metres that each group of factors adds to the real error of V views.
+
+    `iids` (V,) are in recording order, `trajectory` (V,) their codes. By run: `shares` (V, groups)
+    in the order of `FACTOR_GROUPS`, whose sum is `gap` (V,), the error with all factors minus that
+    without any; `is_new` (V,) tells whether the instance is new to the run.
+    """
+
+    iids: NDArray[np.intp]
+    trajectory: NDArray[np.intp]
+    shares: Mapping[str, Floats]
+    gap: Mapping[str, Floats]
+    is_new: Mapping[str, NDArray[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True)
+class ShareScore:
+    """Agreement of estimated with true shares of one group over `n` instances.
+
+    `correlation` is Pearson's, unknown where either is constant; `error` is the mean absolute
+    difference in metres, `mean` the mean true share. `left_out` counts trained instances.
+    """
+
+    run: str
+    estimator: str
+    group: str
+    correlation: Interval
+    error: Interval
+    mean: float
+    n: int
+    left_out: int
+
+
+def shapley_values(values: Mapping[Coalition, Floats], players: Sequence[str]) -> Floats:
+    """Exact Shapley values (V, players) of `values` (V,) of all coalitions of the players.
+
+    They sum to the value of all players minus that of none. Source: Shapley, "A value for n-person
+    games", 1953.
+    """
+    n = len(players)
+    columns = []
+    for player in players:
+        others = [other for other in players if other != player]
+        total = np.zeros_like(values[frozenset()])
+        for size in range(n):
+            weight = factorial(size) * factorial(n - size - 1) / factorial(n)
+            for members in combinations(others, size):
+                without = frozenset(members)
+                total = total + weight * (values[without | {player}] - values[without])
+        columns.append(total)
+    return np.stack(columns, axis=1)
+
+
+def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int) -> TrueShares:
+    """Render at most `instances` evenly spread real views with every coalition of the groups.
+
+    A group without an active factor has the share 0.
+    """
+    errors, store = CounterfactualErrors(truth, evaluated), truth.store
+    is_new = {run: run_metrics.held_out(store, run) for run in errors.runs}
+    rows = store.in_recording_order(np.any(list(is_new.values()), axis=0))
+    spread = np.linspace(0, len(rows) - 1, min(len(rows), instances)).astype(int)
+    iids = np.asarray(rows[np.unique(spread)] if len(rows) else rows, dtype=np.intp)
+    members = _active_groups(errors.active)
+    coalitions: dict[Coalition, Factors] = {
+        frozenset(groups): {k: v for group in groups for k, v in members[group].items()}
+        for size in range(len(members) + 1) for groups in combinations(members, size)
+    }  # fmt: skip
+    found = errors.of_instances(
+        iids, {",".join(sorted(names)): factors for names, factors in coalitions.items()}
+    )
+    shares, gap = {}, {}
+    for run in errors.runs:
+        values = {names: found[",".join(sorted(names))][run] for names in coalitions}
+        gap[run] = values[frozenset(members)] - values[frozenset()]
+        shares[run] = np.zeros((len(iids), len(FACTOR_GROUPS)))
+        if members:
+            columns = [FACTOR_GROUPS.index(group) for group in members]
+            shares[run][:, columns] = shapley_values(values, list(members))
+    trajectory = store.instances.trajectory[iids].astype(np.intp)
+    return TrueShares(
+        iids, trajectory, shares, gap, {run: mask[iids] for run, mask in is_new.items()}
+    )
+
+
+def constant_answers(true: TrueShares, run: str) -> dict[str, Floats]:
+    """Shares (V, groups) of estimators that look at nothing but the gap."""
+    gap, count = true.gap[run][:, None], len(FACTOR_GROUPS)
+    lighting = np.zeros((1, count))
+    lighting[0, FACTOR_GROUPS.index("lighting")] = 1.0
+    return {"always lighting": gap * lighting, "even split": gap * np.full((1, count), 1 / count)}
+
+
+def score_shares(
+    true: TrueShares, run: str, estimator: str, estimate: NDArray[np.floating]
+) -> list[ShareScore]:
+    """Scores of estimated shares (V, groups) in metres, by group, over the run's new instances."""
+    new = true.is_new[run]
+    if np.shape(estimate) != true.shares[run].shape:
+        raise ValueError(f"shares of shape {np.shape(estimate)}, not {true.shares[run].shape}")
+    trajectory = true.trajectory[new]
+    scores = []
+    for column, group in enumerate(FACTOR_GROUPS):
+        actual = true.shares[run][new, column]
+        guessed = np.asarray(estimate, dtype=np.float64)[new, column]
+        (correlation,) = block_intervals(
+            partial(_correlation, actual, guessed), np.arange(actual.size), trajectory
+        )
+        scores.append(
+            ShareScore(
+                run, estimator, group, correlation.clipped(-1, 1),
+                mean_interval(np.abs(actual - guessed), trajectory), float(actual.mean()),
+                int(new.sum()), int((~new).sum()),
+            )
+        )  # fmt: skip
+    return scores
+
+
+def largest_group_share(true: TrueShares, run: str, estimate: NDArray[np.floating]) -> Interval:
+    """Share of the run's new instances whose largest true share is the largest estimated one."""
+    new = true.is_new[run]
+    hit = np.argmax(true.shares[run][new], axis=1) == np.argmax(np.asarray(estimate)[new], axis=1)
+    return mean_interval(hit.astype(np.float64), true.trajectory[new]).clipped(0, 1)
+
+
+def _correlation(a: Floats, b: Floats, weights: Floats) -> list[float]:
+    return [weighted_pearson(a, b, weights)]
+
+
+def _active_groups(active: Factors) -> dict[str, dict[str, float]]:
+    """Severities of the active factors of each group that has any."""
+    groups: dict[str, dict[str, float]] = {}
+    for group in FACTOR_GROUPS:
+        members = {name: value for name, value in active.items() if FACTORS[name].group == group}
+        if members:
+            groups[group] = members
+    return groups
