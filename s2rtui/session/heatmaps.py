@@ -95,7 +95,15 @@ def run_grid(
         grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
     except NotComputedError:
         return None
-    return np.where(grid > 0, grid, np.nan) if aggregate == "count" else grid
+    return _without_blanks(grid, heat, aggregate)
+
+
+def _without_blanks(
+    cells: NDArray[np.float32], heat: HeatChoice, aggregate: str
+) -> NDArray[np.float32]:
+    """The cells with NaN for those without samples, and for those where signed heat is 0."""
+    is_blank = cells == 0 if aggregate == "count" or heat.kind in SIGNED else np.isnan(cells)
+    return np.where(is_blank, np.nan, cells).astype(np.float32)
 
 
 def instance_grid(store: Store, run: str, heat: HeatChoice, iid: int) -> NDArray[np.float32]:
@@ -136,7 +144,7 @@ def selection_grid(
         if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
-    return np.where(cells > 0, cells, np.nan) if aggregate == "count" else cells
+    return _without_blanks(cells, heat, aggregate)
 
 
 def sample_note(state: State) -> str:

@@ -21,13 +21,16 @@ class HeatmapFacts:
     `shows` says what its values mean, and what they do not. `auroc` is how well each mode finds
     changed objects on the floor of `SHIPPED_PLACE`: the mean AUROC over buildings and the models
     vanilla, dataaug and finetune, from docs/explanation/heatmaps.md; a kind without a figure is
-    hardly better than chance. `planes` names the maps along the first axis of its arrays, which
+    hardly better than chance. `harm_auroc` is how well it finds the objects that cost the
+    prediction more than 0.25 m, pooled over the shipped models in the demo's building; known of the
+    kinds that are made for it. `planes` names the maps along the first axis of its arrays, which
     are its modes, with their units. `is_slow`: it is not computed while images are adjusted.
     """
 
     name: str
     shows: str
     auroc: Mapping[str | None, float] = field(default_factory=dict)
+    harm_auroc: float | None = None
     default_mode: str | None = None
     planes: Mapping[str, str] = field(default_factory=dict)
     is_signed: bool = False
@@ -78,12 +81,14 @@ HEATMAPS: dict[str, HeatmapFacts] = {
         HeatmapFacts(
             "harm",
             "what each changed segment costs this prediction; sums to metres",
+            harm_auroc=0.95,
             default_mode="position", planes=_HARM_PLANES,
             is_signed=True, needs_network=True, is_slow=True,
         ),
         HeatmapFacts(
             "harm_fine",
             "what each pixel that differs costs this prediction, noise included",
+            harm_auroc=0.92,
             default_mode="position", planes=_HARM_PLANES,
             is_signed=True, needs_network=True, is_slow=True,
         ),

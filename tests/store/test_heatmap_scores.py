@@ -50,7 +50,13 @@ def test_every_kind_of_the_tools_is_registered_with_the_same_facts() -> None:
     for name, kind in HEATMAP_KINDS.items():
         assert tuple(HEATMAPS[name].planes) == kind.planes
         assert HEATMAPS[name].needs_network == (name not in IMAGE_KINDS)
-    assert DEFAULT_MODES == {"activation": "loss", "occlusion": "rgbd", "pixel_difference": "rgb"}
+    assert DEFAULT_MODES == {
+        "activation": "loss",
+        "harm": "position",
+        "harm_fine": "position",
+        "occlusion": "rgbd",
+        "pixel_difference": "rgb",
+    }
     assert "harmonised_difference" not in NETWORK_KINDS
 
 

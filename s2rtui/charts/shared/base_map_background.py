@@ -158,7 +158,10 @@ DIMMED = 0.78
 
 
 def heat_scale(ground: MapBackground) -> Interval | None:
-    """The heat's range: the fixed one, else 1st (or 0 if none is negative) to 99th percentile."""
+    """The heat's range: the fixed one, else up to the 99th percentile of the heat.
+
+    It starts at 0; with negative heat it is symmetric about 0.
+    """
     scale = _heat_scale(ground.heat) if ground.heat is not None else None
     return ground.heat_range or scale if scale else None
 
@@ -168,7 +171,10 @@ def _heat_scale(heat: Floats) -> Interval | None:
     if not np.isfinite(heat).any():
         return None
     low, high = percentile_range(heat)
-    return (0.0, high) if low >= 0 and high > 0 else (low, high)
+    if low < 0:
+        bound = max(-low, high)
+        return -bound, bound
+    return (0.0, high) if high > 0 else (low, high)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -90,6 +90,8 @@ def trust_line(store: Store, run: str, kind: str, mode: str | None) -> str:
     facts = heatmap_facts(kind)
     if not facts.shows or kind == NO_HEAT:
         return facts.shows
+    if facts.harm_auroc is not None:
+        return f"{facts.shows}; AUROC {facts.harm_auroc:.2f} for harmful objects in the demo world"
     own = next((s for s in _readable_scores(store, run) if (s.kind, s.mode) == (kind, mode)), None)
     if own is not None:
         found = f"{own.text} in this store"

@@ -80,6 +80,23 @@ class PairCounterfactuals:
             sim_x = sim.x[number].cpu().numpy()
             yield composite_inputs(views, sim_x, made.real, made.contract)
 
+    def in_sim_view(
+        self, sim: Images, maps: Sequence[NDArray[np.float32]]
+    ) -> list[NDArray[np.float32]]:
+        """Maps (n, rows, cols) over the real images of a batch, warped into the sim view.
+
+        They keep their size.
+        """
+        warped = []
+        for values, images in zip(maps, self._resized(sim), strict=True):
+            size, shape = self._size[::-1], values.shape[:0:-1]
+            fine = np.stack([cv2.resize(v, size, interpolation=cv2.INTER_NEAREST) for v in values])
+            found = self.rigs.to_sim_view(fine, images)
+            warped.append(
+                np.stack([cv2.resize(v, shape, interpolation=cv2.INTER_AREA) for v in found])
+            )
+        return warped
+
     def _resized(self, images: Images) -> Iterator[ImageArrays]:
         for rgb, depth, valid in zip(images.rgb, images.depth, images.valid, strict=True):
             yield resized_images(rgb, depth, valid, self._size)

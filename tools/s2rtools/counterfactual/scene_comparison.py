@@ -125,6 +125,10 @@ class RigPair:
         view = ViewPair(sim[0].astype(np.float32), made.rgb, metres, made.depth, made.seen)
         return SceneComparison(view, self._tolerance)
 
+    def to_sim_view(self, values: NDArray[np.float32], sim: ImageArrays) -> NDArray[np.float32]:
+        """Values (n, h, w) over the real RGB image in the sim view, 0 where that is not seen."""
+        return self._to_sim.warped(values, self.sim.metres(*sim[1:]))
+
 
 def cut_segments(change: NDArray[np.float32]) -> NDArray[np.int32]:
     """Number the regions (h, w) where `change` exceeds 1, the largest first; 0 elsewhere.

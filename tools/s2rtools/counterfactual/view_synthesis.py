@@ -76,11 +76,7 @@ class ViewSynthesis:
         self, rgb: NDArray[Any], metres: NDArray[np.float32], surface: NDArray[np.float32]
     ) -> SynthesisedView:
         """The view of an image where the target sees the depth `surface` (h, w), 0 if unknown."""
-        height, width = self._frame
-        u, v, expected = _project(self._rays, surface, self._source.rgb, -self._rise, -self._ahead)
-        known = (surface > 0) & (expected > 0)
-        seen = known & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        x, y = (np.where(known, value - np.float32(0.5), np.float32(-9)) for value in (u, v))
+        x, y, expected, seen = self._positions(surface)
         colours = cv2.remap(
             rgb.astype(np.float32), x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
@@ -88,6 +84,25 @@ class ViewSynthesis:
         with np.errstate(invalid="ignore", divide="ignore"):
             depth = np.where(seen & (found > 0), surface * found / expected, np.float32(0))
         return SynthesisedView(np.clip(colours, 0, 255), depth, seen)
+
+    def warped(
+        self, values: NDArray[np.float32], surface: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Values (n, h, w) over the source's image in the target's view, 0 where it is not seen."""
+        x, y, _, seen = self._positions(surface)
+        planes = [cv2.remap(each, x, y, cv2.INTER_LINEAR, borderValue=0) for each in values]
+        return np.where(seen, np.stack(planes), np.float32(0))
+
+    def _positions(
+        self, surface: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+        """Source pixel (column, row) and depth there of each target pixel, and where it is seen."""
+        height, width = self._frame
+        u, v, expected = _project(self._rays, surface, self._source.rgb, -self._rise, -self._ahead)
+        known = (surface > 0) & (expected > 0)
+        seen = known & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        x, y = (np.where(known, value - np.float32(0.5), np.float32(-9)) for value in (u, v))
+        return x, y, expected, seen
 
 
 class DepthInRgbView:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.records import SIDES
 from s2rtools.counterfactual.attribution import integrated_gradients, repair_gains
 from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch
@@ -27,7 +28,7 @@ STEPS = 8
 
 
 class _HarmKind(HeatmapKind):
-    """A map over the real image that sums to what its changed content costs.
+    """A map over the real image that sums to what its changed content costs; warped to sim, too.
 
     Planes: position error in metres, heading error in radians, loss. Values > 0 mark content that
     makes the prediction worse, values < 0 content that makes it better. The sum over a region
@@ -44,7 +45,10 @@ class _HarmKind(HeatmapKind):
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         shape = (len(self.planes), *_map_size(model))
-        return [OutputSpec("real", None, shape, ("output", "row", "column"), self.unit, "float16")]
+        return [
+            OutputSpec(side, None, shape, ("output", "row", "column"), self.unit, "float16")
+            for side in SIDES
+        ]
 
     def compute(self, pair: PairBatch) -> HeatArrays:
         maps = [
@@ -52,7 +56,9 @@ class _HarmKind(HeatmapKind):
             for inputs, truth in zip(pair.counterfactuals, pair.real.truth, strict=True)
         ]
         size = _map_size(pair.model)
-        return {("real", None): np.stack([_resized(each, size) for each in maps])}
+        real = [_resized(each, size) for each in maps]
+        sim = pair.aligned().counterfactuals.in_sim_view(pair.sim, real)
+        return {("sim", None): np.stack(sim), ("real", None): np.stack(real)}
 
     @abstractmethod
     def attribute(
