@@ -11,6 +11,7 @@ from torch import nn
 
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.records import Domain, Intrinsics
+from s2rtools.counterfactual.depth_tolerance import DepthTolerance
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.activation import pose_loss
 from s2rtools.heatmaps.harmonization import ImageAlignment
@@ -37,7 +38,8 @@ def make_pair(model: LoadedModel) -> PairBatch:
         )  # fmt: skip
     lens = Intrinsics(30.0, 30.0, 24.0, 24.0, 0.0)
     rigs = [Domain(side, side, lens, lens, 0.6, 0.0, 10 / 255, 6, 249) for side in ("sim", "real")]
-    aligned = ImageAlignment(*rigs, (48, 48), RigOffset(-0.05, 1.03))
+    tolerance = DepthTolerance(0.05, 0.01, 0.0, 20.0)
+    aligned = ImageAlignment(*rigs, (48, 48), RigOffset(-0.05, 1.03), tolerance)
     return PairBatch(model, backend, sides["sim"], sides["real"], aligned)
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 GRID = (6, 8, 8)
 """Cells along log depth, rows and columns."""
 ROUNDS = 3
-PRIOR_PIXELS = 20.0
-"""Weight of the gain 1 in each cell, in pixels of mean brightness."""
+PRIOR_SHARE = 20 / 128**2
+"""Weight of the gain 1 in each cell, in pixels of mean brightness as a share of the image."""
 LEAST_SPREAD = 4.0
 """Grey levels of residual that always count as fitting."""
 
@@ -97,7 +97,7 @@ class _Cells:
         """Gains (h, w, 3) of least squares, pulled towards 1 where a cell holds little evidence."""
         size, flat = int(np.prod(GRID)), weights.ravel()
         products, squares = (self._sums(flat, lit, other, size) for other in (target, lit))
-        prior = PRIOR_PIXELS * ((lit * lit).mean(axis=(0, 1)) + 100)
+        prior = PRIOR_SHARE * flat.size * ((lit * lit).mean(axis=(0, 1)) + 100)
         gains = (_smooth_grid(products) + prior) / (_smooth_grid(squares) + prior)
         return self._sliced(np.clip(gains, 0.2, 5.0).astype(np.float32))
 

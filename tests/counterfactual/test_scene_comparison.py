@@ -1,0 +1,101 @@
+"""Changed content is cut into segments; the counterfactual shows the sim content."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from s2rtools.counterfactual.depth_tolerance import DepthTolerance
+from s2rtools.counterfactual.scene_comparison import (
+    MAX_SEGMENTS,
+    ImageArrays,
+    RigPair,
+    cut_segments,
+)
+from s2rtools.synthetic_world.world import standard_camera
+from tests.counterfactual.views import FRAME, LOWERED, SIZE, metres, rendered, rig
+
+CAMERA = standard_camera(SIZE)
+TOLERANCE = DepthTolerance(0.03, 0.005, 0.0, 8.0)
+EQUAL = RigPair(rig(CAMERA), rig(CAMERA), FRAME, TOLERANCE)
+MOVED = RigPair(rig(CAMERA), rig(LOWERED), FRAME, TOLERANCE)
+PATCH = np.s_[24:40, 10:30]
+
+
+def with_box(image: ImageArrays) -> ImageArrays:
+    """The image with a near, bright box in front of the scene."""
+    rgb, raw, valid = (each.copy() for each in image)
+    rgb[PATCH], raw[PATCH], valid[PATCH] = (240, 20, 200), 600, True
+    return rgb, raw, valid
+
+
+def dimmed(image: ImageArrays) -> ImageArrays:
+    return (image[0] * 0.75 + 8).astype(np.uint8), image[1], image[2]
+
+
+def test_equal_scenes_have_no_segments() -> None:
+    for image in rendered("sim", CAMERA)[:6]:
+        scenes = EQUAL.in_real_view(image, dimmed(image))
+        assert scenes.count == 0
+        assert np.allclose(scenes.depth, metres(image), atol=1e-6)
+
+
+def test_an_added_object_is_one_segment_and_gone_in_the_counterfactual() -> None:
+    image = rendered("sim", CAMERA)[2]
+    scenes = EQUAL.in_real_view(image, with_box(dimmed(image)))
+    inside = scenes.segments[PATCH]
+    assert (inside > 0).mean() > 0.95
+    assert np.bincount(inside[inside > 0]).argmax() == 1
+    outside = scenes.segments.copy()
+    outside[22:42, 8:32] = 0
+    assert (outside > 0).mean() < 0.02
+    expected = dimmed(image)[0].astype(float)
+    assert np.abs(scenes.rgb - expected)[PATCH].mean() < 8
+    far = np.where(metres(image) <= TOLERANCE.far, metres(image), 0)
+    assert np.abs(scenes.depth - far)[PATCH].max() < 1e-3
+
+
+@pytest.mark.parametrize("view", ["real", "sim"])
+def test_changed_objects_of_a_world_are_found_by_other_rigs(view: str) -> None:
+    sims, reals = rendered("sim", CAMERA), rendered("real", LOWERED)
+    unchanged = rendered("sim", LOWERED)
+    hits, alarms, changed_pixels = 0, 0, 0
+    for sim, real, same in zip(sims, reals, unchanged, strict=True):
+        scenes = getattr(MOVED, f"in_{view}_view")(sim, real)
+        if view == "real":
+            changed = (np.abs(real[0].astype(int) - same[0]).max(axis=2) > 40) & scenes.view.seen
+            changed_pixels += changed.sum()
+            hits += ((scenes.segments > 0) & changed).sum()
+        alarms += getattr(MOVED, f"in_{view}_view")(sim, same).segments.astype(bool).mean()
+    assert alarms / len(sims) < 0.15
+    if view == "real":
+        assert changed_pixels > 200
+        assert hits / changed_pixels > 0.6
+
+
+def test_composites_begin_with_the_sim_and_end_with_the_real_image() -> None:
+    image = rendered("sim", CAMERA)[2]
+    real = with_box(dimmed(image))
+    rgb, depth = EQUAL.in_sim_view(image, real).contents.composites()
+    assert rgb.shape == (16, *FRAME, 3)
+    assert np.array_equal(rgb[0], image[0])
+    assert np.abs(rgb[-1] - real[0])[2:-2, 2:-2].mean() < 0.5
+    assert np.allclose(depth[0], metres(image), atol=1e-6)
+    assert np.abs(depth[-1] - metres(real))[2:-2, 2:-2].max() < 1e-3
+    lit = rgb[1]
+    assert np.abs(lit - dimmed(image)[0])[2:-2, 2:-2].mean() < 4
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.6))
+def test_segments_are_numbered_without_gaps(seed: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    blocks = rng.random((8, 8)) < share
+    change = np.kron(blocks, np.ones((8, 8))).astype(np.float32) * 2
+    segments = cut_segments(change)
+    numbers = np.unique(segments)
+    assert np.array_equal(numbers, np.arange(len(numbers)) + numbers[0])
+    assert segments.max() <= MAX_SEGMENTS
+    assert (segments > 0).any() == blocks.any()
