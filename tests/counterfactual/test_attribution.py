@@ -33,8 +33,8 @@ TRUTH = np.array([0.3, -0.2, 0.4])
 @pytest.fixture(scope="module")
 def backend() -> Backend:
     trunk = nn.Sequential(
-        nn.Conv2d(4, 8, 3, padding=1), nn.Softplus(), nn.AvgPool2d(4), nn.Conv2d(8, 8, 3, padding=1),
-        nn.Softplus(),
+        nn.Conv2d(4, 8, 3, padding=1), nn.Softplus(), nn.AvgPool2d(4),
+        nn.Conv2d(8, 8, 3, padding=1), nn.Softplus(),
     )  # fmt: skip
     return Backend(networks.small_model(trunk, 8, (SIZE, SIZE)))
 
