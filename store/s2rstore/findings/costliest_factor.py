@@ -1,21 +1,28 @@
 """The costliest factor of the gap, from what a store has measured of its causes.
 
-The score of a synthetic world comes first, then translators, then adjusted runs of the same model.
+The score of a synthetic world comes first, then the shares of the gap, then translators, then
+adjusted runs of the same model.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from s2rstore.findings.expressions import new_to
 from s2rstore.findings.finding import MIN_INSTANCES, Finding, bounds_text, evidence_text
 from s2rstore.findings.run_differences import RunErrors
-from s2rstore.language.syntax_tree import Everything
+from s2rstore.language.syntax_tree import Compare, Everything, Field
 from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
+from s2rstore.metrics.gap_shares import SHARED_FACTORS, mean_shares
 from s2rstore.reader import Store
 from s2rstore.run_inputs import chain_text
 
 KIND = "costliest factor"
+_EVIDENT = 0.25
+"""Metres of the gap from which a factor counts as harmful for an instance."""
 _GAINS = (
     "SELECT translator, value, low, high FROM translator_metric "
     "WHERE metric = 'error_gain' AND reference = 'translator' AND run = ? "
@@ -53,6 +60,45 @@ def of_score(rows: list[dict[str, Any]], run: str) -> Finding | None:
         comparisons=len(known),
         n_of="scored instances",
         view="instance",
+    )
+
+
+def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
+    """The factor with the largest mean share of the gap over the instances `new` (N,)."""
+    found = mean_shares(store, run, new)
+    if found is None or found.n < MIN_INSTANCES:
+        return None
+    worst = found.largest
+    others = ", ".join(
+        f"{share.factor} {share.mean.value:+.2f} m" for share in found.shares if share != worst
+    )
+    part = f"{worst.factor} causes {worst.mean.value:.2f} m ({bounds_text(worst.mean)})"
+    columns = SHARED_FACTORS[worst.factor]
+    node = None
+    if len(columns) == 1:
+        field = Field(f"share.{columns[0]}")
+        selected = new & (getattr(store.run_columns(run).real, f"share_{columns[0]}") > _EVIDENT)
+        node = Compare(field, ">", _EVIDENT) if selected.any() else None
+        count = int(np.count_nonzero(selected))
+    return Finding(
+        kind=KIND,
+        text=f"{part} of the mean gap {found.gap:.2f} m, n {found.n}",
+        run=run,
+        n=found.n if node is None else count,
+        evidence=f"{others}; estimated by exchanging the factors of both images",
+        evident=worst.mean.low > 0,
+        values={
+            "factor": worst.factor,
+            "share_m": worst.mean.value,
+            "gap_m": found.gap,
+            **{f"share_{'_'.join(s.factor.split())}_m": s.mean.value for s in found.shares},
+        },
+        interval=worst.mean,
+        interval_of="share_m",
+        comparisons=len(found.shares),
+        n_of="instances" if node is None else f"instances with more than {_EVIDENT} m of it",
+        node=node,
+        heat=("harm", "position") if worst.factor == "objects" else None,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.findings import costliest_factor
@@ -56,8 +57,8 @@ def find_all(
     steps: tuple[tuple[str, Callable[[], Finding | None], str], ...] = (
         ("worst room", lambda: worst_group(store, run, "room", new), _no_rooms(store) or few),
         ("worst heading", lambda: worst_group(store, run, "heading", new), few),
-        ("costliest factor", lambda: _costliest_factor(store, run, runs),
-         "no score, no judged translator and no adjusted run"),
+        ("costliest factor", lambda: _costliest_factor(store, run, runs, new),
+         "no score, no shares of the gap, no judged translator and no adjusted run"),
         ("best heatmap", lambda: best_heatmap(store, run), "the run has no scored heatmap"),
         ("best run", lambda: best_run(store, runs), _one_run(store)),
         ("largest regression", lambda: largest_regression(store, runs), _one_run(store)),
@@ -80,8 +81,10 @@ def find_all(
     return FindingReport(run, tuple(findings), tuple(missing))
 
 
-def _costliest_factor(store: Store, run: str, runs: list[RunErrors]) -> Finding | None:
-    """By the score of the store, else by translators, else by adjusted runs."""
+def _costliest_factor(
+    store: Store, run: str, runs: list[RunErrors], new: NDArray[np.bool_]
+) -> Finding | None:
+    """By the score of the store, else by shares, else by translators, else by adjusted runs."""
     try:
         report = store.score_report
         if report and report["runs"].get(run) == store.run(run).key:
@@ -91,8 +94,9 @@ def _costliest_factor(store: Store, run: str, runs: list[RunErrors]) -> Finding 
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         message = f"{store.path}: the stored score is invalid"
         raise RequestError(f"{message}; run `s2r score` again") from error
-    of_translators = costliest_factor.of_translators(store, run)
-    return of_translators or costliest_factor.of_adjusted_runs(store, runs)
+    of_images = costliest_factor.of_shares(store, run, new)
+    of_images = of_images or costliest_factor.of_translators(store, run)
+    return of_images or costliest_factor.of_adjusted_runs(store, runs)
 
 
 def _no_rooms(store: Store) -> str:
