@@ -14,6 +14,7 @@ NAMES = (
     "rooms",
     "errors",
     "scatter",
+    "shares",
     "list",
     "compare",
     "history",

@@ -1,0 +1,1 @@
+"""The shares view: how many metres of the gap each factor causes."""

@@ -1,0 +1,42 @@
+"""The shares on paper: a bar per factor with its interval."""
+
+from __future__ import annotations
+
+import math
+
+from s2rstore.errors import RequestError
+from s2rtui.canvas import LIGHT, Theme
+from s2rtui.charts.shared.paper import NARROW, Pixels, new_page, style_axes
+from s2rtui.charts.shares.model import CONTRIBUTION, SharesInput, shares_model
+
+
+def shares_figure(
+    data: SharesInput, size: Pixels, theme: Theme = LIGHT, title: str = "", subtitle: str = ""
+) -> bytes:
+    """Draw the figure in `size` pixels. Raises RequestError without shares."""
+    model = shares_model(data)
+    if model is None:
+        raise RequestError("no selected instance has shares of the gap; run `s2r precompute`")
+    page = new_page(size, theme, title, subtitle)
+    is_narrow = page.inches[0] <= NARROW
+    font = 8 if is_narrow else 9
+    left = 1.35 if is_narrow else 1.6
+    axes = page.axes(left, 0.85, page.inches[0] - left - 0.4, max(0.3, page.top - 1.0))
+    style_axes(axes, page)
+    for y, bar in enumerate(reversed(model.bars)):
+        mean = bar.share.mean
+        ink = page.inks.real if mean.value > 0 else page.inks.sim
+        axes.barh(y, mean.value, height=0.6, color=ink, linewidth=0)
+        if math.isfinite(mean.low):
+            axes.plot([mean.low, mean.high], [y, y], color=page.inks.text, linewidth=1.2)
+        axes.plot([bar.overall], [y], marker="D", markersize=5, color=page.inks.truth,
+                  linestyle="none", zorder=5)  # fmt: skip
+        axes.text(0.0, y + 0.34, f" {bar.text}", fontsize=font, color=page.inks.text, va="bottom")
+    axes.axvline(0, color=page.inks.muted, linewidth=0.8)
+    axes.set_yticks(range(len(model.bars)), [bar.factor for bar in reversed(model.bars)])
+    axes.set_ylim(-0.6, len(model.bars) - 0.2)
+    axes.set_xlabel(f"mean share of the gap (m), gap {model.gap:+.2f} m, n {model.n}")
+    legend = "diamond: all instances; line: 95 % for all factors at once"
+    page.text(0.3, 0.32, legend, page.inks.muted, font)
+    page.text(0.3, 0.12, CONTRIBUTION, page.inks.muted, font)
+    return page.encoded()
