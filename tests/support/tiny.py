@@ -10,6 +10,7 @@ from s2rstore.arrays import array_writer
 from s2rstore.files import layout
 from s2rstore.files.ledger import Ledger
 from s2rstore.geometry.rooms import room_codes
+from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import pose_metrics
 from s2rstore.records import Room
@@ -124,10 +125,12 @@ def _run(
          "sim_adjustments": [], "real_adjustments": [], "key": f"key{number}",
          "precision": "float32", "created_at": f"2026-01-0{number + 1}T00:00:00Z"},
     )  # fmt: skip
+    errors: dict[str, np.ndarray] = {}
     for side, spread in (("sim", 0.4), ("real", 1.5 / (number + 1))):
         px, py = x + rng.normal(0, spread, n), y + rng.normal(0, spread, n)
         angle = np.mod(heading + rng.normal(0, 0.2, n) + np.pi, 2 * np.pi) - np.pi
         error = np.sqrt((px - x) * (px - x) + (py - y) * (py - y))
+        errors[side] = error
         off = pose_metrics.heading_error(angle, heading)
         learned = "train" if trained else "test"
         split = np.where(np.arange(n) % 5 < 4, learned, "test") if side == "sim" else "unseen"
@@ -140,6 +143,7 @@ def _run(
                 "accuracy": pose_metrics.accuracy(error, 12.0),
                 "rank": pose_metrics.rank(error), "split": list(np.broadcast_to(split, n)),
                 "outlier": error / np.median(error),
+                **(_shares(error - errors["sim"]) if side == "real" else {}),
             },
         )  # fmt: skip
         draft.insert(
@@ -147,6 +151,13 @@ def _run(
             {"run": [run] * n, "iid": np.arange(n, dtype=np.int32), "side": [side] * n,
              "u": px * 0.5, "v": py * 0.5},
         )  # fmt: skip
+
+
+def _shares(gap: np.ndarray) -> dict[str, np.ndarray]:
+    """Shares that sum to the gap; lighting causes the most of it."""
+    parts = np.array([0.6, 0.2, 0.1, 0.15, -0.05], dtype=np.float32)
+    return {name: gap.astype(np.float32) * part
+            for name, part in zip(GAP_SHARES, parts, strict=True)}  # fmt: skip
 
 
 def _frames(path: Path, n: int, first: int, rng) -> None:

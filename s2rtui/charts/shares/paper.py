@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 from s2rstore.errors import RequestError
 from s2rtui.canvas import LIGHT, Theme
-from s2rtui.charts.shared.paper import NARROW, Pixels, new_page, style_axes
+from s2rtui.charts.shared.paper import LETTER, NARROW, Pixels, new_page, style_axes
 from s2rtui.charts.shares.model import CONTRIBUTION, SharesInput, shares_model
+
+_LINE = 0.17
+"""Height of a line of notes in inches."""
 
 
 def shares_figure(
@@ -21,7 +25,8 @@ def shares_figure(
     is_narrow = page.inches[0] <= NARROW
     font = 8 if is_narrow else 9
     left = 1.35 if is_narrow else 1.6
-    axes = page.axes(left, 0.85, page.inches[0] - left - 0.4, max(0.3, page.top - 1.0))
+    low = 0.7 + (4 if is_narrow else 2) * _LINE
+    axes = page.axes(left, low, page.inches[0] - left - 0.4, max(0.3, page.top - low - 0.15))
     style_axes(axes, page)
     for y, bar in enumerate(reversed(model.bars)):
         mean = bar.share.mean
@@ -35,8 +40,14 @@ def shares_figure(
     axes.axvline(0, color=page.inks.muted, linewidth=0.8)
     axes.set_yticks(range(len(model.bars)), [bar.factor for bar in reversed(model.bars)])
     axes.set_ylim(-0.6, len(model.bars) - 0.2)
-    axes.set_xlabel(f"mean share of the gap (m), gap {model.gap:+.2f} m, n {model.n}")
-    legend = "diamond: all instances; line: 95 % for all factors at once"
-    page.text(0.3, 0.32, legend, page.inks.muted, font)
-    page.text(0.3, 0.12, CONTRIBUTION, page.inks.muted, font)
+    axes.set_xlabel("mean share of the gap (m)")
+    notes = [
+        f"mean gap {model.gap:+.2f} m, n {model.n}; diamond: all instances; line: 95 % interval "
+        "for all factors at once",
+        CONTRIBUTION,
+    ]
+    letters = max(20, int((page.inches[0] - 0.6) / (LETTER * font)))
+    lines = [line for note in notes for line in textwrap.wrap(note, letters)]
+    for row, line in enumerate(reversed(lines)):
+        page.text(0.3, 0.1 + row * _LINE, line, page.inks.muted, font)
     return page.encoded()

@@ -32,8 +32,8 @@ def draw_shares(
             canvas.text(0, row, line, canvas.theme.muted)
         return canvas
     beside = canvas.width >= _NAME + _TEXT + 20
-    left = _NAME if canvas.width >= _NAME + 10 else 0
-    width = max(1, canvas.width - left - (_TEXT + 1 if beside else 0))
+    left, right = (_NAME, _TEXT + 1) if beside else (0, 0)
+    width = max(1, canvas.width - left - right)
     step = 1 if beside else 2
     spaced = step + (canvas.height >= len(model.bars) * (step + 1) + 5)
     for number, bar in enumerate(model.bars):
@@ -51,8 +51,12 @@ def _draw_bar(
     theme, glyphs = canvas.theme, canvas.glyphs
     mean = bar.share.mean
     colour = theme.real if mean.value > 0 else theme.sim
-    if left:
-        canvas.text(0, y, bar.factor, theme.text)
+    canvas.text(0, y, bar.factor, theme.text)
+    if beside:
+        canvas.text(left + width + 1, y, bar.text, theme.text)
+    else:
+        canvas.text(len(bar.factor) + 1, y, bar.text, theme.text)
+        y += 1
     zero, end = (_column(model, value, left, width) for value in (0.0, mean.value))
     block = "#" if canvas.options.ascii else "█"
     for x in range(min(zero, end), max(zero, end) + 1):
@@ -65,10 +69,6 @@ def _draw_bar(
                 canvas.put(x, y, line, theme.text)
     overall = _column(model, bar.overall, left, width)
     canvas.put(overall, y, glyphs.truth, theme.truth, bold=True)
-    if beside:
-        canvas.text(left + width + 1, y, bar.text, theme.text)
-    else:
-        canvas.text(left, y + 1, bar.text, theme.muted)
 
 
 def _draw_axis(canvas: Canvas, model: SharesModel, left: int, y: int, width: int) -> None:

@@ -22,7 +22,8 @@ class SharesView(View):
     key = "K"
     description = "shares of the gap: how many metres each factor causes"
     brushable = False
-    wide_ratio = 0.4
+    narrow_ratio = 1.3
+    wide_ratio = 0.5
     figure_size = (1600, 700)
 
     def subtitle(self, scene: Scene) -> str:

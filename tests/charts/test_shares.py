@@ -1,0 +1,74 @@
+"""The shares view: mean shares of the gap of a selection, in cells and as numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.metrics.bootstrap import Interval
+from s2rstore.metrics.gap_shares import FactorShare, GapShares, mean_shares
+from s2rstore.records import GAP_FACTORS
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.shares.model import SharesInput, shares_model
+from s2rtui.charts.shares.terminal import draw_shares
+
+
+def shares(*means: float, n: int = 30) -> GapShares:
+    names = ("lighting", "depth", "objects", "sensor and camera")
+    parts = tuple(
+        FactorShare(name, Interval(mean - 0.4, mean, mean + 0.4))
+        for name, mean in zip(names, means, strict=True)
+    )
+    return GapShares(n, sum(means), parts)
+
+
+def text_of(data: SharesInput, size: tuple[int, int], **options: object) -> list[str]:
+    canvas = draw_shares(data, size, RenderOptions(**options), "nothing here")
+    return ["".join(row).rstrip() for row in canvas.char]
+
+
+@pytest.mark.parametrize("size", [(40, 16), (76, 20), (100, 12)])
+@pytest.mark.parametrize("ascii_only", [False, True])
+def test_bars_have_names_means_and_lengths_in_proportion(
+    size: tuple[int, int], ascii_only: bool
+) -> None:
+    data = SharesInput(shares(2.0, 1.0, 0.0, -0.5), shares(1.0, 0.5, 0.0, 0.0))
+    lines = text_of(data, size, ascii=ascii_only)
+    block = "#" if ascii_only else "█"
+    counts = [line.count(block) for line in lines if block in line]
+    assert counts[0] == pytest.approx(2 * counts[1], abs=2)
+    whole = "\n".join(lines)
+    for part in ("lighting", "+2.00 m (1.60 to 2.40)", "-0.50 m", "n 30"):
+        assert part in whole
+    if ascii_only:
+        assert whole.isascii()
+
+
+def test_bounds_far_beyond_the_means_do_not_squeeze_the_bars() -> None:
+    wide = FactorShare("lighting", Interval(-50.0, 2.0, 50.0))
+    data = GapShares(6, 2.0, (wide, *shares(0.0, 0.0, 0.0, 0.0).shares[1:]))
+    model = shares_model(SharesInput(data, data))
+    assert model is not None
+    assert model.scale[0] >= -1.0
+    assert model.scale[1] <= 3.0
+
+
+def test_without_shares_the_reason_is_shown() -> None:
+    assert text_of(SharesInput(None, None), (40, 5))[0] == "nothing here"
+
+
+def test_means_sum_to_the_mean_gap(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        columns = store.run_columns("vanilla")
+        chosen = np.arange(len(store.instances)) % 3 == 0
+        found = mean_shares(store, "vanilla", chosen)
+        assert found is not None
+        assert found.n == chosen.sum()
+        assert found.gap == pytest.approx(columns.gap[chosen].mean(), abs=1e-5)
+        assert sum(share.mean.value for share in found.shares) == pytest.approx(found.gap)
+        parts = np.stack([getattr(columns.real, f"share_{name}") for name in GAP_FACTORS])
+        assert np.allclose(parts.sum(axis=0), columns.gap, atol=1e-5)
+        assert mean_shares(store, "vanilla", np.zeros_like(chosen)) is None
