@@ -20,6 +20,7 @@ from bench import (
     contrast,
     end_to_end,
     growth,
+    harm,
     inference,
     live_prediction,
     map_grids,
@@ -52,12 +53,16 @@ _MEASUREMENTS = (
     "time_delay",
     "end_to_end",
 )
+_ON_REQUEST = ("harm",)
+"""Measured only where --only names them, because they take an hour."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
-    parser.add_argument("--only", choices=_MEASUREMENTS, action="append", help="repeatable")
+    parser.add_argument(
+        "--only", choices=(*_MEASUREMENTS, *_ON_REQUEST), action="append", help="repeatable"
+    )
     parser.add_argument(
         "--store",
         type=Path,
@@ -115,6 +120,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from precompute_memory.figures((1_000, 100_000))
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "harm" in selected:
+        yield from harm.figures(folder)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from s2rtools.scoring.factor_shares import (
     TrueShares,
     constant_answers,
-    largest_group_share,
+    largest_share_named,
     score_shares,
     shapley_values,
 )
@@ -66,7 +66,9 @@ def test_true_shares_score_one(true: TrueShares) -> None:
         assert score.correlation.value == pytest.approx(1)
         assert score.error.value == 0
         assert (score.n, score.left_out) == (90, 10)
-    assert largest_group_share(true, "r", true.shares["r"]).value == 1
+    largest = np.argmax(true.shares["r"], axis=1)
+    assert largest_share_named(true, "r", largest).value == 1
+    assert largest_share_named(true, "r", (largest + 1) % 5).value == 0
 
 
 def test_constant_answers_know_the_gap_only(true: TrueShares) -> None:

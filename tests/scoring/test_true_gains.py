@@ -19,9 +19,12 @@ from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.harm_report import heatmaps_of, kind_estimates
 from s2rtools.scoring.object_gains import ObjectGains, measure_object_gains
 from s2rtools.scoring.repair_curves import RepairErrors, measure_repairs, repair_scores
+from s2rtools.scoring.report import save_report
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.synthetic_world.renderer import RayCaster
 from s2rtui.cli import main
+from s2rtui.cli.formatting import score_tables
+from tests.support.copies import copy_store
 
 pytestmark = pytest.mark.xdist_group("world")
 
@@ -185,22 +188,31 @@ def test_estimates_read_the_stored_maps(store: Store, gains: ObjectGains) -> Non
     assert not made.of_other_run, "the kind has the same map for all runs"
 
 
-def test_the_command_prints_and_reports(
-    world_with_all_factors: Path, capsys: pytest.CaptureFixture[str]
+def test_the_command_reports_and_the_store_keeps_it(
+    world_with_all_factors: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["score", str(world_with_all_factors), "--run", "vanilla", "--run", "finetune",
-                 "--harm", "--instances", "2", "--views", "8"]  # fmt: skip
-    assert main([*arguments, "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    kinds = {(row["run"], row["kind"]) for row in report["harm"]}
-    assert {("vanilla", "area"), ("all runs", "pixel_difference")} <= kinds
-    assert report["harm_views"] == {"vanilla": 8, "finetune": 8}
-    assert report["harm_left_out"] == {"vanilla": 0, "finetune": 0}
-    assert {row["estimator"] for row in report["shares"]} >= {"always lighting", "even split"}
+                 "--harm", "--instances", "2", "--views", "8", "--json"]  # fmt: skip
     assert main(arguments) == 0
-    text = capsys.readouterr().out
+    report = json.loads(capsys.readouterr().out)
+    harm = report["harm"]
+    kinds = {(row["run"], row["kind"]) for row in harm["kinds"]}
+    assert {("vanilla", "area"), ("all runs", "pixel_difference")} <= kinds
+    assert harm["views"] == {"vanilla": 8, "finetune": 8}
+    assert harm["left_out"] == {"vanilla": 0, "finetune": 0}
+    assert {row["estimator"] for row in harm["shares"]} >= {"always lighting", "even split"}
+    text = "\n".join(score_tables.tables(report))
     assert "What harms the pose" in text
     assert "vanilla 8 (0 trained on left out)" in text
+    assert "always lighting" in text
+    own = copy_store(world_with_all_factors, tmp_path / "own.s2r")
+    assert save_report(own, report)
+    assert not save_report(own, report)
+    plain = {name: part for name, part in report.items() if name != "harm"}
+    assert save_report(own, {**plain, "seed": 2})
+    with s2rstore.open(own) as saved:
+        assert saved.provenance_object("score", "report")["seed"] == 2
+        assert saved.provenance_object("score", "harm")["views"] == harm["views"]
 
 
 def test_trained_instances_do_not_count(

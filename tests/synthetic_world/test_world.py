@@ -10,7 +10,12 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rstore.records import Intrinsics
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
-from s2rtools.synthetic_world.factors import FACTORS, complete_severities, parse_factors
+from s2rtools.synthetic_world.factors import (
+    FACTORS,
+    complete_severities,
+    parse_constants,
+    parse_factors,
+)
 from s2rtools.synthetic_world.materials import Material
 from s2rtools.synthetic_world.renderer import Camera, RayCaster
 from s2rtools.synthetic_world.scene_geometry import ScenePart, WorldScene
@@ -174,6 +179,60 @@ def test_factors_are_parsed_from_text() -> None:
     assert set(parse_factors("none").values()) == {0.0}
     severities = parse_factors("lights=0.5,objects")
     assert (severities["lights"], severities["objects"], severities["camera"]) == (0.5, 1.0, 0.0)
+
+
+OTHER_CONSTANTS = {"exposure.vignette": 0.5, "depth.farthest": 4.0, "sensor.noise": 12.0,
+                   "camera.height": 0.1}  # fmt: skip
+
+
+def test_other_constants_change_the_real_side_only(data: WorldData) -> None:
+    other = WorldData(WorldRecipe(count=20, frame=64, constants=OTHER_CONSTANTS))
+    poses, numbers = data.poses["traj1"][:6], np.arange(6)
+    sim, own_sim = (world.views("sim", poses, numbers) for world in (other, data))
+    assert np.array_equal(sim.rgb, own_sim.rgb)
+    assert np.array_equal(sim.depth, own_sim.depth)
+    real, own_real = (world.views("real", poses, numbers) for world in (other, data))
+    assert real.depth.max() < 4.1 < own_real.depth.max()
+    corner = (slice(None), slice(0, 8), slice(0, 8))
+    assert real.rgb[corner].mean() < own_real.rgb[corner].mean()
+    assert other.camera("real").height == pytest.approx(other.camera("sim").height + 0.1)
+    low, high = data.camera("real").height, other.camera("real").height
+    assert high == pytest.approx(low + 0.19)
+
+
+@pytest.mark.parametrize("name", ["exposure.vignette", "depth.farthest", "sensor.noise"])
+def test_the_default_constants_change_nothing(data: WorldData, name: str) -> None:
+    factor, _, constant = name.partition(".")
+    default = {name: getattr(FACTORS[factor], constant)}
+    poses, numbers = data.poses["traj1"][:3], np.arange(3)
+    own = data.views("real", poses, numbers)
+    same = WorldData(WorldRecipe(count=20, frame=64, constants=default)).views(
+        "real", poses, numbers
+    )
+    assert np.array_equal(same.rgb, own.rgb)
+    assert np.array_equal(same.depth, own.depth)
+
+
+def test_only_other_constants_are_recorded() -> None:
+    assert "constants" not in WorldData(WorldRecipe(count=2)).provenance()["recipe"]
+    other = WorldData(WorldRecipe(count=2, constants=OTHER_CONSTANTS)).provenance()["recipe"]
+    assert other["constants"] == OTHER_CONSTANTS
+
+
+def test_constants_are_parsed_from_text() -> None:
+    assert parse_constants("") == {}
+    parsed = parse_constants("exposure.vignette=0.4, depth.farthest=5")
+    assert parsed == {"exposure.vignette": 0.4, "depth.farthest": 5.0}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["vignette=1", "exposure.vignette=x", "depth.farthest=nan", "camera.zoom=-0.5",
+     "lights.power=1", "sensor.noise=1,sensor.noise=2", "sensor.noise"],
+)  # fmt: skip
+def test_invalid_constants_are_rejected(text: str) -> None:
+    with pytest.raises(RequestError):
+        parse_constants(text)
 
 
 def test_the_rendered_images_match_the_pretrained_models() -> None:

@@ -14,7 +14,8 @@ def tables(scores: Row) -> list[str]:
     """The score report as texts, one per table."""
     made = [_heatmaps(scores), _factors(scores), _objects(scores)]
     if "harm" in scores:
-        made += [_harm(scores), _repairs(scores), _shares(scores), _largest_shares(scores)]
+        harm = scores["harm"]
+        made += [_harm(harm), _repairs(harm), _shares(harm), _largest_shares(harm)]
     return [f"{title}\n\n{output.table(names, rows)}" for title, names, rows in made]
 
 
@@ -48,10 +49,10 @@ def _objects(scores: Row) -> Table:
     return title, ("run", "object", "name", "change", "gain", "n"), rows
 
 
-def _harm(scores: Row) -> Table:
+def _harm(harm: Row) -> Table:
     views = ", ".join(
-        f"{run} {count} ({scores['harm_left_out'][run]} trained on left out)"
-        for run, count in scores["harm_views"].items()
+        f"{run} {count} ({harm['left_out'][run]} trained on left out)"
+        for run, count in harm["views"].items()
     )
     title = (
         "What harms the pose: changed objects of a view, ranked by the heat on their pixels, "
@@ -66,37 +67,37 @@ def _harm(scores: Row) -> Table:
          r["claims"] if r["in_metres"] else "-", _interval(r, "precision"),
          _number(r["base_rate"]), _interval(r, "delivered"), _number(r["mean_gain"]), r["n"],
          r["views"])
-        for r in scores["harm"]
+        for r in harm["kinds"]
     ]  # fmt: skip
     return title, names, rows
 
 
-def _repairs(scores: Row) -> Table:
+def _repairs(harm: Row) -> Table:
     names = ("run", "heatmap", "mode", "repairs", "error", "random order", "best order",
              "saved against random", "views")  # fmt: skip
     rows: list[tuple[object, ...]] = [
         (r["run"], r["kind"], r["mode"], r["repairs"], _number(r["error"]), _number(r["random"]),
          _number(r["best"]), _interval(r, "saved"), r["n"])
-        for r in scores["repairs"]
+        for r in harm["repairs"]
     ]  # fmt: skip
     title = "Mean real error after restoring objects in the order of their heat, m"
     return title, names, rows
 
 
-def _shares(scores: Row) -> Table:
+def _shares(harm: Row) -> Table:
     rows: list[tuple[object, ...]] = [
         (r["run"], r["estimator"], r["group"], _interval(r, "correlation"), _interval(r, "error"),
          _number(r["mean"]), r["n"], r["left_out"])
-        for r in scores["shares"]
+        for r in harm["shares"]
     ]  # fmt: skip
     names = ("run", "estimator", "group", "correlation", "mean absolute error, m",
              "mean true share, m", "n", "trained on, left out")  # fmt: skip
     return "Shares of the gap per group of factors", names, rows
 
 
-def _largest_shares(scores: Row) -> Table:
+def _largest_shares(harm: Row) -> Table:
     rows: list[tuple[object, ...]] = [
-        (r["run"], r["estimator"], _interval(r, "right"), r["n"]) for r in scores["largest_share"]
+        (r["run"], r["estimator"], _interval(r, "right"), r["n"]) for r in harm["largest_share"]
     ]
     return "Group with the largest share", ("run", "estimator", "right", "n"), rows
 

@@ -18,6 +18,9 @@ from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, Evaluat
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
 
+LIGHTING = FACTOR_GROUPS.index("lighting")
+ALWAYS_LIGHTING, EVEN_SPLIT = "always lighting", "even split"
+
 Floats = NDArray[np.float64]
 Coalition = frozenset[str]
 
@@ -112,8 +115,8 @@ def constant_answers(true: TrueShares, run: str) -> dict[str, Floats]:
     """Shares (V, groups) of estimators that look at nothing but the gap."""
     gap, count = true.gap[run][:, None], len(FACTOR_GROUPS)
     lighting = np.zeros((1, count))
-    lighting[0, FACTOR_GROUPS.index("lighting")] = 1.0
-    return {"always lighting": gap * lighting, "even split": gap * np.full((1, count), 1 / count)}
+    lighting[0, LIGHTING] = 1.0
+    return {ALWAYS_LIGHTING: gap * lighting, EVEN_SPLIT: gap * np.full((1, count), 1 / count)}
 
 
 def score_shares(
@@ -141,11 +144,11 @@ def score_shares(
     return scores
 
 
-def largest_group_share(true: TrueShares, run: str, estimate: NDArray[np.floating]) -> Interval:
-    """Share of the run's new instances whose largest true share is the largest estimated one."""
+def largest_share_named(true: TrueShares, run: str, named: NDArray[np.intp]) -> Interval:
+    """Share of the run's new instances in which the `named` group (V,) has the largest share."""
     new = true.is_new[run]
-    hit = np.argmax(true.shares[run][new], axis=1) == np.argmax(np.asarray(estimate)[new], axis=1)
-    return mean_interval(hit.astype(np.float64), true.trajectory[new]).clipped(0, 1)
+    right = np.argmax(true.shares[run][new], axis=1) == named[new]
+    return mean_interval(right.astype(np.float64), true.trajectory[new]).clipped(0, 1)
 
 
 def _correlation(a: Floats, b: Floats, weights: Floats) -> list[float]:

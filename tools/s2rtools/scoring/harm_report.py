@@ -13,10 +13,13 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.scoring.factor_shares import (
+    ALWAYS_LIGHTING,
+    EVEN_SPLIT,
+    LIGHTING,
     ShareScore,
     TrueShares,
     constant_answers,
-    largest_group_share,
+    largest_share_named,
     score_shares,
 )
 from s2rtools.scoring.harm_metrics import HarmScore, ScoredPairs, harm_score, pool_runs
@@ -153,9 +156,13 @@ def share_scores(store: Store, true: TrueShares) -> tuple[list[ShareScore], list
             **constant_answers(true, run),
         }
         for name, estimate in estimates.items():
-            if estimate is not None:
-                scores += score_shares(true, run, name, estimate)
-                right = largest_group_share(true, run, estimate)
+            if estimate is None:
+                continue
+            scores += score_shares(true, run, name, estimate)
+            if name != EVEN_SPLIT:
+                named = np.argmax(estimate, axis=1)
+                named = np.full_like(named, LIGHTING) if name == ALWAYS_LIGHTING else named
+                right = largest_share_named(true, run, named)
                 largest.append(LargestShare(run, name, right, int(true.is_new[run].sum())))
     return scores, largest
 

@@ -16,7 +16,6 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import check_writable, edit
-from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rtools.precompute.pipeline import ProgressReporter
@@ -72,8 +71,7 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
         reporter.advance(1)
         objects = table.object_scores()
         reporter.advance(1)
-        harm = _harm(truth, evaluated, settings, reporter) if settings.harm else {}
-        return {
+        report = {
             "seed": settings.seed,
             "instances": len(table.iids),
             "recipe": store.provenance_object("world", "recipe"),
@@ -81,8 +79,10 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
             "heatmaps": [_json_row(row) for row in maps],
             "factors": [_json_row(row) for row in factors],
             "objects": [_json_row(row) for row in objects],
-            **harm,
         }
+        if settings.harm:
+            report["harm"] = _harm(truth, evaluated, settings, reporter)
+        return report
 
 
 def _harm(
@@ -103,30 +103,35 @@ def _harm(
     shares, largest = harm_report.share_scores(truth.store, true)
     reporter.advance(1)
     sections: dict[str, Sequence[object]] = {
-        "harm": kinds,
+        "kinds": kinds,
         "repairs": curves,
         "shares": shares,
         "largest_share": largest,
     }
     return {
-        "harm_views": {run: int(new.sum()) for run, new in gains.is_new.items()},
-        "harm_left_out": {
-            run: len(truth.poses) - int(run_metrics.held_out(truth.store, run).sum())
-            for run in gains.runs
-        },
+        "views": {run: int(new.sum()) for run, new in gains.is_new.items()},
+        "left_out": {run: int(truth.store.trained_instances(run).sum()) for run in gains.runs},
         **{name: [_json_row(row) for row in rows] for name, rows in sections.items()},
-    }  # fmt: skip
+    }
 
 
 def save_report(root: Path, report: ScoreReport) -> bool:
-    """Publish the report in the store's provenance; False if it is unchanged."""
+    """Publish the report in the store's provenance; False if it is unchanged.
+
+    What harms the pose is saved apart, as `harm` with its `runs`, so that a later score without it
+    does not remove it.
+    """
     check_writable(root)
-    text = json.dumps(report, sort_keys=True)
+    plain = {name: part for name, part in report.items() if name != "harm"}
+    texts = {"report": json.dumps(plain, sort_keys=True)}
+    if "harm" in report:
+        harm = {**report["harm"], "runs": report["runs"], "recipe": report["recipe"]}
+        texts["harm"] = json.dumps(harm, sort_keys=True)
     with s2rstore.open(root) as store:
-        if store.provenance("score").get("report") == text:
+        if texts.items() <= store.provenance("score").items():
             return False
     with edit(root) as draft:
-        draft.set_provenance("score", {"report": text})
+        draft.set_provenance("score", texts)
     return True
 
 

@@ -1,0 +1,43 @@
+"""A store of a world whose camera and sensors differ from the default ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, open_runs
+from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.training import pretrained
+from s2rtui.cli import main
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("world")
+
+
+def test_counterfactuals_use_the_constants_of_the_store(tmp_path: Path) -> None:
+    """Rendered again with all factors, the errors are the stored ones; the world is found again."""
+    path = tmp_path / "other.s2r"
+    constants = "exposure.vignette=0.5,depth.farthest=4,sensor.noise=9,camera.height=-0.05"
+    arguments = ["ingest", "world", "--instances", "2", "--constants", constants]
+    assert main([*arguments, "--store", str(path)]) == 0
+    pretrained.add_pretrained_models(path)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))
+    with s2rstore.open(path) as store:
+        truth = GroundTruth(store)
+        errors = CounterfactualErrors(truth, open_runs(store, ["vanilla"]))
+        iids = np.arange(len(store.instances))
+        found = errors.of_instances(iids, {"none": {}, "all": errors.active})
+        for label, side in (("none", "sim"), ("all", "real")):
+            stored = store.run_columns("vanilla").side(side).error
+            assert np.allclose(found[label]["vanilla"], stored, atol=1e-4)
+        assert store.frames("real", 0, 4)["depth"].max() < 4400
+
+
+def test_unknown_constants_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["ingest", "world", "--constants", "depth.range=3"]
+    assert main([*arguments, "--store", str(tmp_path / "no.s2r")]) == 2
+    assert "depth.farthest" in capsys.readouterr().err
