@@ -1,4 +1,7 @@
-"""`s2r score`: score heatmaps and causes against the ground truth of the synthetic world."""
+"""`s2r score`: score heatmaps and causes against the ground truth of the synthetic world.
+
+Image repairs need no ground truth, so they score the heatmaps of any store.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ EXAMPLE = "s2r score world.s2r --instances 48"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store of the synthetic world")
+    parser.add_argument(
+        "store", type=Path, help="store of the synthetic world; any store with --image-repairs"
+    )
     add = parser.add_argument_group("scope").add_argument
     add("--run", action="append", default=[],
         help="score only this run (repeatable); the result is then not saved in the "
@@ -26,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also score what harms the pose: every heatmap kind against the gain of restoring "
         "each visible object, repair curves, and the shares of the gap (minutes)")  # fmt: skip
     add("--views", type=int, default=200,
-        help="views per run whose objects are restored, with --harm (default 200)")  # fmt: skip
+        help="views per run, with --harm or --image-repairs (default 200)")  # fmt: skip
+    add("--image-repairs", action="store_true",
+        help="on any data: only print how much the error falls where cells of the real images "
+        "show sim content instead, in the order of each heatmap")  # fmt: skip
     add("--seed", type=int, default=1, help="random seed that breaks ties (default 1)")
     add("--trust", action="store_true", help="allow model formats that execute code")
     add = parser.add_argument_group("output").add_argument
@@ -39,6 +47,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.scoring import report
     from s2rtui.cli.formatting import score_tables
 
+    if options.image_repairs:
+        return _print_image_repairs(options)
     saves = not options.no_keep and not options.run
     if saves:
         _check_writable(options.store)
@@ -55,6 +65,26 @@ def execute(options: argparse.Namespace) -> int:
         print()
     elif not options.quiet:
         print("\n".join(score_tables.tables(scores)))
+    return 0
+
+
+def _print_image_repairs(options: argparse.Namespace) -> int:
+    from s2rtools.scoring.image_repairs import score_image_repairs
+    from s2rtools.scoring.report import computed_runs, json_row
+    from s2rtui.cli.formatting import score_tables
+
+    with s2rstore.open(options.store) as store, reporter() as progress:
+        runs = computed_runs(store, tuple(options.run))
+        progress.begin("image repairs", len(runs))
+        rows = score_image_repairs(
+            store, runs, options.views, options.seed, options.trust, progress.advance
+        )
+    found = [json_row(row) for row in rows]
+    if options.json:
+        json.dump(found, sys.stdout, indent=1, sort_keys=True)
+        print()
+    elif not options.quiet:
+        print(score_tables.image_repairs(found))
     return 0
 
 

@@ -102,6 +102,21 @@ def _largest_shares(harm: Row) -> Table:
     return "Group with the largest share", ("run", "estimator", "right", "n"), rows
 
 
+def image_repairs(rows: list[Row]) -> str:
+    """The table of image repairs."""
+    names = ("run", "heatmap", "mode", "cells %", "error falls by", "more than at random", "n")
+    cells: list[tuple[object, ...]] = [
+        (r["run"], r["kind"], r["mode"], round(100 * r["share"]), _interval(r, "gain"),
+         _interval(r, "over_random"), r["n"])
+        for r in rows
+    ]  # fmt: skip
+    whole = ", ".join(
+        f"{run} {_number(value)}" for run, value in {r["run"]: r["whole"] for r in rows}.items()
+    )
+    title = f"Repairing cells of the real images by each heatmap, m; all cells repaired: {whole}"
+    return f"{title}\n\n{output.table(names, cells)}"
+
+
 def _interval(row: Row, name: str) -> str:
     value, low, high = (_number(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
     return value if low == high == "-" else f"{value} ({low} .. {high})"

@@ -61,7 +61,7 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
     """
     with s2rstore.open(root) as store:
         truth = GroundTruth(store)
-        runs = _computed_runs(store, settings.runs)
+        runs = computed_runs(store, settings.runs)
         reporter.begin("score", 6 if settings.harm else 3)
         maps = heatmap_metrics.score_heatmaps(truth, runs, settings.seed)
         reporter.advance(1)
@@ -76,9 +76,9 @@ def score(root: Path, settings: ScoreSettings, reporter: ProgressReporter) -> Sc
             "instances": len(table.iids),
             "recipe": store.provenance_object("world", "recipe"),
             "runs": {name: store.run(name).key for name in runs},
-            "heatmaps": [_json_row(row) for row in maps],
-            "factors": [_json_row(row) for row in factors],
-            "objects": [_json_row(row) for row in objects],
+            "heatmaps": [json_row(row) for row in maps],
+            "factors": [json_row(row) for row in factors],
+            "objects": [json_row(row) for row in objects],
         }
         if settings.harm:
             report["harm"] = _harm(truth, evaluated, settings, reporter)
@@ -111,7 +111,7 @@ def _harm(
     return {
         "views": {run: int(new.sum()) for run, new in gains.is_new.items()},
         "left_out": {run: int(truth.store.trained_instances(run).sum()) for run in gains.runs},
-        **{name: [_json_row(row) for row in rows] for name, rows in sections.items()},
+        **{name: [json_row(row) for row in rows] for name, rows in sections.items()},
     }
 
 
@@ -135,7 +135,7 @@ def save_report(root: Path, report: ScoreReport) -> bool:
     return True
 
 
-def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
+def computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
     store.require_poses("scoring")
     runs = [store.run(name) for name in dict.fromkeys(requested)] or [
         run for run in store.runs.values() if not run.is_imported
@@ -147,7 +147,7 @@ def _computed_runs(store: Store, requested: Sequence[str]) -> list[str]:
     return [run.run for run in runs if run.key]
 
 
-def _json_row(row: Any) -> dict[str, Any]:
+def json_row(row: Any) -> dict[str, Any]:
     """A record as JSON: intervals as three numbers, NaN as null, nested records flattened."""
     values: dict[str, Any] = {}
     for field in fields(row):
@@ -156,7 +156,7 @@ def _json_row(row: Any) -> dict[str, Any]:
             low, high = f"{field.name}_low", f"{field.name}_high"
             values |= {field.name: value.value, low: value.low, high: value.high}
         elif is_dataclass(value):
-            values |= _json_row(value)
+            values |= json_row(value)
         else:
             values[field.name] = value
     for name, value in values.items():
