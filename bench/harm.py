@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors.torch import save_file
 
 import s2rstore
@@ -26,11 +27,13 @@ from s2rstore.reader import Store
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring import harm_report
+from s2rtools.scoring.block_intervals import weighted_pearson
 from s2rtools.scoring.counterfactual_errors import open_runs
-from s2rtools.scoring.factor_shares import TrueShares, measure_shares
+from s2rtools.scoring.factor_shares import measure_shares
 from s2rtools.scoring.ground_truth import GroundTruth
 from s2rtools.scoring.harm_metrics import HarmScore, ScoredPairs, harm_score, pool_runs, pool_stores
 from s2rtools.scoring.object_gains import ObjectGains, measure_object_gains
+from s2rtools.synthetic_world.factors import FACTOR_GROUPS
 from s2rtools.training import pretrained
 
 SEEDS = (21, 22, 23)
@@ -41,7 +44,11 @@ _UNTRAINED = "untrained"
 _BUDGETS = {"harm": (0.90, 0.78, 0.85, 0.60, 0.65)}
 """Least AUROC and rank correlation, pooled and of each run and building; share of right claims."""
 
+_SHARE_BUDGETS = {"lighting": 0.90, "depth": 0.80, "objects": 0.60}
+"""Least correlation of the shares of `gap_shares` with the true ones."""
+
 Mode = tuple[str, str | None]
+SharePair = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,13 +56,14 @@ class Building:
     """Pairs of one building by kind and mode, and by run.
 
     `own` have the run's own map, `foreign` another run's, `untrained` that of random weights.
+    `shares` are true and estimated shares of the gap of each run, by estimator.
     """
 
     seed: int
     own: dict[Mode, dict[str, ScoredPairs]]
     foreign: dict[Mode, dict[str, ScoredPairs]]
     untrained: dict[Mode, dict[str, ScoredPairs]]
-    shares: list[BudgetRow]
+    shares: dict[str, list[SharePair]]
 
 
 def figures(
@@ -89,8 +97,7 @@ def figures(
             if all(found):
                 runs = [pool_runs([*of.values()]) for of in found]
                 yield from _ranking(f"{name}, {label}", harm_score(pool_stores(runs)))
-    for building in buildings:
-        yield from building.shares
+    yield from _share_rows(buildings)
 
 
 def _measure(path: Path, seed: int, views: int, kinds: Sequence[str]) -> Building:
@@ -111,8 +118,12 @@ def _measure(path: Path, seed: int, views: int, kinds: Sequence[str]) -> Buildin
                     for estimates in (made.of_run, made.of_other_run)
                 )
                 untrained[mode] = _untrained(store, gains, mode) if made.of_other_run else {}
-        shares = measure_shares(truth, evaluated, min(SHARE_VIEWS, views))
-        return Building(seed, own, foreign, untrained, [*_share_rows(store, seed, shares)])
+        true = measure_shares(truth, evaluated, min(SHARE_VIEWS, views))
+        shares: dict[str, list[SharePair]] = {}
+        for run in names:
+            for name, guess in harm_report.share_estimates(store, true, run).items():
+                shares.setdefault(name, []).append((true.shares[run], guess))
+        return Building(seed, own, foreign, untrained, shares)
 
 
 def _build(path: Path, seed: int, views: int) -> None:
@@ -150,15 +161,28 @@ def _untrained(store: Store, gains: ObjectGains, mode: Mode) -> dict[str, Scored
     }
 
 
-def _share_rows(store: Store, seed: int, true: TrueShares) -> Iterator[BudgetRow]:
-    scores, largest = harm_report.share_scores(store, true)
-    for score in scores:
-        if np.isfinite(score.correlation.value):
-            name = f"share of {score.group}, {score.estimator}, {score.run}, building {seed}"
-            yield BudgetRow(name, score.correlation.value, "r")
-    for row in largest:
-        name = f"largest share, {row.estimator}, {row.run}, building {seed}"
-        yield BudgetRow(name, row.right.value, "right")
+def _share_rows(buildings: Sequence[Building]) -> Iterator[BudgetRow]:
+    """Correlation of estimated and true shares over all buildings and runs, and of the weakest."""
+    for estimator in buildings[0].shares:
+        parts = [part for building in buildings for part in building.shares[estimator]]
+        true, guess = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        for column, group in enumerate(FACTOR_GROUPS):
+            name = f"share of {group}, {estimator}"
+            least = _SHARE_BUDGETS.get(group) if estimator == "gap_shares" else None
+            pooled = _pearson(true[:, column], guess[:, column])
+            if np.isfinite(pooled):
+                views = f"{name}, pooled, {len(true)} views"
+                yield BudgetRow(views, pooled, "r", least, "at least")
+                each = [_pearson(a[:, column], b[:, column]) for a, b in parts]
+                yield BudgetRow("... weakest run of a building", min(each), "r")
+            off = float(np.abs(true[:, column] - guess[:, column]).mean())
+            yield BudgetRow(f"{name}, mean absolute error", off, "m")
+        exact = float(np.abs(true.sum(axis=1) - guess.sum(axis=1)).max())
+        yield BudgetRow(f"sum of the shares of {estimator} minus the gap", exact, "m", 1e-3)
+
+
+def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return weighted_pearson(a, b, np.ones(a.size))
 
 
 def _ranking(
@@ -184,7 +208,8 @@ def _name(mode: Mode) -> str:
 
 
 def _counts(score: HarmScore) -> str:
-    return f"{score.n} pairs in {score.views} views"
+    interval = f"95 % {score.auroc.low:.2f} .. {score.auroc.high:.2f}"
+    return f"{score.n} pairs in {score.views} views, {interval}"
 
 
 def main() -> int:

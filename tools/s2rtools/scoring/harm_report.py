@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -144,20 +144,21 @@ def kind_repairs(repairs: RepairErrors, estimates: KindEstimates) -> list[KindRe
     ]
 
 
+def share_estimates(store: Store, true: TrueShares, run: str) -> dict[str, Floats]:
+    """Estimated shares (V, groups) of a run by estimator, the constant answers among them."""
+    made = {name: estimator(store, run, true.iids) for name, estimator in SHARE_ESTIMATORS.items()}
+    known = {name: estimate for name, estimate in made.items() if estimate is not None}
+    return known | constant_answers(true, run)
+
+
 def share_scores(store: Store, true: TrueShares) -> tuple[list[ShareScore], list[LargestShare]]:
-    """Scores of all estimators of shares, and of the constant answers beside them."""
+    """Scores of all estimators of shares, for each run with new instances."""
     scores: list[ShareScore] = []
     largest: list[LargestShare] = []
     for run in true.shares:
         if not true.is_new[run].any():
             continue
-        estimates: Mapping[str, Floats | None] = {
-            **{name: made(store, run, true.iids) for name, made in SHARE_ESTIMATORS.items()},
-            **constant_answers(true, run),
-        }
-        for name, estimate in estimates.items():
-            if estimate is None:
-                continue
+        for name, estimate in share_estimates(store, true, run).items():
             scores += score_shares(true, run, name, estimate)
             if name != EVEN_SPLIT:
                 named = np.argmax(estimate, axis=1)
