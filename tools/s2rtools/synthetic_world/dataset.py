@@ -16,7 +16,7 @@ from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.synthetic_world.factors import complete_severities
-from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.renderer import SAMPLES, Camera, RenderedViews, SceneRenderer
 from s2rtools.synthetic_world.routes import Poses
 from s2rtools.synthetic_world.world import (
     TRAJECTORIES,
@@ -105,14 +105,14 @@ class WorldData:
 
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
-        camera: Camera | None = None,
+        camera: Camera | None = None, samples: int = SAMPLES,
     ) -> RenderedViews:  # fmt: skip
         """Views (n, h, w, ...) of poses; `numbers` (n,) seed the noise of each.
 
         `camera` replaces the side's camera; `camera(side).moved(...)` changes its height, pitch or
-        field of view.
+        field of view. `samples` is as in `SceneRenderer`.
         """
-        views = self.renderer(side).render(poses, camera or self.camera(side))
+        views = self.renderer(side).render(poses, camera or self.camera(side), samples)
         return apply_sensor_factors(views, self.severities(side), self.recipe.seed, numbers)
 
     def camera(self, side: Side) -> Camera:

@@ -50,6 +50,16 @@ class Camera:
             forward_offset=self.forward_offset + forward,
         )  # fmt: skip
 
+    def subsampled(self, stride: int) -> Camera:
+        """The camera of every `stride`-th pixel, through whose centres its pixels' rays pass."""
+        shift = (stride - 1) / 2
+        lens = replace(
+            self.lens, fx=self.lens.fx / stride, fy=self.lens.fy / stride,
+            cx=(self.lens.cx + shift) / stride, cy=(self.lens.cy + shift) / stride,
+        )  # fmt: skip
+        frame = -(-self.frame[0] // stride), -(-self.frame[1] // stride)
+        return replace(self, frame=frame, lens=lens)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedViews:
