@@ -120,6 +120,8 @@ def _stored(options: argparse.Namespace) -> SuggestReport | None:
 
 def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:
     lines = [f"{report.run}, --for {report.side}: {_AIMS[report.side]}", *_evidence(report)]
+    if report.factors:
+        lines += ["", *_factors(report)]
     if report.answers:
         lines += ["", *_front(report), ""]
         for number, answer in enumerate(report.answers, 1):
@@ -143,6 +145,17 @@ def _evidence(report: SuggestReport) -> list[str]:
     if not report.complete:
         lines.append("the time was used up before the search ended; --budget allows more")
     return lines
+
+
+def _factors(report: SuggestReport) -> list[str]:
+    rows = [
+        (each.factor, ", ".join(f"{name}={value:g}" for name, value in each.values.items()),
+         _gain(report, each.fitted), _gain_bounds(report, each.gain))
+        for each in report.factors
+    ]  # fmt: skip
+    level = f"{100 * report.factors[0].gain.level:.3g} %"
+    names = ("factor alone", "values", "gain on the fit", f"held-out gain ({level})")
+    return output.table(names, rows).splitlines()
 
 
 def _front(report: SuggestReport) -> list[str]:

@@ -58,6 +58,8 @@ ADJUSTMENTS: dict[str, Adjustment] = {
         camera.HEIGHT,
         camera.PITCH,
         camera.FOV,
+        camera.LAMPS,
+        camera.WINDOWS,
     )
 }
 

@@ -33,7 +33,10 @@ class WorldRenderer:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
-        views = self._data.views(side, self._poses[domain][rows], self._numbers[rows], camera)
+        views = self._data.views(
+            side, self._poses[domain][rows], self._numbers[rows], camera,
+            lights=(move.lamps, move.windows),
+        )  # fmt: skip
         return views.rgb, self._data.raw_depth(views)
 
     def subsampled(
@@ -43,7 +46,9 @@ class WorldRenderer:
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
         poses, every = self._poses[domain][rows], camera.subsampled(stride)
-        views = self._data.views(side, poses, self._numbers[rows], every, samples=1)
+        views = self._data.views(
+            side, poses, self._numbers[rows], every, samples=1, lights=(move.lamps, move.windows)
+        )
         return views.rgb, self._data.raw_depth(views)
 
 

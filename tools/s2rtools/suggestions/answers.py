@@ -66,7 +66,7 @@ class Answer:
 
     @property
     def factor(self) -> str:
-        """The factor of its first change, which alone gains most."""
+        """The factor of its first change: of its factors, the one that alone gains most."""
         return self.changes[0].factor
 
     @property
@@ -87,6 +87,16 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
+class FactorGain:
+    """The gain of the adjustments of one factor alone, as that of an answer."""
+
+    factor: str
+    values: dict[str, float]
+    fitted: float
+    gain: Interval
+
+
+@dataclass(frozen=True, slots=True)
 class SuggestReport:
     """What a search found about a run.
 
@@ -94,6 +104,7 @@ class SuggestReport:
     gap: real minus sim error of the judged instances, metres. answers: by number of changes.
     best: place of the suggested answer, None where nothing helps; reason says why.
     screening: sliders with their best value alone and its gain on the fit, best first.
+    factors: what each factor alone gains, by the gain on the fit, best first.
     """
 
     run: str
@@ -111,6 +122,7 @@ class SuggestReport:
     best: int | None = None
     reason: str = ""
     screening: tuple[tuple[str, float, float], ...] = ()
+    factors: tuple[FactorGain, ...] = ()
     truth: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -137,6 +149,13 @@ class SuggestReport:
                 {"adjustment": name, "value": value, "fitted_gain": _number(gain)}
                 for name, value, gain in self.screening
             ],
+            "factors": [
+                {
+                    "factor": each.factor, "values": each.values,
+                    "fitted_gain": _number(each.fitted), "gain": _interval(each.gain),
+                }
+                for each in self.factors
+            ],
             "truth": self.truth,
         }  # fmt: skip
 
@@ -157,6 +176,14 @@ def from_json(data: dict[str, Any]) -> SuggestReport:
         screening=tuple(
             (str(each["adjustment"]), float(each["value"]), _float(each["fitted_gain"]))
             for each in data["screening"]
+        ),
+        factors=tuple(
+            FactorGain(
+                str(each["factor"]),
+                {str(name): float(value) for name, value in each["values"].items()},
+                _float(each["fitted_gain"]), _read_interval(each["gain"]),
+            )
+            for each in data["factors"]
         ),
         truth={str(name): float(value) for name, value in data["truth"].items()},
     )  # fmt: skip

@@ -52,12 +52,22 @@ class Candidate:
         return len(self.values)
 
 
+@dataclass(frozen=True, slots=True)
+class FactorFit:
+    """All useful sliders of one factor fitted together, and their mean cost on the fit."""
+
+    factor: str
+    values: dict[str, float]
+    cost: float
+
+
 @dataclass(slots=True)
 class SearchResult:
-    """Mean cost without changes, the screening (best first), and candidates by size."""
+    """Mean cost without changes, screening and factors (best first), and candidates by size."""
 
     start: float
     screening: list[Screened] = field(default_factory=list)
+    factors: list[FactorFit] = field(default_factory=list)
     candidates: dict[int, Candidate] = field(default_factory=dict)
     evaluations: int = 0
     complete: bool = True
@@ -90,11 +100,13 @@ class Search:
         try:
             if result.start > 0:
                 self._screen()
+                self._fit_factors()
                 self._grow()
                 self._shrink()
         except _OutOfTimeError:
             result.complete = False
         result.screening.sort(key=lambda screened: screened.cost)
+        result.factors.sort(key=lambda fitted: fitted.cost)
         result.evaluations = len(self._known)
         return result
 
@@ -130,6 +142,20 @@ class Search:
             self._result.screening.append(Screened(slider, value, cost))
             self._note({slider.name: value})
 
+    def _fit_factors(self) -> None:
+        """Fit the sliders of each factor one after another, beside those fitted before."""
+        for factor in dict.fromkeys(slider.factor for slider in self._sliders.values()):
+            own = [each for each in self._result.screening if each.slider.factor == factor]
+            own = sorted((each for each in own if each.cost < self._result.start),
+                         key=lambda each: each.cost)  # fmt: skip
+            values: dict[str, float] = {}
+            for each in own[: 1 if factor == TRANSLATOR else None]:
+                value, _ = self._best_value(each.slider, values)
+                if value != each.slider.base:
+                    values[each.slider.name] = value
+            if values:
+                self._result.factors.append(FactorFit(factor, values, self._cost(values)))
+
     def _best_value(self, slider: Slider, beside: Values) -> tuple[float, float]:
         """The best value of a slider beside others, and the mean cost."""
 
@@ -140,7 +166,8 @@ class Search:
         tried[slider.base] = self._cost(beside)
         values = sorted(tried)
         best = values.index(min(values, key=lambda value: tried[value]))
-        low, high = values[max(best - 1, 0)], values[min(best + 1, len(values) - 1)]
+        low = values[best - 1] if best else slider.low
+        high = values[best + 1] if best + 1 < len(values) else slider.high
         if high > low:
             positions = slider.position(low), slider.position(high)
 

@@ -17,6 +17,7 @@ from s2rtools.rendering import no_renderer_reason
 CAMERA, LIGHTS, EXPOSURE, DEPTH, TRANSLATOR = "camera", "lights", "exposure", "depth", "translator"
 FACTORS = {
     "camera_height": CAMERA, "camera_pitch": CAMERA, "camera_fov": CAMERA, "temperature": LIGHTS,
+    "lamp_power": LIGHTS, "window_power": LIGHTS,
     "brightness": EXPOSURE, "contrast": EXPOSURE, "vignette": EXPOSURE,
     "depth_range": DEPTH, "depth_blur": DEPTH, "depth_noise": DEPTH, "depth_holes": DEPTH,
 }  # fmt: skip
@@ -24,6 +25,7 @@ FACTORS = {
 RANGES = {
     "camera_height": (-0.3, 0.3), "camera_pitch": (-10.0, 10.0), "camera_fov": (-16.0, 16.0),
     "brightness": (0.4, 2.5), "contrast": (0.4, 2.5), "temperature": (-0.6, 0.6),
+    "lamp_power": (0.5, 2.0), "window_power": (0.4, 2.0),
     "depth_range": (0.5, 2.0), "depth_blur": (0.0, 4.0), "depth_noise": (0.0, 0.1),
     "depth_holes": (0.0, 0.4),
 }  # fmt: skip

@@ -14,7 +14,7 @@ from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.precompute.pipeline import ProgressReporter
-from s2rtools.suggestions.answers import Agreement, Answer, Change, SuggestReport
+from s2rtools.suggestions.answers import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.known_truth import true_values
 from s2rtools.suggestions.objective import Floats, Objective, PoseErrors, PosePredictor
@@ -90,10 +90,17 @@ class _Judgement:
                 settings.changes, settings.evaluations, settings.seed, deadline, reporter.advance,
             ).run()  # fmt: skip
         front = pareto_front(searched.candidates.values(), searched.start)
-        order = {each.slider.name: place for place, each in enumerate(searched.screening)}
+        order = _order(searched)
         by_name = {slider.name: slider for slider in sliders}
         truth = true_values(self._store, self._run) if settings.side == "sim" else {}
-        reporter.begin("judge", max(1, len(front)))
+        reporter.begin("judge", len(front) + len(searched.factors))
+        factors = []
+        for fitted in searched.factors:
+            after = self._objective.judged(fitted.values)
+            gain = self._judged_gain(judged, after, len(searched.factors))
+            share = self._gain(searched.start - fitted.cost, searched.start)
+            factors.append(FactorGain(fitted.factor, fitted.values, share, gain))
+            reporter.advance(1)
         answers = []
         for candidate in front:
             answers.append(self._answer(candidate, len(front), by_name, order, truth, judged,
@@ -111,7 +118,7 @@ class _Judgement:
                                                           searched.start))
                 for each in searched.screening
             ),
-            truth=truth,
+            factors=tuple(factors), truth=truth,
         )  # fmt: skip
 
     def _nothing_to_do(self, sliders: Sequence[Slider], judged: Floats, gap: Interval) -> str:
@@ -194,6 +201,18 @@ class _Judgement:
             float(shifts[0].mean()), float(shifts[1].mean()), self._mean(shifts[0] - shifts[1]),
             _correlation(errors[0], real_error), _correlation(errors[1], real_error),
         )  # fmt: skip
+
+
+def _order(searched: SearchResult) -> dict[str, int]:
+    """The place of each slider among the changes of an answer: by factor, then alone."""
+    factors = [each.factor for each in searched.factors]
+    ranked = sorted(
+        searched.screening,
+        key=lambda each: (
+            factors.index(each.slider.factor) if each.slider.factor in factors else len(factors)
+        ),
+    )
+    return {each.slider.name: place for place, each in enumerate(ranked)}
 
 
 def _correlation(first: Floats, second: Floats) -> float:

@@ -106,13 +106,16 @@ class WorldData:
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
         camera: Camera | None = None, samples: int = SAMPLES,
+        lights: tuple[float, float] = (1.0, 1.0),
     ) -> RenderedViews:  # fmt: skip
         """Views (n, h, w, ...) of poses; `numbers` (n,) seed the noise of each.
 
         `camera` replaces the side's camera; `camera(side).moved(...)` changes its height, pitch or
-        field of view. `samples` is as in `SceneRenderer`.
+        field of view. `samples` is as in `SceneRenderer`; `lights` are factors of the light of
+        lamps and windows.
         """
-        views = self.renderer(side).render(poses, camera or self.camera(side), samples)
+        renderer = self.world.lit_renderer(self.severities(side), *lights)
+        views = renderer.render(poses, camera or self.camera(side), samples)
         return apply_sensor_factors(views, self.severities(side), self.recipe.seed, numbers)
 
     def camera(self, side: Side) -> Camera:
