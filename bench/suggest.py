@@ -30,7 +30,8 @@ SEEDS = 10
 _NULL_SEEDS = 20
 _INSTANCES = 24
 """Instances of each of the two trajectories."""
-_FRAMES, _EVALUATIONS = 16, 40
+_FRAMES, _EVALUATIONS = 12, 30
+_PIXELS = 64
 _RUN = "measured"
 
 
@@ -85,7 +86,7 @@ def find(factor: str, seed: int) -> Found:
         path = _world(folder / "world.s2r", seed, factors, pitch if factor == "camera" else 0.0)
         began = time.perf_counter()
         settings = SuggestSettings(
-            "sim", budget=1e6, frames=_FRAMES, evaluations=_EVALUATIONS, seed=seed
+            "sim", budget=1e6, frames=_FRAMES, evaluations=_EVALUATIONS, changes=3, seed=seed
         )
         report = suggest(path, _RUN, settings, QUIET)
         return _found(report, time.perf_counter() - began)
@@ -104,7 +105,7 @@ def _found(report: SuggestReport, seconds: float) -> Found:
 def _world(path: Path, seed: int, factors: str, pitch: float) -> Path:
     """A world with a computed run of an untrained network; the real camera is pitched up."""
     world = {"seed": seed, "count": _INSTANCES, "survey": 0, "factors": parse_factors(factors)}
-    scan = IMPORTERS["world"](Path(), ScanOptions(frame=(128, 128), world=world))
+    scan = IMPORTERS["world"](Path(), ScanOptions(frame=(_PIXELS, _PIXELS), world=world))
     build(scan, path, "bench", False, lambda steps: None)
     network = lively("resposenet")
     chain = [{"name": PITCH, "value": pitch}] if pitch else []

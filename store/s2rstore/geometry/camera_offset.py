@@ -14,7 +14,7 @@ HEIGHT, PITCH, FOV = "camera_height", "camera_pitch", "camera_fov"
 """Names of the adjustments that move a camera: metres up, degrees up, degrees wider."""
 LAMPS, WINDOWS = "lamp_power", "window_power"
 """Names of the adjustments of the light of lamps and of windows: factors."""
-NAMES = (HEIGHT, PITCH, FOV, LAMPS, WINDOWS)
+NAMES = (LAMPS, WINDOWS, HEIGHT, PITCH, FOV)
 _NEUTRAL = {LAMPS: 1.0, WINDOWS: 1.0}
 _LEAST_HEIGHT = 0.02
 _FOVS = (5.0, 160.0)

@@ -55,11 +55,11 @@ ADJUSTMENTS: dict[str, Adjustment] = {
         image_adjustments.VIGNETTE,
         image_adjustments.DEPTH_NOISE,
         image_adjustments.DEPTH_HOLES,
+        camera.LAMPS,
+        camera.WINDOWS,
         camera.HEIGHT,
         camera.PITCH,
         camera.FOV,
-        camera.LAMPS,
-        camera.WINDOWS,
     )
 }
 

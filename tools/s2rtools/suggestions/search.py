@@ -1,9 +1,9 @@
 """Search of the changes that lower the mean cost of the fit, for each number of changes.
 
 Every slider is screened alone. From the best single change, the slider that helps most beside the
-present ones is added and CMA-ES fits all values together, up to the largest number of changes;
-then the change that costs least is removed again, so that a change which later ones replace does
-not stay. The best set of each number is a candidate.
+present ones is added and CMA-ES fits all values together, up to one more than the largest number
+of changes; then the change that costs least is removed again, so that a change which later ones
+replace does not stay. The best set of each number is a candidate.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from s2rtools.suggestions.sliders import TRANSLATOR, Slider
 
 MOST_SCREENED = 6
 """Sliders of the screening that joint searches take."""
-_REFINED = 7
-"""Evaluations by which the best screened value is refined."""
+_REFINED, _REFINED_BASE = 7, 4
+"""Evaluations by which the best screened value is refined; fewer where it is that of the run."""
+_LEAST_ALONE = 0.25
+"""Share of the price that a slider must gain alone to be taken into joint searches."""
 _SPREAD = 0.05
 """First deviation of CMA-ES, as a share of a slider's range."""
 _LEAST_GAIN = 0.1
@@ -101,8 +103,7 @@ class Search:
             if result.start > 0:
                 self._screen()
                 self._fit_factors()
-                self._grow()
-                self._shrink()
+                self._shrink(self._grow())
         except _OutOfTimeError:
             result.complete = False
         result.screening.sort(key=lambda screened: screened.cost)
@@ -129,7 +130,7 @@ class Search:
             name: value for name, value in values.items() if value != self._sliders[name].base
         }
         size = len(changed)
-        if size:
+        if 0 < size <= self._most:
             made = Candidate(changed, self._cost(changed))
             known = self._result.candidates.get(size)
             if known is None or made.cost < known.cost:
@@ -156,7 +157,9 @@ class Search:
             if values:
                 self._result.factors.append(FactorFit(factor, values, self._cost(values)))
 
-    def _best_value(self, slider: Slider, beside: Values) -> tuple[float, float]:
+    def _best_value(
+        self, slider: Slider, beside: Values, refine: bool = True
+    ) -> tuple[float, float]:
         """The best value of a slider beside others, and the mean cost."""
 
         def cost(value: float) -> float:
@@ -168,8 +171,9 @@ class Search:
         best = values.index(min(values, key=lambda value: tried[value]))
         low = values[best - 1] if best else slider.low
         high = values[best + 1] if best + 1 < len(values) else slider.high
-        if high > low:
+        if refine and high > low:
             positions = slider.position(low), slider.position(high)
+            steps = _REFINED_BASE if values[best] == slider.base else _REFINED
 
             def cost_at(position: float) -> float:
                 value = slider.value(float(position))
@@ -178,36 +182,38 @@ class Search:
 
             minimize_scalar(
                 cost_at, bounds=positions, method="bounded",
-                options={"maxiter": _REFINED, "xatol": 1e-3},
+                options={"maxiter": steps, "xatol": 1e-3},
             )  # fmt: skip
         chosen = min(tried, key=lambda value: (tried[value], abs(value - slider.base)))
         return chosen, tried[chosen]
 
-    def _grow(self) -> None:
-        """Add changes one by one, from the best single one."""
+    def _grow(self) -> dict[str, float]:
+        """Add changes one by one, from the best single one; return the largest set."""
         start, ranked = self._result.start, sorted(self._result.screening, key=lambda s: s.cost)
-        useful = [each for each in ranked if each.cost < start][:MOST_SCREENED]
+        needed = start * (1 - _LEAST_ALONE * self._price)
+        useful = [each for each in ranked[:MOST_SCREENED] if each.cost < needed]
         if not useful:
-            return
+            return {}
         present = {useful[0].slider.name: useful[0].value}
         reached = useful[0].cost
-        for _ in range(1, self._most):
+        for _ in range(self._most):
             options = []
             for each in useful:
                 if not self._fits(each.slider, present):
                     continue
-                value, cost = self._best_value(each.slider, present)
+                value, cost = self._best_value(each.slider, present, refine=False)
                 if value != each.slider.base:
                     options.append((cost, {**present, each.slider.name: value}))
             if not options:
-                return
+                break
             _, widened = min(options, key=lambda option: option[0])
             widened = self._fit_together(widened)
             self._note(widened)
             gain = reached - self._cost(widened)
-            if gain < _LEAST_GAIN * self._price * start:
-                return
             present, reached = widened, self._cost(widened)
+            if gain < _LEAST_GAIN * self._price * start:
+                break
+        return present
 
     def _fits(self, slider: Slider, present: Values) -> bool:
         """Whether a slider can join: each one once, and one translator at most."""
@@ -216,10 +222,8 @@ class Search:
         chosen = [self._sliders[name].factor for name in present]
         return slider.factor != TRANSLATOR or TRANSLATOR not in chosen
 
-    def _shrink(self) -> None:
-        """Remove changes one by one, from the largest set."""
-        sizes = sorted(self._result.candidates)
-        present = dict(self._result.candidates[sizes[-1]].values) if sizes else {}
+    def _shrink(self, present: dict[str, float]) -> None:
+        """Remove changes one by one from a set."""
         while len(present) > 1:
             without = [
                 {other: value for other, value in present.items() if other != name}
