@@ -27,6 +27,7 @@ COMMANDS: dict[str, str] = {
     "gap": "measure the reality gap of a run and judge it",
     "sysid": "identify the parameters of a simulator from recorded drives",
     "score": "score heatmaps and causes against ground truth",
+    "suggest": "search the smallest change of images or simulator that closes the gap",
     "thresholds": "tune a line detector's colours, and find out whether translation replaces it",
     "ros": "translate camera images between ROS topics, or those of a bag",
     "nightly": "measure and judge the gap of one night; update history and reports",

@@ -20,6 +20,7 @@ from s2rstore.findings.run_differences import (
     largest_regression,
     read_runs,
 )
+from s2rstore.findings.suggested_change import suggested_change
 from s2rstore.findings.worst_group import largest_group, worst_group
 from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
@@ -62,6 +63,7 @@ def find_all(
         ("best heatmap", lambda: best_heatmap(store, run), "the run has no scored heatmap"),
         ("best run", lambda: best_run(store, runs), _one_run(store)),
         ("largest regression", lambda: largest_regression(store, runs), _one_run(store)),
+        ("suggested change", lambda: suggested_change(store, run), ""),
         ("gap drift", lambda: gap_drift(store, run, history),
          "fewer than two nights of this run were measured"),
     )  # fmt: skip
@@ -74,7 +76,7 @@ def find_all(
             found, reason = None, str(error)
         if found is not None:
             findings.append(found)
-        else:
+        elif reason:
             missing.append(f"{kind}: {reason}")
     if not np.count_nonzero(new):
         missing.insert(0, f"{run} was trained on all its instances, so none is new to it")

@@ -1,4 +1,4 @@
-"""A rig that is mounted or zoomed otherwise than its domain declares."""
+"""A rig that is mounted or zoomed otherwise than its domain declares, and the lights around it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from s2rstore.records import Domain, Intrinsics
 
 HEIGHT, PITCH, FOV = "camera_height", "camera_pitch", "camera_fov"
 """Names of the adjustments that move a camera: metres up, degrees up, degrees wider."""
-NAMES = (HEIGHT, PITCH, FOV)
+LAMPS, WINDOWS = "lamp_power", "window_power"
+"""Names of the adjustments of the light of lamps and of windows: factors."""
+NAMES = (LAMPS, WINDOWS, HEIGHT, PITCH, FOV)
+_NEUTRAL = {LAMPS: 1.0, WINDOWS: 1.0}
 _LEAST_HEIGHT = 0.02
 _FOVS = (5.0, 160.0)
 _MOST_PITCH = 80.0
@@ -20,15 +23,20 @@ _MOST_PITCH = 80.0
 
 @dataclass(frozen=True, slots=True)
 class RigOffset:
-    """Offset of both cameras of a rig: metres up, a factor of the focal lengths, radians up."""
+    """Offset of both cameras of a rig: metres up, a factor of the focal lengths, radians up.
+
+    `lamps` and `windows` are factors of their light, which a renderer renders with the cameras.
+    """
 
     height: float = 0.0
     zoom: float = 1.0
     pitch: float = 0.0
+    lamps: float = 1.0
+    windows: float = 1.0
 
     def applied(self, domain: Domain) -> Domain:
         """The domain with its cameras moved; the same object where nothing moves."""
-        if self == UNMOVED:
+        if (self.height, self.zoom, self.pitch) == (0.0, 1.0, 0.0):
             return domain
         rgb, depth = (
             replace(
@@ -51,14 +59,17 @@ def hfov(lens: Intrinsics, width: int) -> float:
 def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> RigOffset:
     """The offset of a domain's cameras by a chain of adjustments; `width` of its stored frames.
 
-    Steps of one name add up; other adjustments are ignored. The field of view is that of the
-    domain's RGB camera; both focal lengths follow. Raises RequestError for a camera that sinks
-    into the floor, looks straight up or down or sees no sensible field of view.
+    Steps of one name add up, factors multiply; other adjustments are ignored. The field of view is
+    that of the domain's RGB camera; both focal lengths follow. Raises RequestError for a camera
+    that sinks into the floor, looks straight up or down or sees no sensible field of view.
     """
-    total = dict.fromkeys(NAMES, 0.0)
+    total = dict.fromkeys((HEIGHT, PITCH, FOV), 0.0)
+    light = dict(_NEUTRAL)
     for step in chain:
         if step["name"] in total:
             total[str(step["name"])] += float(step["value"])
+        elif step["name"] in light:
+            light[str(step["name"])] *= float(step["value"])
     zoom, now = 1.0, hfov(domain.rgb, width)
     target = now + total[FOV]
     if total[FOV]:
@@ -75,4 +86,5 @@ def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) 
         )
     if total[PITCH] and abs(math.degrees(domain.rgb.pitch) + total[PITCH]) > _MOST_PITCH:
         raise RequestError(f"{PITCH}={total[PITCH]:g}: at most {_MOST_PITCH:g} degrees up or down")
-    return RigOffset(total[HEIGHT], zoom, math.radians(total[PITCH]))
+    pitch = math.radians(total[PITCH])
+    return RigOffset(total[HEIGHT], zoom, pitch, light[LAMPS], light[WINDOWS])

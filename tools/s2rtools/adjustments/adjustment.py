@@ -66,9 +66,10 @@ class TranslatorAdjustment(Adjustment):
 
 @dataclass(frozen=True, slots=True)
 class RenderedAdjustment(Adjustment):
-    """A change of the camera, for which the data set's renderer renders the frames again.
+    """A change of camera or lights, for which the data set's renderer renders the frames again.
 
-    `s2rstore.geometry.camera_offset` defines its meaning. Values are differences, so neutral is 0.
+    `s2rstore.geometry.camera_offset` defines its meaning. Values are differences, of which 0 is
+    neutral, or factors, of which 1 is.
     """
 
     needs_renderer: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Adjustments of the camera, for which the data set's renderer renders the frames again."""
+"""Adjustments of camera and lights, for which the data set's renderer renders frames again."""
 
 from __future__ import annotations
 
@@ -13,4 +13,10 @@ PITCH = RenderedAdjustment(
 )
 FOV = RenderedAdjustment(
     camera_offset.FOV, -30.0, 30.0, 0.0, 1.0, "degrees", "wider horizontal field of view"
+)
+LAMPS = RenderedAdjustment(
+    camera_offset.LAMPS, 0.0, 2.0, 1.0, 0.05, "factor", "light of the lamps times the factor"
+)
+WINDOWS = RenderedAdjustment(
+    camera_offset.WINDOWS, 0.0, 2.0, 1.0, 0.05, "factor", "light of the windows times the factor"
 )

@@ -57,7 +57,7 @@ class ArrayKeys:
     def frames(self, side: Side, move: RigOffset, renderer: Any) -> tuple[str, bool]:
         """The key of rendered frames, and whether all runs share them."""
         domain, dataset = self._run.domain(side), self._store.dataset
-        facts = {"domain": domain, "move": asdict(move), "renderer": renderer, "kind": "frames"}
+        facts = {"domain": domain, "move": _move(move), "renderer": renderer, "kind": "frames"}
         inputs = {
             "frames": self._hashes.frames(domain, self._part),
             "poses": self._hashes.poses(self._part, domain),
@@ -178,3 +178,12 @@ class ArrayKeys:
 def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The chain without the names of translators, on which no value depends."""
     return [{**step, "name": "translate"} if "sha256" in step else step for step in chain]
+
+
+def _move(move: RigOffset) -> Facts:
+    """The offset of the cameras; lights only where they are changed, as earlier releases wrote."""
+    facts = asdict(move)
+    for light in ("lamps", "windows"):
+        if facts[light] == 1:
+            del facts[light]
+    return facts

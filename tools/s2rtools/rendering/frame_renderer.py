@@ -23,6 +23,14 @@ class FrameRenderer(Protocol):
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """RGB (n, H, W, 3) and raw depth (n, H, W) of iids [start, stop), as they are stored."""
 
+    def subsampled(
+        self, domain: str, start: int, stop: int, move: RigOffset, stride: int
+    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+        """Every `stride`-th row and column of such frames, in less time.
+
+        Depth is that of `frames`; a colour may be that of the centre of its pixel.
+        """
+
 
 @dataclass(frozen=True, slots=True)
 class RendererKind:

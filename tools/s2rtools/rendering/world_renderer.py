@@ -33,7 +33,22 @@ class WorldRenderer:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)
         camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
-        views = self._data.views(side, self._poses[domain][rows], self._numbers[rows], camera)
+        views = self._data.views(
+            side, self._poses[domain][rows], self._numbers[rows], camera,
+            lights=(move.lamps, move.windows),
+        )  # fmt: skip
+        return views.rgb, self._data.raw_depth(views)
+
+    def subsampled(
+        self, domain: str, start: int, stop: int, move: RigOffset, stride: int
+    ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
+        side = next(side for side in SIDES if side == domain)
+        rows = slice(start, stop)
+        camera = self._data.camera(side).moved(move.height, move.pitch, move.zoom)
+        poses, every = self._poses[domain][rows], camera.subsampled(stride)
+        views = self._data.views(
+            side, poses, self._numbers[rows], every, samples=1, lights=(move.lamps, move.windows)
+        )
         return views.rgb, self._data.raw_depth(views)
 
 

@@ -16,7 +16,7 @@ from s2rstore.geometry import angles
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.synthetic_world.factors import Factor, complete_severities, configured_factors
-from s2rtools.synthetic_world.renderer import Camera, RenderedViews, SceneRenderer
+from s2rtools.synthetic_world.renderer import SAMPLES, Camera, RenderedViews, SceneRenderer
 from s2rtools.synthetic_world.routes import Poses
 from s2rtools.synthetic_world.world import (
     TRAJECTORIES,
@@ -109,14 +109,17 @@ class WorldData:
 
     def views(
         self, side: Side, poses: Poses, numbers: NDArray[np.intp],
-        camera: Camera | None = None,
+        camera: Camera | None = None, samples: int = SAMPLES,
+        lights: tuple[float, float] = (1.0, 1.0),
     ) -> RenderedViews:  # fmt: skip
         """Views (n, h, w, ...) of poses; `numbers` (n,) seed the noise of each.
 
         `camera` replaces the side's camera; `camera(side).moved(...)` changes its height, pitch or
-        field of view.
+        field of view. `samples` is as in `SceneRenderer`; `lights` are factors of the light of
+        lamps and windows.
         """
-        views = self.renderer(side).render(poses, camera or self.camera(side))
+        renderer = self.world.lit_renderer(self.severities(side), *lights)
+        views = renderer.render(poses, camera or self.camera(side), samples)
         return self.sensed(views, self.severities(side), numbers)
 
     def camera(self, side: Side) -> Camera:

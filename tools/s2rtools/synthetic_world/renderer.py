@@ -50,6 +50,16 @@ class Camera:
             forward_offset=self.forward_offset + forward,
         )  # fmt: skip
 
+    def subsampled(self, stride: int) -> Camera:
+        """The camera of every `stride`-th pixel, through whose centres its pixels' rays pass."""
+        shift = (stride - 1) / 2
+        lens = replace(
+            self.lens, fx=self.lens.fx / stride, fy=self.lens.fy / stride,
+            cx=(self.lens.cx + shift) / stride, cy=(self.lens.cy + shift) / stride,
+        )  # fmt: skip
+        frame = -(-self.frame[0] // stride), -(-self.frame[1] // stride)
+        return replace(self, frame=frame, lens=lens)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedViews:
@@ -95,7 +105,7 @@ class RayCaster:
         scene = self._scene
         cells = round(scene.size / LIGHT_CELL)
         walls = tuple(p for p in scene.building if p.high > 2.5 and p.low < 0.5)
-        light = _lamp_light(scene.lamps, walls, cells) + np.array(scene.ambient)
+        light = self._lamp_light(walls, cells) + np.array(scene.ambient)
         parts = [part for _, parts in scene.objects for part in parts]
         low = [part for part in (*scene.building, *parts) if part.low < 0.3]
         distance = ndimage.distance_transform_edt(
@@ -103,6 +113,17 @@ class RayCaster:
         ) * LIGHT_CELL  # fmt: skip
         openness = 1.0 - np.exp(-(distance + 0.02) / 0.22)
         return np.ascontiguousarray(np.concatenate([light, openness[..., None]], axis=2))
+
+    def _lamp_light(self, walls: tuple[ScenePart, ...], cells: int) -> NDArray[np.float64]:
+        """Light of all lamps per cell, (cells, cells, 3); it is linear in the power of each."""
+        scene = self._scene
+        if scene.lamp_power == scene.window_power == 1:
+            return _lamp_light(scene.lamps, walls, cells)
+        lamps, windows = (
+            _lamp_light(tuple(lamp for lamp in scene.lamps if lamp.window == kind), walls, cells)
+            for kind in (False, True)
+        )
+        return scene.lamp_power * lamps + scene.window_power * windows
 
     def render(
         self, poses: NDArray[np.float64], camera: Camera, samples: int = SAMPLES

@@ -85,7 +85,8 @@ class WorldScene:
     """One side of a world, ready for a renderer.
 
     `objects` are (id, parts), ids from 1; 0 is the building. `floor` [y, x] holds a palette row
-    per cell of `floor_cell` metres.
+    per cell of `floor_cell` metres. `lamp_power` and `window_power` are factors of the light of
+    the lamps at the ceiling and in windows.
     """
 
     size: float
@@ -97,6 +98,8 @@ class WorldScene:
     floor_cell: float
     palette: tuple[tuple[Material, Colour, int], ...]
     ambient: Colour = (0.34, 0.34, 0.35)
+    lamp_power: float = 1.0
+    window_power: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -137,6 +137,14 @@ class World:
             return RayCaster(self.scene(factors, restored))
         return _renderer(self, tuple(sorted(factors.items())))
 
+    def lit_renderer(
+        self, factors: Mapping[str, float], lamps: float, windows: float
+    ) -> SceneRenderer:
+        """Renderer of one side with factors of the light of its lamps and of its windows."""
+        if lamps == windows == 1:
+            return self.renderer(factors)
+        return _lit_renderer(self, tuple(sorted(factors.items())), lamps, windows)
+
     def scene(self, factors: Mapping[str, float], restored: Collection[int] = ()) -> WorldScene:
         """Scene of one side; without factors, the simulated one."""
         changed = set(self.changed_objects(factors)) - set(restored)
@@ -184,6 +192,14 @@ def world_of(seed: int) -> World:
 def _renderer(world: World, factors: tuple[tuple[str, float], ...]) -> SceneRenderer:
     """Cached, because a renderer keeps the arrays that it prepares for its scene."""
     return RayCaster(world.scene(dict(factors)))
+
+
+@lru_cache(maxsize=4)
+def _lit_renderer(
+    world: World, factors: tuple[tuple[str, float], ...], lamps: float, windows: float
+) -> SceneRenderer:
+    scene = world.scene(dict(factors))
+    return RayCaster(replace(scene, lamp_power=lamps, window_power=windows))
 
 
 def standard_camera(frame: int) -> Camera:

@@ -1,0 +1,216 @@
+"""Suggestions for small worlds with one factor and with none, their storage and their command."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rtools.datasets import IMPORTERS
+from s2rtools.datasets.scan import ScanOptions
+from s2rtools.datasets.writing.build import build
+from s2rtools.models import build_network
+from s2rtools.models.model_registration import pack_weights, register_model
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_registration import insert_run
+from s2rtools.suggestions import SuggestSettings, suggest
+from s2rtools.suggestions.answers import SuggestReport, from_json
+from s2rtools.suggestions.settings import parse_duration, parse_share
+from s2rtools.suggestions.sliders import sliders_of
+from s2rtools.suggestions.stored_reports import apply_answer, read_report, save_report
+from s2rtools.synthetic_world.factors import parse_factors
+from s2rtui.cli import main
+from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
+
+PIXELS = 32
+
+
+def world(path: Path, factors: str) -> Path:
+    """A small world with a computed run `r` of an untrained network."""
+    import torch
+
+    recipe = {"seed": 2, "count": 16, "survey": 0, "factors": parse_factors(factors)}
+    scan = IMPORTERS["world"](Path(), ScanOptions(frame=(PIXELS, PIXELS), world=recipe))
+    build(scan, path, "test", False, lambda steps: None)
+    torch.manual_seed(0)
+    network = build_network("resposenet")
+    with edit(path) as draft:
+        register_model(path, draft, "m", pack_weights(network), network.convention)
+        insert_run(draft, "r", "m", ("sim", "real"))
+    precompute(path, SilentReporter(), ["r"], PrecomputeOptions((), workers=1))
+    return path
+
+
+def searched(path: Path, **more) -> SuggestReport:
+    options = {"side": "sim", "budget": 1e6, "frames": 8, "judged": 16, "evaluations": 20,
+               "changes": 2, **more}  # fmt: skip
+    return suggest(path, "r", SuggestSettings(**options), SilentReporter())
+
+
+@pytest.fixture(scope="module")
+def camera_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return world(tmp_path_factory.mktemp("camera") / "w.s2r", "camera")
+
+
+@pytest.fixture(scope="module")
+def report(camera_world: Path) -> SuggestReport:
+    return searched(camera_world)
+
+
+@pytest.fixture(scope="module")
+def null_world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return world(tmp_path_factory.mktemp("null") / "w.s2r", "none")
+
+
+def test_a_moved_camera_is_found_with_its_values(report: SuggestReport) -> None:
+    assert report.helps
+    assert report.factors[0].factor == "camera"
+    best = report.answers[report.best]
+    found = {change.name: change for change in best.changes}
+    assert set(found) == {"camera_height", "camera_fov"}
+    assert found["camera_height"].value == pytest.approx(-0.09, abs=0.02)
+    assert found["camera_fov"].value == pytest.approx(found["camera_fov"].truth, abs=1.0)
+    assert best.gain.low > 0.5
+    assert best.agreement is not None
+    assert best.agreement.shift < best.agreement.shift_before
+
+
+def test_the_front_grows_with_the_number_of_changes(report: SuggestReport) -> None:
+    sizes = [len(answer.changes) for answer in report.answers]
+    gains = [answer.fitted for answer in report.answers]
+    assert sizes == sorted(set(sizes))
+    assert gains == sorted(gains)
+    assert all(
+        change.interval.low <= change.value <= change.interval.high
+        for answer in report.answers
+        for change in answer.changes
+    )
+
+
+@pytest.mark.parametrize(("side", "reason"), [("sim", "do not differ"), ("real", "no gap")])
+def test_nothing_helps_in_a_world_without_factors(null_world: Path, side, reason) -> None:
+    report = searched(null_world, side=side)
+    assert not report.helps
+    assert report.answers == ()
+    assert reason in report.reason
+
+
+def test_a_price_that_no_change_gains_leaves_nothing(camera_world: Path) -> None:
+    report = searched(camera_world, price=0.99, changes=1, evaluations=10)
+    assert not report.helps
+    assert "price" in report.reason
+
+
+def test_a_report_survives_its_json(report: SuggestReport) -> None:
+    text = json.dumps(report.as_json(), allow_nan=False)
+    assert from_json(json.loads(text)).as_json() == report.as_json()
+
+
+def test_a_stored_report_is_read_until_the_run_changes(
+    camera_world: Path, report: SuggestReport, tmp_path: Path
+) -> None:
+    path = copy_store(camera_world, tmp_path / "own.s2r")
+    save_report(path, report)
+    with s2rstore.open(path) as store:
+        read = read_report(store, "r", "sim")
+        assert read is not None
+        assert read.as_json() == report.as_json()
+        assert read_report(store, "r", "real") is None
+    with edit(path) as draft:
+        draft.update("run", {"run": "r"}, {"key": "another"})
+    with s2rstore.open(path) as store:
+        assert read_report(store, "r", "sim") is None
+
+
+def test_the_printed_command_and_apply_register_the_same_run(
+    camera_world: Path, report: SuggestReport, tmp_path: Path, capsys
+) -> None:
+    path = copy_store(camera_world, tmp_path / "own.s2r")
+    with s2rstore.open(path) as store:
+        command = report.answers[-1].command(str(path), store.run("r"), "sim", "typed")
+    assert main(shlex.split(command)[1:]) == 0
+    assert apply_answer(path, report, len(report.answers), "applied") == "applied"
+    with s2rstore.open(path) as store:
+        typed, applied = store.run("typed"), store.run("applied")
+        assert typed.sim_adjustments == applied.sim_adjustments
+        assert typed.real_adjustments == applied.real_adjustments == []
+    with pytest.raises(RequestError, match=r"--apply 9: no answer of that number"):
+        apply_answer(path, report, 9, "more")
+
+
+def test_the_command_prints_stores_draws_and_applies(null_world: Path, tmp_path: Path, capsys):
+    path, figure = copy_store(null_world, tmp_path / "own.s2r"), tmp_path / "front.png"
+    arguments = ["suggest", str(path), "--for", "sim", "--frames", "8"]
+    assert main([*arguments, "--figure", str(figure)]) == 3
+    assert "nothing helps" in capsys.readouterr().out
+    assert figure.stat().st_size > 1000
+    assert main([*arguments, "--json", "--no-keep"]) == 3
+    assert json.loads(capsys.readouterr().out)["helps"] is False
+    assert main([*arguments, "--apply", "1", "--name", "x"]) == 2
+    assert "it has no answer" in capsys.readouterr().err
+    assert main(["findings", str(path), "--json"]) == 0
+    kinds = [each["kind"] for each in json.loads(capsys.readouterr().out)["findings"]]
+    assert "suggested change" in kinds
+
+
+def test_the_finding_states_the_answer(camera_world: Path, report, tmp_path: Path, capsys) -> None:
+    path = copy_store(camera_world, tmp_path / "own.s2r")
+    save_report(path, report)
+    assert main(["findings", str(path), "--json"]) == 0
+    findings = {each["kind"]: each for each in json.loads(capsys.readouterr().out)["findings"]}
+    found = findings["suggested change"]
+    assert found["evident"]
+    assert "camera_height" in found["text"]
+    assert f"--apply {report.best + 1}" in found["evidence"]
+    with edit(path) as draft:
+        broken = {**report.as_json(), "answers": []}
+        draft.set_provenance("suggestion:r", {"sim": broken})
+    assert main(["findings", str(path), "--json"]) == 0
+    assert any("suggest" in line for line in json.loads(capsys.readouterr().out)["missing"])
+
+
+def test_sliders_start_at_the_values_of_the_run(camera_world: Path) -> None:
+    with s2rstore.open(camera_world) as store:
+        run = store.run("r")
+        real = {slider.name for slider in sliders_of(store, run, "real")}
+        sim = {slider.name: slider for slider in sliders_of(store, run, "sim")}
+    assert not {"camera_height", "black", "depth_noise"} & real
+    assert {"camera_height", "lamp_power", "depth_noise", "brightness"} <= set(sim)
+    for slider in sim.values():
+        assert slider.base not in slider.screening()
+        assert slider.value(slider.position(slider.base)) == pytest.approx(slider.base, abs=1e-2)
+        positions = np.linspace(0, 1, 7)
+        values = [slider.value(position) for position in positions]
+        assert values == sorted(values)
+        assert (values[0], values[-1]) == (slider.low, slider.high)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--budget", "soon"], "--budget soon: a time such as 90s, 5m or 1h"),
+        (["--price", "much"], "--price much: a share such as 2%"),
+        (["--price", "100%"], "--price 1: 0 .. 0.99"),
+        (["--changes", "9"], "--changes 9: 1 .. 6"),
+        (["--frames", "2"], "--frames 2: 8 .. 4096"),
+        (["--evaluations", "1"], "--evaluations 1: 10 .. 100000"),
+        (["--name", "x"], "--name: names the run of --apply"),
+        (["--figure", "front.txt"], "--figure front.txt: must end in .png, .svg or .pdf"),
+        (["--run", "nobody"], "nobody"),
+    ],
+)
+def test_invalid_options_name_the_argument(tiny_store: Path, options, message, capsys) -> None:
+    assert main(["suggest", str(tiny_store), "--no-keep", *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_times_and_shares_are_parsed() -> None:
+    assert [parse_duration(text) for text in ("90s", "5m", "1.5h")] == [90.0, 300.0, 5400.0]
+    assert [parse_share(text) for text in ("2%", "0.02", "0")] == [0.02, 0.02, 0.0]

@@ -1,0 +1,262 @@
+"""Answers of a search: changes of a run with their judged gain, and the data that is stored."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import dataclass, field
+from typing import Any
+
+from s2rstore.metrics.bootstrap import Interval
+from s2rstore.records import Run, Side
+from s2rstore.run_inputs import chain_text
+
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One changed value: of the run, fitted, its interval (`--for sim`), and the true one."""
+
+    name: str
+    factor: str
+    unit: str
+    before: float
+    value: float
+    interval: Interval | None = None
+    truth: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How the sim predictions agree with the real ones on judged instances, in metres.
+
+    sim_error, real_error: mean errors. shift: mean distance between the predicted positions;
+    closer: its decrease by the change, with interval. correlation: of sim and real errors.
+    """
+
+    sim_error_before: float
+    sim_error: float
+    real_error: float
+    shift_before: float
+    shift: float
+    closer: Interval
+    correlation_before: float
+    correlation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A change of the run with its gain on the instances of the judgement.
+
+    fitted: gain on those of the fit. gain: in the unit of the report, with an interval that holds
+    for all answers at once. chain: the chain of the side.
+    """
+
+    changes: tuple[Change, ...]
+    fitted: float
+    gain: Interval
+    chain: tuple[dict[str, Any], ...]
+    agreement: Agreement | None = None
+
+    @property
+    def evident(self) -> bool:
+        """Whether the whole interval is above zero."""
+        return self.gain.low > 0
+
+    @property
+    def factor(self) -> str:
+        """The factor of its first change: of its factors, the one that alone gains most."""
+        return self.changes[0].factor
+
+    @property
+    def default_name(self) -> str:
+        """A name for the run, from the changed adjustments."""
+        names = [change.name.partition(":")[2] or change.name for change in self.changes]
+        return "-".join(name.removeprefix("camera_") for name in names)
+
+    def command(self, store: str, run: Run, side: Side, name: str | None = None) -> str:
+        """The command that registers it as a run."""
+        chains = {"sim": run.sim_adjustments, "real": run.real_adjustments, side: list(self.chain)}
+        parts = ["s2r", "run", "add", name or f"{run.run}-{self.default_name}"]
+        parts += ["--model", str(run.model), "--sim", run.sim_domain, "--real", run.real_domain]
+        for each, chain in chains.items():
+            if chain:
+                parts += ["--adjust", f"{each}:{chain_text(chain).replace(', ', ',')}"]
+        return shlex.join([*parts, "--store", store])
+
+
+@dataclass(frozen=True, slots=True)
+class FactorGain:
+    """The gain of the adjustments of one factor alone, as that of an answer."""
+
+    factor: str
+    values: dict[str, float]
+    fitted: float
+    gain: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestReport:
+    """What a search found about a run.
+
+    before: mean cost on the judged instances: real error in metres (`real`), or mismatch (`sim`).
+    gap: real minus sim error of the judged instances, metres. answers: by number of changes.
+    best: place of the suggested answer, None where nothing helps; reason says why.
+    screening: sliders with their best value alone and its gain on the fit, best first.
+    factors: what each factor alone gains, by the gain on the fit, best first.
+    """
+
+    run: str
+    side: Side
+    key: str
+    price: float
+    seed: int
+    before: float
+    gap: Interval
+    fitted_instances: int
+    judged_instances: int
+    evaluations: int
+    complete: bool
+    answers: tuple[Answer, ...] = ()
+    best: int | None = None
+    reason: str = ""
+    screening: tuple[tuple[str, float, float], ...] = ()
+    factors: tuple[FactorGain, ...] = ()
+    truth: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def helps(self) -> bool:
+        return self.best is not None
+
+    @property
+    def unit(self) -> str:
+        """Unit of gains: metres of the real error, or the share of the mismatch."""
+        return "m" if self.side == "real" else "share"
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data with unknown numbers as None; `from_json` reads it."""
+        return {
+            "version": VERSION, "run": self.run, "for": self.side, "key": self.key,
+            "price": self.price, "seed": self.seed, "before": _number(self.before),
+            "unit": self.unit, "gap_m": _interval(self.gap),
+            "fitted_instances": self.fitted_instances,
+            "judged_instances": self.judged_instances, "evaluations": self.evaluations,
+            "complete": self.complete, "helps": self.helps, "best": self.best,
+            "reason": self.reason,
+            "answers": [_answer(answer) for answer in self.answers],
+            "screening": [
+                {"adjustment": name, "value": value, "fitted_gain": _number(gain)}
+                for name, value, gain in self.screening
+            ],
+            "factors": [
+                {
+                    "factor": each.factor, "values": each.values,
+                    "fitted_gain": _number(each.fitted), "gain": _interval(each.gain),
+                }
+                for each in self.factors
+            ],
+            "truth": self.truth,
+        }  # fmt: skip
+
+
+def from_json(data: dict[str, Any]) -> SuggestReport:
+    """The report that `as_json` wrote. Raises KeyError, TypeError or ValueError for other data."""
+    if data["version"] != VERSION:
+        raise ValueError("another version")
+    return SuggestReport(
+        run=str(data["run"]), side="real" if data["for"] == "real" else "sim",
+        key=str(data["key"]), price=float(data["price"]), seed=int(data["seed"]),
+        before=_float(data["before"]), gap=_read_interval(data["gap_m"]),
+        fitted_instances=int(data["fitted_instances"]),
+        judged_instances=int(data["judged_instances"]), evaluations=int(data["evaluations"]),
+        complete=bool(data["complete"]),
+        answers=tuple(_read_answer(each) for each in data["answers"]),
+        best=None if data["best"] is None else int(data["best"]), reason=str(data["reason"]),
+        screening=tuple(
+            (str(each["adjustment"]), float(each["value"]), _float(each["fitted_gain"]))
+            for each in data["screening"]
+        ),
+        factors=tuple(
+            FactorGain(
+                str(each["factor"]),
+                {str(name): float(value) for name, value in each["values"].items()},
+                _float(each["fitted_gain"]), _read_interval(each["gain"]),
+            )
+            for each in data["factors"]
+        ),
+        truth={str(name): float(value) for name, value in data["truth"].items()},
+    )  # fmt: skip
+
+
+def _answer(answer: Answer) -> dict[str, Any]:
+    agreement = None
+    if answer.agreement is not None:
+        made = answer.agreement
+        agreement = {
+            "sim_error_before_m": _number(made.sim_error_before),
+            "sim_error_m": _number(made.sim_error), "real_error_m": _number(made.real_error),
+            "shift_before_m": _number(made.shift_before), "shift_m": _number(made.shift),
+            "closer_m": _interval(made.closer),
+            "correlation_before": _number(made.correlation_before),
+            "correlation": _number(made.correlation),
+        }  # fmt: skip
+    return {
+        "changes": [
+            {
+                "adjustment": change.name, "factor": change.factor, "unit": change.unit,
+                "before": change.before, "value": change.value,
+                "interval": None if change.interval is None else _interval(change.interval),
+                "truth": change.truth,
+            }
+            for change in answer.changes
+        ],
+        "factor": answer.factor, "fitted_gain": _number(answer.fitted),
+        "gain": _interval(answer.gain), "evident": answer.evident,
+        "chain": [dict(step) for step in answer.chain], "agreement": agreement,
+    }  # fmt: skip
+
+
+def _read_answer(data: dict[str, Any]) -> Answer:
+    made = data["agreement"]
+    agreement = None
+    if made is not None:
+        agreement = Agreement(
+            _float(made["sim_error_before_m"]), _float(made["sim_error_m"]),
+            _float(made["real_error_m"]), _float(made["shift_before_m"]), _float(made["shift_m"]),
+            _read_interval(made["closer_m"]), _float(made["correlation_before"]),
+            _float(made["correlation"]),
+        )  # fmt: skip
+    changes = tuple(
+        Change(
+            str(each["adjustment"]), str(each["factor"]), str(each["unit"]),
+            float(each["before"]), float(each["value"]),
+            None if each["interval"] is None else _read_interval(each["interval"]),
+            None if each["truth"] is None else float(each["truth"]),
+        )
+        for each in data["changes"]
+    )  # fmt: skip
+    chain = tuple(dict(step) for step in data["chain"])
+    return Answer(
+        changes, _float(data["fitted_gain"]), _read_interval(data["gain"]), chain, agreement
+    )
+
+
+def _interval(interval: Interval) -> dict[str, float | None]:
+    return {
+        "low": _number(interval.low), "value": _number(interval.value),
+        "high": _number(interval.high), "level": round(interval.level, 6),
+    }  # fmt: skip
+
+
+def _read_interval(data: dict[str, Any]) -> Interval:
+    low, value, high = (_float(data[name]) for name in ("low", "value", "high"))
+    return Interval(low, value, high, float(data["level"]))
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 6) if math.isfinite(value) else None
+
+
+def _float(value: Any) -> float:
+    return math.nan if value is None else float(value)

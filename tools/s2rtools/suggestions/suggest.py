@@ -1,0 +1,227 @@
+"""Search and judge changes of a run: adapt real images, or tune the simulator."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
+from s2rstore.reader import Store
+from s2rstore.records import Run
+from s2rtools.precompute.pipeline import ProgressReporter
+from s2rtools.suggestions.answers import Agreement, Answer, Change, FactorGain, SuggestReport
+from s2rtools.suggestions.held_out_split import Part, split_instances
+from s2rtools.suggestions.known_truth import true_values
+from s2rtools.suggestions.objective import Floats, Objective, PoseErrors, PosePredictor
+from s2rtools.suggestions.pareto_front import pareto_front, preferred
+from s2rtools.suggestions.search import Candidate, Search, SearchResult
+from s2rtools.suggestions.settings import SuggestSettings
+from s2rtools.suggestions.simulator_match import SimulatorMatch
+from s2rtools.suggestions.sliders import Slider, changed_chain, sliders_of
+
+_SEARCH_SHARE = 0.8
+"""Share of the wall time that the search may use; the rest is for the judgement."""
+_JUDGED_SIM = 96
+"""Most instances on which a simulator is judged, whose frames have to be rendered."""
+_LEAST_MISMATCH = 1e-6
+NO_GAP = "the real error does not evidently exceed the sim error, so there is no gap to close"
+NO_MISMATCH = "the sim images do not differ from the real ones"
+NO_SLIDER = "no adjustment can be changed on this side"
+NO_PRICE = "no change gains its price on the instances of the fit"
+NOT_EVIDENT = "no change that gains its price has an interval above zero on held-out instances"
+
+
+def suggest(
+    root: Path, run: str | None, settings: SuggestSettings, reporter: ProgressReporter
+) -> SuggestReport:
+    """Search the changes of a run that help, and judge them on held-out instances.
+
+    Raises RequestError for a run that is not computed, imported, or unknown, InconclusiveError
+    where its new instances are too few.
+    """
+    began = time.monotonic()
+    with s2rstore.open(root) as store:
+        store.require_poses("suggest")
+        record = store.run(run)
+        record.network("suggestions")
+        if record.key is None:
+            raise RequestError(f"{root}: run {record.run} is not computed; run `s2r precompute`")
+        most = settings.judged if settings.side == "real" else min(settings.judged, _JUDGED_SIM)
+        fit, judge = split_instances(store, record.run, settings.frames, most)
+        sliders = sliders_of(store, record, settings.side)
+        deadline = began + _SEARCH_SHARE * settings.budget
+        return _Judgement(store, record, settings, fit, judge).report(sliders, deadline, reporter)
+
+
+class _Judgement:
+    """The search of one run, and what it is judged on."""
+
+    def __init__(
+        self, store: Store, run: Run, settings: SuggestSettings, fit: Part, judge: Part
+    ) -> None:
+        self._store, self._run, self._settings = store, run, settings
+        self._fit, self._judge = fit, judge
+        self._predictor = PosePredictor(store, run, settings.trust)
+        self._match: SimulatorMatch | None = None
+        if settings.side == "sim":
+            self._match = SimulatorMatch(store, run, fit, judge)
+            self._objective: Objective = self._match
+        else:
+            self._objective = PoseErrors(store, run, "real", self._predictor, fit, judge)
+
+    def report(
+        self, sliders: Sequence[Slider], deadline: float, reporter: ProgressReporter
+    ) -> SuggestReport:
+        """Search, judge the front, and choose the answer."""
+        settings, judged = self._settings, self._objective.judged({})
+        columns = self._store.run_columns(self._run.run)
+        gap = self._mean(columns.gap[self._judge.iids].astype(np.float64))
+        reason = self._nothing_to_do(sliders, judged, gap)
+        searched = SearchResult(float(judged.mean()))
+        if not reason:
+            reporter.begin("search", _planned(sliders, settings))
+            searched = Search(
+                lambda values: self._objective.fitted(values), sliders, settings.price,
+                settings.changes, settings.evaluations, settings.seed, deadline, reporter.advance,
+            ).run()  # fmt: skip
+        front = pareto_front(searched.candidates.values(), searched.start)
+        order = _order(searched)
+        by_name = {slider.name: slider for slider in sliders}
+        truth = true_values(self._store, self._run) if settings.side == "sim" else {}
+        reporter.begin("judge", len(front) + len(searched.factors))
+        factors = []
+        for fitted in searched.factors:
+            after = self._objective.judged(fitted.values)
+            gain = self._judged_gain(judged, after, len(searched.factors))
+            share = self._gain(searched.start - fitted.cost, searched.start)
+            factors.append(FactorGain(fitted.factor, fitted.values, share, gain))
+            reporter.advance(1)
+        answers = []
+        for candidate in front:
+            answers.append(self._answer(candidate, len(front), by_name, order, truth, judged,
+                                        searched.start))  # fmt: skip
+            reporter.advance(1)
+        best, why = self._choice(front, answers, searched.start)
+        return SuggestReport(
+            run=self._run.run, side=settings.side, key=str(self._run.key), price=settings.price,
+            seed=settings.seed, before=float(judged.mean()), gap=gap,
+            fitted_instances=int(self._fit.iids.size),
+            judged_instances=int(self._judge.iids.size), evaluations=searched.evaluations,
+            complete=searched.complete, answers=tuple(answers), best=best, reason=reason or why,
+            screening=tuple(
+                (each.slider.name, each.value, self._gain(searched.start - each.cost,
+                                                          searched.start))
+                for each in searched.screening
+            ),
+            factors=tuple(factors), truth=truth,
+        )  # fmt: skip
+
+    def _nothing_to_do(self, sliders: Sequence[Slider], judged: Floats, gap: Interval) -> str:
+        if not sliders:
+            return NO_SLIDER
+        if self._settings.side == "real":
+            return "" if gap.low > 0 else NO_GAP
+        return "" if judged.mean() > _LEAST_MISMATCH else NO_MISMATCH
+
+    def _answer(
+        self, candidate: Candidate, compared: int, sliders: dict[str, Slider],
+        order: dict[str, int], truth: dict[str, float], judged: Floats, start: float,
+    ) -> Answer:  # fmt: skip
+        """A candidate with its gain on the held-out instances."""
+        names = sorted(candidate.values, key=lambda name: order[name])
+        values = candidate.values
+        if self._match is not None:
+            values = self._match.refined(values, [sliders[name] for name in names])
+        after = self._objective.judged(values)
+        gain = self._judged_gain(judged, after, compared)
+        chain = changed_chain(self._store, self._run, self._settings.side, values)
+        intervals: dict[str, Interval] = {}
+        agreement = None
+        if self._match is not None:
+            chosen = [sliders[name] for name in names]
+            intervals = self._match.intervals(values, chosen)
+            agreement = self._agreement(chain)
+        changes = tuple(
+            Change(name, sliders[name].factor, sliders[name].unit, sliders[name].base,
+                   values[name], intervals.get(name), truth.get(name))
+            for name in names
+        )  # fmt: skip
+        fitted = self._gain(start - candidate.cost, start)
+        return Answer(changes, fitted, gain, tuple(chain), agreement)
+
+    def _judged_gain(self, before: Floats, after: Floats, compared: int) -> Interval:
+        """The gain on the held-out instances: mean decrease, or its share of the mismatch.
+
+        The interval of the share is that of a ratio of means, by its linear terms.
+        """
+        if self._settings.side == "real":
+            return self._mean(before - after, compared)
+        mean = float(before.mean())
+        share = float((before - after).mean()) / mean
+        return self._mean((before - after - share * before) / mean + share, compared)
+
+    def _gain(self, decrease: float, start: float) -> float:
+        """A decrease of the cost in the unit of the report."""
+        return decrease if self._settings.side == "real" else decrease / max(start, 1e-12)
+
+    def _mean(self, values: Floats, compared: int = 1) -> Interval:
+        """The mean of values (m,) of the judged instances, for `compared` intervals at once."""
+        return mean_interval(values, self._judge.blocks, simultaneous(compared))
+
+    def _choice(
+        self, front: Sequence[Candidate], answers: Sequence[Answer], start: float
+    ) -> tuple[int | None, str]:
+        """The evident answer with the largest net gain on the fit, else why there is none."""
+        if preferred(front, start, self._settings.price) is None:
+            return None, NO_PRICE
+        evident = [place for place, answer in enumerate(answers) if answer.evident]
+        chosen = preferred([front[place] for place in evident], start, self._settings.price)
+        return (None, NOT_EVIDENT) if chosen is None else (evident[chosen], "")
+
+    def _agreement(self, chain: Sequence[dict[str, object]]) -> Agreement:
+        """How the predictions from the changed sim images agree with the real ones."""
+        assert self._match is not None
+        images, iids = self._match.sim_images, self._judge.iids
+        columns = self._store.run_columns(self._run.run)
+        real = np.stack([columns.real.x[iids], columns.real.y[iids]], axis=1).astype(np.float64)
+        real_error = columns.real.error[iids].astype(np.float64)
+        truth = self._store.poses(self._run.sim_domain)[iids][:, :2]
+        shifts, errors = [], []
+        for each in (self._run.sim_adjustments, chain):
+            poses = self._predictor.poses(images, each)[:, :2]
+            shifts.append(np.hypot(*(poses - real).T))
+            errors.append(np.hypot(*(poses - truth).T))
+        return Agreement(
+            float(errors[0].mean()), float(errors[1].mean()), float(real_error.mean()),
+            float(shifts[0].mean()), float(shifts[1].mean()), self._mean(shifts[0] - shifts[1]),
+            _correlation(errors[0], real_error), _correlation(errors[1], real_error),
+        )  # fmt: skip
+
+
+def _order(searched: SearchResult) -> dict[str, int]:
+    """The place of each slider among the changes of an answer: by factor, then alone."""
+    factors = [each.factor for each in searched.factors]
+    ranked = sorted(
+        searched.screening,
+        key=lambda each: (
+            factors.index(each.slider.factor) if each.slider.factor in factors else len(factors)
+        ),
+    )
+    return {each.slider.name: place for place, each in enumerate(ranked)}
+
+
+def _correlation(first: Floats, second: Floats) -> float:
+    if first.size < 2 or not (first.std() > 0 and second.std() > 0):
+        return float("nan")
+    return float(np.corrcoef(first, second)[0, 1])
+
+
+def _planned(sliders: Sequence[Slider], settings: SuggestSettings) -> int:
+    """About how many evaluations a search makes."""
+    joint = 2 * max(0, min(settings.changes, len(sliders)) - 1)
+    return 10 * len(sliders) + joint * (settings.evaluations + 20)
