@@ -22,11 +22,13 @@ if TYPE_CHECKING:
 Group = Literal["select", "brush", "move", "heat", "map", "adjust", "review", "views", "program"]
 When = Literal[
     "always", "begun", "still", "plain", "brushing", "list", "adjust", "rooms", "not rooms",
-    "findings", "elsewhere",
+    "findings", "table", "elsewhere",
 ]  # fmt: skip
 
 GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Group)}
 
+_TABLES = ("rooms", "compare")
+"""Views whose tables are scrolled."""
 _OF_RUNS = ("alike", "other_run", "map_mode", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
 
@@ -99,7 +101,9 @@ class Action:
             "rooms": not brushing and state.view == "rooms",
             "not rooms": state.view != "rooms",
             "findings": not brushing and state.view == "findings",
-            "elsewhere": not brushing and state.view not in ("list", "adjust", "findings"),
+            "table": not brushing and state.view in _TABLES,
+            "elsewhere": not brushing
+            and state.view not in ("list", "adjust", "findings", *_TABLES),
         }[self.when]
 
 

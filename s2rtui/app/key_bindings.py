@@ -29,6 +29,11 @@ from s2rtui.session.state import State
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
+_OF_ONE_VIEW: tuple[When, ...] = ("list", "adjust", "rooms", "findings", "table")
+"""Situations in which one view is active."""
+_PAGE, _ALL_ROWS = 10, 1 << 30
+"""Rows of a table that the page keys scroll, and more than any table has."""
+
 
 def _do(reducer: Reducer, *arguments: Any) -> Callable[[Session], object]:
     return lambda session: session.dispatch(reducer, *arguments)
@@ -128,6 +133,26 @@ _ADJUSTING = (
            when="adjust", needs="models", command=lambda app: app.run_save.ask_name()),
 )  # fmt: skip
 
+
+def _scroll(rows: int) -> Callable[[S2RApp], object]:
+    return lambda app: app.navigation.scroll(rows)
+
+
+_SCROLLING = (
+    Action("table_down", "down", "move", "next row of the table (rooms, comparison)", None, "rows",
+           "up, down", "table", command=_scroll(1)),
+    Action("table_up", "up", "move", "previous row of the table", when="table",
+           command=_scroll(-1)),
+    Action("table_page_down", "pagedown", "move", "next page of the table", when="table",
+           command=_scroll(_PAGE)),
+    Action("table_page_up", "pageup", "move", "previous page of the table", when="table",
+           command=_scroll(-_PAGE)),
+    Action("table_start", "home", "move", "first rows of the table", when="table",
+           command=_scroll(-_ALL_ROWS)),
+    Action("table_end", "end", "move", "last rows of the table", when="table",
+           command=_scroll(_ALL_ROWS)),
+)  # fmt: skip
+
 ACTIONS: tuple[Action, ...] = (
     Action("worst_real", "w", "select", "worst 15 % in reality (min)", _select("worst15"),
            "worst", when="still"),
@@ -172,7 +197,8 @@ ACTIONS: tuple[Action, ...] = (
     Action("instance_left", "left", "move", "previous instance",
            _do(navigation.move_cursor, -1), "", "<-", "plain"),
     Action("next_row", "down", "move", "next row of the list",
-           _do(instance_list.move, 1), when="list"),
+           _do(instance_list.move, 1), "rows", "up, down", "list"),
+    *_SCROLLING,
     Action("previous_row", "up", "move", "previous row of the list",
            _do(instance_list.move, -1), when="list"),
     Action("page_down", "pagedown", "move", "next page of the list",
@@ -213,7 +239,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("map_mode", "m", "map", "map mode: colour, glyph or full",
            _do(view_settings.change_map_mode), "map"),
     Action("zoom_in", "z,plus,equals_sign", "views",
-           "zoom in at the instance (map, UMAP, comparison)", when="still",
+           "zoom in at the instance (map, UMAP, scatter, comparison)", when="still",
            command=lambda app: app.navigation.zoom(1 / 0.6)),
     Action("zoom_out", "Z", "views", "zoom out", when="still",
            command=lambda app: app.navigation.zoom(0.6)),
@@ -297,8 +323,12 @@ def permitted_actions(access: Permissions | None = None) -> list[Action]:
 
 
 def footer(width: int, state: State, access: Permissions | None = None) -> list[tuple[str, str]]:
-    """(key, label) pairs that fit into `width` columns; help and quit have priority."""
+    """(key, label) pairs that fit into `width` columns; help and quit have priority.
+
+    The keys of the active view come before those of all views.
+    """
     applicable = [a for a in permitted_actions(access) if a.short and a.applies(state)]
+    applicable.sort(key=lambda action: action.when not in _OF_ONE_VIEW)
     words = [(action.key, action.short) for action in applicable]
     last = [pair for pair in words if pair[1] in ("help", "quit")]
     room = width - sum(len(key) + len(word) + 3 for key, word in last)

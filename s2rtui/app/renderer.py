@@ -11,7 +11,7 @@ from s2rtui.app import layout
 from s2rtui.app.key_bindings import footer
 from s2rtui.app.layout import MIN_SIZE, SizeClass
 from s2rtui.app.status_line import Bar, Piece, StatusLine, message_text, status_line
-from s2rtui.app.titled_view import TITLE_ROWS, TitledView
+from s2rtui.app.titled_view import TitledView
 from s2rtui.app.widgets.panes import Panes
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.charts.registry import BY_NAME, VIEWS
@@ -82,8 +82,9 @@ class Renderer:
         """Draw the message line alone."""
         for bar in self._app.query("#message").results(Bar):
             state = self._app.session.state
-            classes = "error" if state.is_error else "whole" if self._app.prompt.is_open else ""
             hover = self._app.hover
+            is_whole = self._app.prompt.is_open or (state.message and not hover.text)
+            classes = "error" if state.is_error else "whole" if is_whole else ""
             text = message_text(state, self._app.resources, hover.text, hover.cursor_text)
             bar.show(text, classes=classes)
 
@@ -97,6 +98,12 @@ class Renderer:
         """The widget of a view."""
         return self._app.query_one(f"#{view}", PlotView)
 
+    def title_rows(self, view: str) -> int:
+        """The rows of the title of a view on the screen."""
+        titled = TitledView(BY_NAME[view], self.scene)
+        width, height = self.plot(view).size
+        return len(titled.title((width, height), self._app.render_options))
+
     def is_placed(self, view: str) -> bool:
         """Whether the wide layout shows a view."""
         return self._size_class == "wide" and self.plot(view).placed
@@ -109,11 +116,14 @@ class Renderer:
     def pane_rectangles(self, width: int, height: int) -> Mapping[str, Region]:
         """The layout of the views in `width` x `height` cells."""
         state = self._app.session.state
-        scene = self.scene
+        scene, options, available = self.scene, self._app.render_options, height
 
         def rows(view: str, columns: int) -> int:
             least = BY_NAME[view].height(scene, columns)
-            return least + TITLE_ROWS if least else 0
+            if not least:
+                return 0
+            high = max(least, available)
+            return least + len(TitledView(BY_NAME[view], scene).title((columns, high), options))
 
         request = layout.LayoutRequest(
             state.view, state.centre, state.tab, rows("overview", width),

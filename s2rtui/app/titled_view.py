@@ -10,7 +10,10 @@ from s2rtui.canvas import Canvas, RenderOptions
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.view import View
 
-TITLE_ROWS = 1
+MOST_TITLE_ROWS = 2
+"""Most rows of a title."""
+_LEAST_ROWS = 8
+"""Rows of a view below which its title has one row."""
 
 
 def truncated(text: str, width: int, options: RenderOptions) -> str:
@@ -20,7 +23,7 @@ def truncated(text: str, width: int, options: RenderOptions) -> str:
 
 @dataclass(frozen=True, slots=True)
 class TitledView:
-    """A view of a scene under a line with its key, its name and its subtitle."""
+    """A view of a scene under a title with its key, its name and its subtitle."""
 
     view: View
     scene: Scene
@@ -45,32 +48,57 @@ class TitledView:
             return text
         return f"{note}; {text}"
 
+    def title(self, size: tuple[int, int], options: RenderOptions) -> list[str]:
+        """The lines of the title in a view of `size` (columns, rows): label and subtitle.
+
+        The subtitle continues on a second line where it does not fit beside the label.
+        """
+        width, height = size
+        label = f"{self.view.key} {self.view.name}"
+        if self.scene.state.fills_screen:
+            label += f" ({ACTIONS['fill_screen'].key}: all views)"
+        if not options.supports_shading:  # a pointer marks the active view
+            label = f"{options.glyphs.pointer if self._is_active else ' '} {label}"
+        subtitle = "" if self._unavailable else self._subtitle
+        most = MOST_TITLE_ROWS if height >= _LEAST_ROWS else 1
+        start = len(label) + 2
+        if len(subtitle) <= width - start or most == 1 or width < 2 * _LEAST_ROWS:
+            return [f"{label}  {truncated(subtitle, max(1, width - start), options)}".rstrip()]
+        first, rest = _divided(subtitle, width - start)
+        return [f"{label}  {first}".rstrip(), truncated(rest, width, options)]
+
+    @property
+    def _is_active(self) -> bool:
+        return self.scene.state.view == self.view.name
+
     @property
     def _unavailable(self) -> str:
         return self.view.unavailable(self.scene.store)
 
     def draw(self, size: tuple[int, int], options: RenderOptions) -> Canvas:
-        """The title line over the view's drawing, `size` (columns, rows) together."""
+        """The title over the view's drawing, `size` (columns, rows) together."""
         (width, height), theme, view = size, options.theme, self.view
-        is_active = self.scene.state.view == view.name
-        label = f"{view.key} {view.name}"
-        if self.scene.state.fills_screen:
-            label += f" ({ACTIONS['fill_screen'].key}: all views)"
         canvas = Canvas(width, height, options)
-        if is_active and not options.supports_shading:
-            label = f"{options.glyphs.pointer} {label}"
+        lines, is_active = self.title(size, options), self._is_active
         if is_active:
-            canvas.fill(0, 0, width, 1, theme.highlight)
+            canvas.fill(0, 0, width, len(lines), theme.highlight)
+        for row, line in enumerate(lines):
+            canvas.text(0, row, line, fg=theme.muted)
+        name = lines[0].partition(f"{view.key} {view.name}")
+        label = "".join(name[:2])
         canvas.text(0, 0, label, fg=theme.text if is_active else theme.muted, bold=is_active)
-        start = len(label) + 2
         if reason := self._unavailable:
             lines = textwrap.wrap(reason, max(8, width))
             for row, line in enumerate(lines[: max(1, height - 1)], start=min(1, height - 1)):
                 canvas.text(0, row, line, fg=theme.muted)
             return canvas
-        if start < width:
-            subtitle = truncated(self._subtitle, width - start, options)
-            canvas.text(start, 0, subtitle, fg=theme.muted)
-        if height > 1:
-            canvas.paste(view.draw(self.scene, (width, height - 1), options), 0, 1)
+        if height > len(lines):
+            drawn = view.draw(self.scene, (width, height - len(lines)), options)
+            canvas.paste(drawn, 0, len(lines))
         return canvas
+
+
+def _divided(text: str, width: int) -> tuple[str, str]:
+    """The words that fit into `width` columns, and the rest."""
+    end = text.rfind(" ", 0, max(1, width) + 1)
+    return (text[:end], text[end + 1 :]) if end > 0 else ("", text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -23,6 +24,20 @@ Table = tuple[Sequence[str], Sequence[Sequence[object]]]
 Pixels = tuple[int, int]
 _REACH = 1.5
 """Largest distance in cells between the mouse and an instance under it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableWindow:
+    """The visible rows of a table of `rows` rows: `shown` of them from `first` on."""
+
+    first: int
+    shown: int
+    rows: int
+
+    @property
+    def hidden(self) -> int:
+        """The number of rows that do not fit."""
+        return max(0, self.rows - self.shown)
 
 
 class View:
@@ -105,9 +120,17 @@ class View:
         """The cursor's place in a panel, where a brush drawn with keys begins."""
         return None
 
+    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
+        """The visible rows of its table, which keys scroll; None where it shows no table."""
+        return None
+
     def zoom_plane(self, scene: Scene) -> ZoomPlane | None:
         """The plane that zoom and pan keys move; None where the view has none."""
         return None
+
+    def plane_point(self, scene: Scene, point: Point) -> Point:
+        """A point of a panel in the coordinates of the zoom plane; by default the same."""
+        return point
 
     def instance_at(self, scene: Scene, panel: Panel, cell: Point) -> int | None:
         """The iid that is drawn at a cell of a panel (column, row; the middle is at + 0.5)."""

@@ -1,4 +1,7 @@
-"""The options `--theme` and `--symbols`, and the settings that they default to."""
+"""The options `--theme` and `--symbols`, and the settings that they default to.
+
+`--theme auto|dark|light` is the same in all commands that draw; `auto` is explained by each.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,23 @@ _SYMBOLS_HELP = (
     "block characters of floor plans; sextants and octants are finer, but few fonts have them: "
     "`s2r doctor` shows samples"
 )
+
+
+def add_theme(
+    parser: argparse._ActionsContainer, auto: str, deprecated: str = "", default: str = "auto"
+) -> None:
+    """Add `--theme`; `auto` says what its value `auto` stands for.
+
+    deprecated: an earlier spelling, `--dark` or `--light`, which stays.
+    """
+    group = parser.add_mutually_exclusive_group() if deprecated else parser
+    group.add_argument("--theme", choices=THEME_NAMES, default=default,
+                       help=f"colours for a dark or a light background; auto: {auto} (default "
+                       f"{default})")  # fmt: skip
+    if deprecated:
+        name = deprecated.removeprefix("--")
+        group.add_argument(deprecated, action="store_const", dest="theme", const=name,
+                           help=f"deprecated: --theme {name}")  # fmt: skip
 
 
 def add_display_options(parser: argparse.ArgumentParser) -> None:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from s2rtui.export.figures import PageOptions
 
 
-def add_page(parser: argparse.ArgumentParser, group: str) -> Callable[..., Any]:
-    """Add `--width`, `--dpi` and `--cmap` in a new group, and return what adds more to it."""
-    add = parser.add_argument_group(group).add_argument
+def add_page(parser: argparse.ArgumentParser, group: str) -> argparse._ArgumentGroup:
+    """Add `--width`, `--dpi` and `--cmap` in a new group, and return it."""
+    page = parser.add_argument_group(group)
+    add = page.add_argument
     add("--width", type=float, metavar="MM",
         help="width of figures on paper in millimetres, with fonts of 8 to 10 points")  # fmt: skip
     add("--dpi", type=int, metavar="N",
@@ -20,7 +20,7 @@ def add_page(parser: argparse.ArgumentParser, group: str) -> Callable[..., Any]:
     add("--cmap", default="turbo", metavar="NAME",
         help="colour map of continuous values: turbo (default), viridis, plasma, inferno, magma "
         "or cividis")  # fmt: skip
-    return add
+    return page
 
 
 def page_options(options: argparse.Namespace, **changes: Any) -> PageOptions:

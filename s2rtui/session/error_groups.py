@@ -8,6 +8,7 @@ from typing import get_args
 from s2rstore.findings.groups import Grouping
 from s2rtui.session.context import SessionContext
 from s2rtui.session.state import State
+from s2rtui.session.view_settings import unscrolled
 
 COUNTS = "counts"
 """The rooms view's comparison of predicted and true rooms, in the place of a grouping."""
@@ -47,7 +48,7 @@ def change_grouping(context: SessionContext, state: State) -> State:
     message = f"errors by {grouping}"
     if grouping == COUNTS:
         message = "instances per room: predicted in sim, true, predicted in reality"
-    return state.updated(grouping=grouping, message=message)
+    return unscrolled(state.updated(grouping=grouping, message=message), "rooms")
 
 
 def sort_by_next_column(context: SessionContext, state: State) -> State:
@@ -57,11 +58,12 @@ def sort_by_next_column(context: SessionContext, state: State) -> State:
     at = (COLUMN_NAMES.index(state.group_sort) + 1) % len(COLUMNS)
     column = COLUMNS[at]
     message = f"sorted by {column.meaning}"
-    return state.updated(
+    sorted_state = state.updated(
         group_sort=column.name, group_descending=column.descending, message=message
     )
+    return unscrolled(sorted_state, "rooms")
 
 
 def reverse(context: SessionContext, state: State) -> State:
     """Reverse the order of the groups."""
-    return state.updated(group_descending=not state.group_descending)
+    return unscrolled(state.updated(group_descending=not state.group_descending), "rooms")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.language import fields
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
@@ -133,7 +134,8 @@ def sort_by_next_column(context: SessionContext, state: State) -> State:
     available = columns(context.store, context.notes)
     at = available.index(state.sort) + 1 if state.sort in available else 0
     name = available[at % len(available)]
-    return state.updated(sort=name, descending=name not in _ASCENDING, message=f"sorted by {name}")
+    message = f"sorted by {fields.with_unit(name)}"
+    return state.updated(sort=name, descending=name not in _ASCENDING, message=message)
 
 
 def reverse(context: SessionContext, state: State) -> State:

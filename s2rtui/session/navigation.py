@@ -9,6 +9,7 @@ import numpy as np
 from s2rstore.errors import RequestError, counted
 from s2rstore.index.catalog import NO_POSES
 from s2rstore.language import Node, parse
+from s2rstore.metrics import run_metrics
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN
 from s2rtui.session import adjusting, pending_target, saved_selection_diff, selection
@@ -80,9 +81,14 @@ def change_trajectory(context: SessionContext, state: State) -> State:
 
 
 def toggle_trained(context: SessionContext, state: State) -> State:
-    """Include or leave out the instances that the models were trained on; keep the expression."""
+    """Include or leave out the instances that the models were trained on; keep the expression.
+
+    A message says so where the shown run has none that could be included.
+    """
     target = pending_target.final_target(state)
     included = not target.with_trained
+    if included and state.pending is None and not state.trained.any():
+        return state.with_message(_nothing_to_include(context.store, state))
     result = go_to(context, state, replace(target, with_trained=included))
     message = replace(result, with_trained=included).population_message
     return (
@@ -90,6 +96,15 @@ def toggle_trained(context: SessionContext, state: State) -> State:
         if result.is_error
         else result.with_message("; ".join(part for part in (message, result.message) if part))
     )
+
+
+def _nothing_to_include(store: Store, state: State) -> str:
+    """Why the shown run has no trained instances in view, in one line."""
+    if not state.run:
+        return store.missing_run or "there are no runs, so there are no trained instances"
+    if not run_metrics.knows_training_set(store, state.run):
+        return f"nothing to include: the store does not say what run {state.run} was trained on"
+    return f"nothing to include: {state.population_message}"
 
 
 def go_to(context: SessionContext, state: State, target: PendingTarget) -> State:

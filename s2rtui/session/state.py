@@ -146,8 +146,9 @@ class State:
     it was evaluated on. `trained` (N,) marks the instances in view that the run's model was trained
     on; they belong to `base` only if `with_trained`. `trajectories` None means all. `cursor` is an
     iid. `viewports` are the rectangles that zoomed planes show, by the name of the plane. `newest`
-    is the published generation. `past` and `future` hold the selections before and after this one,
-    the nearest last. `operator` combines the next selection with this one. `other` is the run to
+    is the published generation. `first_rows` are the first visible rows of scrolled tables, by the
+    name of the view. `past` and `future` hold the selections before and after this one, the nearest
+    last. `operator` combines the next selection with this one. `other` is the run to
     compare with. `view` receives the keys; `centre` and `tab` name the views shown in these panes.
     `pending` is the target to show once it is loaded; `keeps_message` says that the message
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
@@ -189,6 +190,7 @@ class State:
     group_descending: bool = True
     finding: int = 0
     viewports: tuple[tuple[str, Bounds], ...] = ()
+    first_rows: tuple[tuple[str, int], ...] = ()
     fills_screen: bool = False
     history: HistoryFile | None = None
     message: str = ""
@@ -241,9 +243,9 @@ class State:
     def population_message(self) -> str:
         """Whether the population holds the trained instances, for the message line."""
         count = int(np.count_nonzero(self.trained))
-        which = f"{counted(count, 'trained instance')} in view"
         if not count:
-            which = f"trained instances (run {self.run} has none in view)"
+            return f"run {self.run} has no trained instances in view"
+        which = f"{counted(count, 'trained instance')} in view"
         if self.with_trained:
             return f"{which} included and marked (M leaves them out)"
         return f"{which} left out ({INCLUDE_HINT})"
@@ -251,6 +253,10 @@ class State:
     def viewport_of(self, plane: str) -> Bounds | None:
         """The rectangle that a plane shows, in its coordinates; None for all of it."""
         return dict(self.viewports).get(plane)
+
+    def first_row(self, view: str) -> int | None:
+        """The first visible row of a view's table; None where it was not scrolled."""
+        return dict(self.first_rows).get(view)
 
     @property
     def viewport(self) -> Bounds | None:

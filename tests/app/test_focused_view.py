@@ -11,7 +11,6 @@ from textual.pilot import Pilot
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle
 from s2rtui.app.status_line import Bar
-from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import PlotView
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.registry import BY_NAME
@@ -127,7 +126,7 @@ async def test_the_mouse_describes_the_instance_under_it(tiny_store: Path, name:
             if (iid := view.instance_at(scene, panel, (cell[0] + 0.5, cell[1] + 0.5))) is not None
         }
         cell, iid = next((c, i) for c, i in found.items() if i != app.session.state.cursor)
-        await pilot.hover(plot, offset=(cell[0], cell[1] + TITLE_ROWS))
+        await pilot.hover(plot, offset=(cell[0], cell[1] + app.renderer.title_rows(name)))
         await settle(app, pilot)
         assert message(app) == instance_text(app.session.store, app.session.state, iid)
         assert message(app).startswith(f"#{iid} ")

@@ -11,6 +11,7 @@ import pytest
 from s2rstore.errors import RequestError
 from s2rtui.canvas import DARK, LIGHT, THEMES, Theme
 from s2rtui.canvas.block_symbols import SYMBOL_SETS
+from s2rtui.cli.command_parser import build_parser
 from s2rtui.cli.display_arguments import (
     SYMBOL_NAMES,
     THEME_NAMES,
@@ -97,3 +98,30 @@ def test_settings_that_are_a_pipe_count_as_none(own_data_folder: Path) -> None:
     settings_path().parent.mkdir(parents=True, exist_ok=True)
     os.mkfifo(settings_path())
     assert read_settings() == DisplaySettings()
+
+
+def theme_of(command: str, *words: str) -> str:
+    parser = build_parser([command])
+    out = "out.html" if command == "report" else "out.png"
+    required = ("--view", "map") if command == "export" else ()
+    return str(parser.parse_args([command, "s.s2r", *required, "--out", out, *words]).theme)
+
+
+@pytest.mark.parametrize(
+    ("command", "default", "old"),
+    [("snapshot", "dark", "light"), ("export", "auto", "dark"), ("report", "auto", "light")],
+)
+def test_commands_that_draw_have_one_theme_option(
+    command: str, default: str, old: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert theme_of(command) == default
+    for name in THEME_NAMES:
+        assert theme_of(command, "--theme", name) == name
+    assert theme_of(command, f"--{old}") == old
+    with pytest.raises(SystemExit):
+        theme_of(command, f"--{old}", "--theme", {"auto": "light", "dark": "auto"}[default])
+    with pytest.raises(SystemExit):
+        theme_of(command, "--help")
+    shown = capsys.readouterr().out
+    assert "--theme {auto,dark,light}" in shown
+    assert f"deprecated: --theme {old}" in shown

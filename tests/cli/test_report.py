@@ -20,7 +20,7 @@ from s2rtui.export.report.report_request import ReportRequest, RequestedSelectio
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import tiny
 
-WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), dark=False)
+WORST = ReportRequest((RequestedSelection("worst15"),), runs=("dataaug",), theme="light")
 VOID_TAGS = ("img", "meta", "source", "br", "hr", "input", "link")
 
 
@@ -207,7 +207,8 @@ def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "one.s2r", runs=("only",))
     page = Page(
         render_report(
-            path, ReportRequest((RequestedSelection("none"), RequestedSelection("all")), dark=False)
+            path,
+            ReportRequest((RequestedSelection("none"), RequestedSelection("all")), theme="light"),
         ).decode()
     )
     assert len(page.elements("img")) == 1 + 4 + 3 * 4
@@ -215,12 +216,12 @@ def test_a_store_with_one_run_has_no_comparison(tmp_path: Path) -> None:
 
 
 def test_a_requested_heatmap_is_drawn_on_the_images(tiny_store: Path) -> None:
-    request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", dark=False)
+    request = ReportRequest((RequestedSelection("ids(3)"),), heat="occlusion:rgb", theme="light")
     page = Page(render_report(tiny_store, request).decode())
     assert any("occlusion rgb" in text for text in page.texts_in("figcaption"))
     without_heatmap = Page(
         render_report(
-            tiny_store, ReportRequest((RequestedSelection("ids(3)"),), dark=False)
+            tiny_store, ReportRequest((RequestedSelection("ids(3)"),), theme="light")
         ).decode()
     )
     assert [i["src"] for i in without_heatmap.elements("img")] != [

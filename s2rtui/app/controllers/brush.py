@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError, S2RError
-from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import Cell, PlotView, Stroke
+from s2rtui.canvas import Point, Size
 from s2rtui.canvas.marks import Panel, panel_at
 from s2rtui.charts.registry import BY_NAME, VIEWS
-from s2rtui.charts.view import View
+from s2rtui.charts.view import TableWindow, View
 from s2rtui.session import brush_geometry, instance_list, view_settings
 from s2rtui.session.state import Brush, Operator
 
@@ -33,13 +33,30 @@ class BrushController:
 
     def panels(self, view: View) -> Sequence[Panel]:
         """The panels of a view on the screen; none if it is hidden."""
+        size = self._drawn_size(view)
+        if size is None:
+            return ()
+        return view.panels(self._app.renderer.scene, size, self._app.render_options)
+
+    def table_window(self, view: View) -> TableWindow | None:
+        """The visible rows of a view's table; None if it is hidden or has none."""
+        size = self._drawn_size(view)
+        if size is None:
+            return None
+        return view.table_window(self._app.renderer.scene, size, self._app.render_options)
+
+    def _drawn_size(self, view: View) -> Size | None:
+        """Columns and rows of a view on the screen below its title; None if it is hidden."""
         widget = self._app.renderer.plot(view.name)
         width, height = widget.size
-        is_shown = widget.placed and height > TITLE_ROWS
-        if not is_shown or view.unavailable(self._app.session.store):
-            return ()
-        size = (width, height - TITLE_ROWS)
-        return view.panels(self._app.renderer.scene, size, self._app.render_options)
+        if not widget.placed or view.unavailable(self._app.session.store):
+            return None
+        rows = height - self._app.renderer.title_rows(view.name)
+        return (width, rows) if rows > 0 else None
+
+    def place_of(self, view: View, cell: Cell) -> Point:
+        """The middle of a cell of a widget (column, row) in the view below the title."""
+        return cell[0] + 0.5, cell[1] - self._app.renderer.title_rows(view.name) + 0.5
 
     def _present(self) -> tuple[Brush, Panel] | None:
         """The brush and its panel; None if there is none on the screen."""
@@ -137,8 +154,9 @@ class BrushController:
             self._app.session.dispatch(view_settings.drop_brush)
 
     def panel_under(self, view: View, cell: Cell) -> Panel | None:
-        """The panel of a view under a cell of its widget, whose first row is the title."""
-        return panel_at(self.panels(view), cell[0], cell[1] - TITLE_ROWS)
+        """The panel of a view under a cell of its widget, which begins with the title."""
+        row = cell[1] - self._app.renderer.title_rows(view.name)
+        return panel_at(self.panels(view), cell[0], row)
 
     def on_pressed(self, message: PlotView.Pressed) -> None:
         """Activate the clicked view and pass it the click."""
@@ -148,7 +166,7 @@ class BrushController:
         panel = self.panel_under(view, message.cell)
         session.dispatch(view_settings.activate, view.name)
         if panel is not None:
-            middle = message.cell[0] + 0.5, message.cell[1] - TITLE_ROWS + 0.5
+            middle = self.place_of(view, message.cell)
             try:
                 view.click(session, self._app.renderer.scene, panel, panel.to_data(*middle))
             except S2RError as error:
@@ -178,7 +196,8 @@ class BrushController:
         if panel is None:
             return
         session.dispatch(view_settings.activate, view.name)
-        start, *trail = ((x + 0.5, y - TITLE_ROWS + 0.5) for x, y in (stroke.start, *stroke.trail))
+        left, top = self.place_of(view, (0, 0))
+        start, *trail = ((x + left, y + top) for x, y in (stroke.start, *stroke.trail))
         if view.drag(session, self._app.renderer.scene, panel, panel.to_data(*trail[-1])):
             self._app.renderer.refresh()
             return
@@ -203,7 +222,8 @@ class BrushController:
         if view.name == "list":
             session.dispatch(instance_list.move, -steps)
         elif panel is not None and (plane := view.zoom_plane(self._app.renderer.scene)) is not None:
-            point = panel.to_data(wheel.cell[0] + 0.5, wheel.cell[1] - TITLE_ROWS + 0.5)
+            point = panel.to_data(*self.place_of(view, wheel.cell))
             steps = max(-_MAX_WHEEL_STEPS, min(steps, _MAX_WHEEL_STEPS))
-            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, point, plane)
+            at = view.plane_point(self._app.renderer.scene, point)
+            session.dispatch(view_settings.zoom, _WHEEL_ZOOM**steps, at, plane)
         self._app.renderer.refresh()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from s2rtui.app.titled_view import TITLE_ROWS
 from s2rtui.app.widgets.plot import Cell, PlotView
 from s2rtui.charts.registry import BY_NAME
 from s2rtui.session.instance_text import instance_text
@@ -45,7 +44,7 @@ class HoverController:
         view = BY_NAME[name]
         if (panel := app.brush.panel_under(view, cell)) is None:
             return None
-        place = cell[0] + 0.5, cell[1] - TITLE_ROWS + 0.5
+        place = app.brush.place_of(view, cell)
         return view.instance_at(app.renderer.scene, panel, place)
 
     def _text_of(self, iid: int | None) -> str:

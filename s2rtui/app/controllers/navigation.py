@@ -70,6 +70,17 @@ class NavigationController:
             )
         return plane
 
+    def scroll(self, rows: int) -> None:
+        """Move the visible rows of the active view's table down by some rows."""
+        app = self._app
+        view = BY_NAME[app.session.state.view]
+        window = app.brush.table_window(view)
+        if window is not None:
+            app.session.dispatch(
+                view_settings.scroll_table, view.name, window.first + rows, window.hidden
+            )
+        app.renderer.refresh()
+
     def fill_screen(self) -> None:
         """Fill the screen with the active view, or show all views again."""
         app = self._app

@@ -38,7 +38,8 @@ class CompareInput:
     are equal. scale: the difference of full colour (default: the 99th percentile of the valid
     ones). trajectory, room: (N,) codes, -1 for none, of rooms as indices of `room_list`; None
     without them, as in `room_changes`. trained: (N,) marks instances that the model of either run
-    was trained on, None where none is shown. Other fields as in `MapInput`.
+    was trained on, None where none is shown. first_room: the first row of the table of rooms. Other
+    fields as in `MapInput`.
     """
 
     truth: Floats
@@ -63,6 +64,7 @@ class CompareInput:
     room: Codes | None = None
     room_list: tuple[str, ...] = ()
     trained: Bools | None = None
+    first_room: int = 0
 
     @property
     def ground(self) -> MapBackground:
@@ -156,6 +158,22 @@ def change_signs(means: Means, equal: float) -> NDArray[np.intp]:
 def differences(first: Floats, second: Floats) -> Means:
     """second - first of every instance, (N,); NaN where one is unknown."""
     return np.asarray(second, dtype=np.float64) - first
+
+
+@cached_by_identity(4)
+def constant_errors(points: Floats, valid: Bools, trained: Bools) -> NDArray[np.float64]:
+    """Errors (N,) of a constant prediction: the mean of the points (N, 2) that are new to a run.
+
+    valid: (N,) instances that the run predicted; trained: (N,) those it was trained on. All of them
+    are taken where none is new.
+    """
+    places = np.asarray(points, dtype=np.float64)
+    new = valid & ~trained
+    members = places[new if new.any() else valid]
+    members = members[np.isfinite(members).all(axis=1)]
+    if not members.size:
+        return np.full(len(places), np.nan)
+    return np.asarray(np.hypot(*(places - members.mean(axis=0)).T))
 
 
 @cached_by_identity(4)

@@ -55,4 +55,4 @@ def paint_compare(picture: MapPicture, data: CompareInput, model: CompareModel) 
 
 def compare_key(data: CompareInput) -> tuple[object, ...]:
     """Everything that the picture depends on, except its frame and theme."""
-    return (replace(data, mark=None),)
+    return (replace(data, mark=None, first_room=0),)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import dataclass
 
 import numpy as np
 from rich.cells import cell_len, set_cell_size
@@ -32,20 +33,28 @@ from s2rtui.charts.shared.base_map_terminal import (
     map_panel,
     put_glyphs,
     several_legend,
-    trained_legend,
 )
 from s2rtui.charts.shared.legend import NO_BREAK, LegendPart, colour_bar, ramp_for_values, text_part
 from s2rtui.charts.shared.points import marked_cells
+from s2rtui.charts.shared.trained_marks import (
+    TrainedForms,
+    glyph_forms,
+    mark_trained,
+    trained_legend,
+)
 
-OUTLINED = "▽○△"
-"""The glyphs of `difference_glyphs` for cells with trained instances."""
-
-MIN_TABLE = 5
-"""Fewest rows of a table of rooms."""
-MIN_TABLE_WIDTH = 64
+MIN_TABLE = 4
+"""Fewest rows of a table of rooms: headings, a room, all instances, and which rooms are shown."""
+MIN_TABLE_WIDTH, WIDE_TABLE = 48, 64
+"""Fewest columns of a table of rooms without intervals, and with them."""
+_INTERVAL = HEADINGS.index("95 % interval")
 
 SEVERAL, ONE = "▼●▲", "▾•▴"
 """Glyphs of cells with several instances, and of those with one."""
+OUTLINED = "▽○△", "▿◦▵"
+"""The same for cells with trained instances."""
+RINGED, LETTERS = "⊖⊜⊕", "bea"
+"""The same without colours, and in ASCII: run B is better, both are equal, A is better."""
 
 
 def difference_glyphs(options: RenderOptions) -> str:
@@ -102,26 +111,50 @@ def draw_compare(
     return draw_point_map(data, model.selection, layout, size, options, marks)
 
 
+@dataclass(frozen=True, slots=True)
+class ComparisonText:
+    """Sentences over a table of rooms, of which `shown` rooms from `first` on are visible."""
+
+    lines: list[str]
+    first: int
+    shown: int
+
+    @property
+    def has_table(self) -> bool:
+        return self.shown > 0
+
+
+def layout_text(data: CompareInput, size: Size, options: RenderOptions) -> ComparisonText:
+    """Lay out the comparison in `size` (columns, rows)."""
+    width, height = size
+    lines = textwrap.wrap(options.printable(data.words), max(10, width))[: max(1, height)]
+    rooms, free = len(data.changes.rooms), height - len(lines)
+    if free < MIN_TABLE or width < MIN_TABLE_WIDTH or rooms < 2:
+        return ComparisonText(lines, 0, 0)
+    shown = rooms if rooms + 2 <= free else free - 3
+    return ComparisonText(lines, min(max(0, data.first_room), rooms - shown), shown)
+
+
 def comparison_text(data: CompareInput, size: Size, options: RenderOptions) -> Canvas:
     """The comparison in sentences over the table of rooms, as high as they need within `size`.
 
-    Rooms that have no place in the table are counted in its last row.
+    Where some rooms have no place in the table, its last row says which are shown.
     """
-    (width, height), theme = size, options.theme
-    lines = textwrap.wrap(options.printable(data.words), max(10, width))[: max(1, height)]
-    changes = data.changes
-    free = height - len(lines)
+    layout, changes = layout_text(data, size, options), data.changes
     table: list[tuple[str, ...]] = []
-    if free >= MIN_TABLE and width >= MIN_TABLE_WIDTH and len(changes.rooms) > 1:
+    if layout.has_table:
+        last = layout.first + layout.shown
         rooms = changes.by_size
-        shown = rooms if len(rooms) + 2 <= free else rooms[: free - 3]
-        table = [HEADINGS, *table_rows(shown, changes.whole)]
-        if len(shown) < len(rooms):
-            table.append((f"{len(rooms) - len(shown)} more rooms",))
-    canvas = Canvas(width, max(1, len(lines) + len(table)), options)
-    for row, line in enumerate(lines):
-        canvas.text(0, row, line, theme.text)
-    _table(canvas, table, len(lines))
+        table = [HEADINGS, *table_rows(rooms[layout.first : last], changes.whole)]
+        if size[0] < WIDE_TABLE:
+            table = [(*row[:_INTERVAL], *row[_INTERVAL + 1 :]) for row in table]
+        if layout.shown < len(rooms):
+            more = "down: more" if last < len(rooms) else "up: the first ones"
+            table.append((f"rooms {layout.first + 1} to {last} of {len(rooms)} ({more})",))
+    canvas = Canvas(size[0], max(1, len(layout.lines) + len(table)), options)
+    for row, line in enumerate(layout.lines):
+        canvas.text(0, row, line, options.theme.text)
+    _table(canvas, table, len(layout.lines))
     return canvas
 
 
@@ -130,7 +163,7 @@ def _table(canvas: Canvas, table: list[tuple[str, ...]], top: int) -> None:
     if not table:
         return
     theme, ends = canvas.theme, []
-    whole = [row for row in table if len(row) == len(HEADINGS)]
+    whole = [row for row in table if len(row) == len(table[0])]
     widths = [max(map(cell_len, column)) for column in zip(*whole, strict=True)]
     rest = sum(widths[1:]) + 2 * len(widths[1:])
     widths[0] = min(max(widths[0], 12), canvas.width - rest)
@@ -171,15 +204,20 @@ def _cells(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFr
 
 
 def _mark_trained(canvas: Canvas, data: CompareInput, model: CompareModel, frame: MapFrame) -> None:
-    """Outlined glyphs where a model of either run was trained on a selected instance."""
-    if data.trained is None:
-        return
-    cells = marked_cells(data.truth, data.trained, model.selection, frame)
-    if ramp_for_values(canvas.options) is not None:
-        canvas.char[cells] = canvas.glyphs.trained
-        return
-    for several, one, outlined in zip(SEVERAL, ONE, OUTLINED, strict=True):
-        canvas.char[cells & np.isin(canvas.char, (several, one))] = outlined
+    """Mark the glyphs where a model of either run was trained on a selected instance."""
+    if data.trained is not None:
+        cells = marked_cells(data.truth, data.trained, model.selection, frame)
+        mark_trained(canvas, cells, trained_forms(canvas.options))
+
+
+def trained_forms(options: RenderOptions) -> TrainedForms:
+    """The forms of `difference_glyphs` that mark trained instances."""
+    glyphs = difference_glyphs(options)
+    if glyphs == SEVERAL:
+        return glyph_forms(SEVERAL + ONE, "".join(OUTLINED), OUTLINED[0])
+    if options.ascii:
+        return glyph_forms(glyphs, LETTERS, f"{LETTERS} (for {glyphs})")
+    return glyph_forms(glyphs, RINGED)
 
 
 def _legend(
@@ -197,8 +235,7 @@ def _legend(
         room=width,
     )
     counts = _counts(data, model, (first, second), options)
-    outlined = "" if ramp_for_values(options) is not None else "△▽○"
-    trained = [] if data.trained is None else [trained_legend(options, outlined)]
+    trained = [] if data.trained is None else [trained_legend(options, trained_forms(options))]
     several = [several_legend(options, SEVERAL)] if model.highlighted > 1 else []
     rest = map_legend(frame, width, model.others, data.clip is not None, options)
     return [counts, *trained, bar, *several, *rest]

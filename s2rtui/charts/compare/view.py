@@ -1,30 +1,44 @@
-"""The comparison of two runs on one selection: where each has the smaller errors."""
+"""The comparison of two runs on one selection: where each has the smaller errors.
+
+A run without another one is compared with its baseline, the constant prediction of the mean
+position.
+"""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
-from s2rstore.errors import RequestError
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.compare.change import ALL, Change, evidence
-from s2rtui.charts.compare.model import CompareInput
-from s2rtui.charts.compare.terminal import compare_panels, comparison_text, draw_compare
+from s2rtui.charts.compare.model import CompareInput, constant_errors
+from s2rtui.charts.compare.terminal import (
+    compare_panels,
+    comparison_text,
+    draw_compare,
+    layout_text,
+)
 from s2rtui.charts.scene import Scene
+from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_model import MapInput, map_input, value_range
 from s2rtui.charts.shared.base_map_terminal import draw_value_map
-from s2rtui.charts.shared.points import true_positions
-from s2rtui.charts.view import Pane, Pixels, PointsView, Table
+from s2rtui.charts.shared.points import own_positions, true_positions
+from s2rtui.charts.view import Pane, Pixels, PointsView, Table, TableWindow
 from s2rtui.session import pending_target, run_comparison
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _WIDE, _TALL = 56, 40
 """Columns and rows from which the maps of both runs are drawn, too."""
+_MAP_ROWS = 8
+"""Fewest rows of a map; lower views show sentences and table alone."""
+BASELINE = "baseline"
+"""The name of the constant prediction where it takes the place of the other run."""
 _MAP_SHARE = 0.6
 """Share of the rows of a high view that sentences and table leave to the maps; 0.4 of a low one."""
 
@@ -33,7 +47,7 @@ class CompareView(PointsView):
     name = "compare"
     key = "9"
     pane: Pane = "centre"
-    description = "two runs compared on the selection"
+    description = "two runs, or a run and its baseline, compared on the selection"
     narrow_ratio = 2.9
     wide_ratio = 1.0
     loads = ("floor plan",)
@@ -42,36 +56,52 @@ class CompareView(PointsView):
 
     def subtitle(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
+        state = scene.state
         if other is None:
-            return "there is only one run"
-        text = f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
+            return f"{state.side} errors of the only run and of its constant {BASELINE} (d: side)"
+        text = f"{state.side} errors of {state.run} and {other} (k: other run, d: side)"
         if not pending_target.run_is_loaded(scene.store, other):
             return text
         return "; ".join(part for part in (text, self._left_out(scene, other)) if part)
 
-    def pair_input(self, scene: Scene, other: str) -> CompareInput:
-        """The errors of the current and of another run."""
+    def pair_input(self, scene: Scene, other: str | None) -> CompareInput:
+        """The errors of the current run, and of another one or (None) of its baseline."""
         store, state = scene.store, scene.state
-        first, second = (store.run_columns(run).side(state.side) for run in (state.run, other))
+        first, second = self._errors(scene, other)
         return CompareInput(
-            true_positions(store), first.error, second.error, state.selected,
-            scene.common_base(other), store.dataset.bounds, (state.run, other), state.side,
+            true_positions(store), first, second, state.selected, _base(scene, other),
+            store.dataset.bounds, (state.run, other or BASELINE), state.side,
             cursor=state.cursor, y_down=store.dataset.y_down,
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
             trajectory=store.instances.trajectory, room=store.instances.room,
             room_list=store.instances.room_names, trained=self._trained(scene, other),
+            first_room=state.first_row(self.name) or 0,
         )  # fmt: skip
 
-    def _trained(self, scene: Scene, other: str) -> Bools | None:
-        """The shown instances that the model of either run was trained on; None without any."""
-        state, columns = scene.state, scene.store.run_columns(other)
-        if not state.with_trained:
-            return None
-        return _either(state.trained, columns.trained, scene.common_base(other))
+    def _errors(self, scene: Scene, other: str | None) -> tuple[Floats, Floats]:
+        """The errors (N,) of both runs on the side that is shown, metres."""
+        store, state = scene.store, scene.state
+        columns = store.run_columns(state.run)
+        first = columns.side(state.side).error
+        if other is not None:
+            return first, store.run_columns(other).side(state.side).error
+        own = own_positions(store, store.run(state.run).domain(state.side))
+        points = true_positions(store) if own is None else own
+        return first, constant_errors(points, columns.valid, columns.trained)
 
-    def _left_out(self, scene: Scene, other: str) -> str:
+    def _trained(self, scene: Scene, other: str | None) -> Bools | None:
+        """The shown instances that the model of either run was trained on; None without any."""
+        state = scene.state
+        if other is None or not state.with_trained:
+            return state.marked
+        trained = scene.store.run_columns(other).trained
+        return _either(state.trained, trained, scene.common_base(other))
+
+    def _left_out(self, scene: Scene, other: str | None) -> str:
         """How many instances of the base population the model of the other run was trained on."""
+        if other is None:
+            return ""
         state, columns = scene.state, scene.store.run_columns(other)
         count = np.count_nonzero(state.base & columns.valid & columns.trained)
         if not count:
@@ -80,24 +110,21 @@ class CompareView(PointsView):
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_comparison.other_run(scene.state)
-        if other is None:
-            return ()
-        if not pending_target.run_is_loaded(scene.store, other):
+        if not _is_loaded(scene, other):
             return other, "loading"
         return state.generation, identity_key(self.pair_input(scene, other)), state.viewport
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         canvas = Canvas(*size, options)
         other = run_comparison.other_run(scene.state)
-        if other is None:
-            canvas.text(0, 0, "nothing to compare with", options.theme.muted)
-            return canvas
-        if not pending_target.run_is_loaded(scene.store, other):
+        if not _is_loaded(scene, other):
             canvas.text(0, 0, f"loading run {other}", options.theme.muted)
             return canvas
         view = self.pair_input(scene, other)
         text = self._text(scene, other, view, size, options)
         canvas.paste(text, 0, 0)
+        if not self._has_map(size):
+            return canvas
         top = text.height
         height = canvas.height - top
         maps = height // 2 if self._both(size) else 0
@@ -112,50 +139,75 @@ class CompareView(PointsView):
         return canvas
 
     def _text(
-        self, scene: Scene, other: str, view: CompareInput, size: Size, options: RenderOptions
+        self,
+        scene: Scene,
+        other: str | None,
+        view: CompareInput,
+        size: Size,
+        options: RenderOptions,
     ) -> Canvas:
         """What differs between the runs' cameras, the comparison in words, and its table."""
-        notes = run_comparison.differences(scene.store, scene.state.run, other)
-        height = max(1, size[1])
-        notes = notes[: max(0, height - 3)]
-        share = _MAP_SHARE if self._both(size) else 1 - _MAP_SHARE
-        room = max(1, height - len(notes) - int(share * height))
+        notes, room = self._text_rows(scene, other, size)
         words = comparison_text(view, (max(1, size[0]), room), options)
         canvas = Canvas(words.width, len(notes) + words.height, options)
         for row, note in enumerate(notes):
-            canvas.text(0, row, note[: canvas.width], options.theme.truth)
+            canvas.text(0, row, note, options.theme.truth)
         canvas.paste(words, 0, len(notes))
         return canvas
+
+    def _text_rows(self, scene: Scene, other: str | None, size: Size) -> tuple[list[str], int]:
+        """The notes on the cameras, and the most rows of sentences and table below them."""
+        height = max(1, size[1])
+        lines = [
+            line
+            for note in _camera_notes(scene, other)
+            for line in textwrap.wrap(note, max(10, size[0]))
+        ]
+        notes = lines[: max(0, height - 3)]
+        share = _MAP_SHARE if self._both(size) else 1 - _MAP_SHARE
+        map_rows = int(share * height) if self._has_map(size) else 0
+        return notes, max(1, height - len(notes) - map_rows)
+
+    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
+        other = run_comparison.other_run(scene.state)
+        if not _is_loaded(scene, other):
+            return None
+        view, (_, room) = self.pair_input(scene, other), self._text_rows(scene, other, size)
+        layout = layout_text(view, (max(1, size[0]), room), options)
+        return TableWindow(layout.first, layout.shown, len(view.changes.rooms))
+
+    def _has_map(self, size: Size) -> bool:
+        """Whether there is room for a map below sentences and table."""
+        return int((1 - _MAP_SHARE) * size[1]) >= _MAP_ROWS
 
     def _both(self, size: Size) -> bool:
         return size[0] >= _WIDE and size[1] >= _TALL
 
-    def maps(self, scene: Scene, other: str) -> tuple[MapInput, MapInput]:
+    def maps(self, scene: Scene, other: str | None) -> tuple[MapInput, MapInput]:
         """The maps of both runs, coloured by their errors on a common scale."""
         store, state = scene.store, scene.state
-        runs = (state.run, other)
-        errors = [store.run_columns(run).side(state.side).error for run in runs]
-        base, trained = scene.common_base(other), self._trained(scene, other)
+        errors = self._errors(scene, other)
+        base, trained = _base(scene, other), self._trained(scene, other)
         upper = max(value_range(column, base)[1] for column in errors)
         first, second = (
             replace(
                 map_input(
-                    store, replace(state, run=run, map_mode="colour"), scene.resources.floor_plan
+                    store,
+                    replace(state, run=run or state.run, map_mode="colour"),
+                    scene.resources.floor_plan,
                 ),
                 values=column,
                 valid=base,
                 trained=trained,
-                value_label=f"{run}, error",
+                value_label=f"{run or BASELINE}, error",
                 value_range=(0.0, upper),
             )
-            for run, column in zip(runs, errors, strict=True)
+            for run, column in zip((state.run, other), errors, strict=True)
         )
         return first, second
 
     def summary(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
-        if other is None:
-            return "There is only one run."
         left_out = self._left_out(scene, other)
         return self.pair_input(scene, other).words + (f" {left_out}." if left_out else "")
 
@@ -163,12 +215,7 @@ class CompareView(PointsView):
         from s2rtui.charts.compare import paper
 
         other = run_comparison.other_run(scene.state)
-        if other is None:
-            raise RequestError("--view compare: there is only one run")
-        notes = (
-            self._left_out(scene, other),
-            *run_comparison.differences(scene.store, scene.state.run, other),
-        )
+        notes = (self._left_out(scene, other), *_camera_notes(scene, other))
         return paper.compare_figure(
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
@@ -179,7 +226,7 @@ class CompareView(PointsView):
 
     def panels(self, scene: Scene, size: Size, options: RenderOptions) -> Sequence[Panel]:
         other = run_comparison.other_run(scene.state)
-        if other is None or not pending_target.run_is_loaded(scene.store, other):
+        if not _is_loaded(scene, other) or not self._has_map(size):
             return ()
         view = self.pair_input(scene, other)
         top = self._text(scene, other, view, size, options).height
@@ -193,14 +240,28 @@ class CompareView(PointsView):
                  "high_m", "evident", "improved", "worse", "equal", "large_share", "first_mean_m",
                  "second_mean_m")  # fmt: skip
         other = run_comparison.other_run(scene.state)
-        if other is None:
-            return names, []
         changes = self.pair_input(scene, other).changes
         rows = [(name, *_numbers(part)) for name, part in (*changes.rooms, (ALL, changes.whole))]
         return names, rows
 
 
 VIEW = CompareView()
+
+
+def _base(scene: Scene, other: str | None) -> Bools:
+    """(N,) the instances that are compared: those of the base population in both runs."""
+    return scene.state.base if other is None else scene.common_base(other)
+
+
+def _is_loaded(scene: Scene, other: str | None) -> bool:
+    return other is None or pending_target.run_is_loaded(scene.store, other)
+
+
+def _camera_notes(scene: Scene, other: str | None) -> list[str]:
+    """How the cameras of both runs differ, a line per side."""
+    if other is None:
+        return []
+    return run_comparison.differences(scene.store, scene.state.run, other)
 
 
 def _numbers(part: Change) -> tuple[object, ...]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.language import fields
 from s2rtui.charts.scene import Scene
 from s2rtui.session import instance_list
 
@@ -42,12 +43,16 @@ def cursor_row(data: ListInput) -> int | None:
     return int(places[0]) if places.size else None
 
 
-_UNITS = {"heading": "deg", "real.heading_error": "deg", "sim.heading_error": "deg"}
+_DEGREES = ("heading", "real.heading_error", "sim.heading_error")
+"""Columns of radians that are shown in degrees."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A column named as in the selection language, with its display and values."""
+    """A column named as in the selection language, with its display and values.
+
+    On the screen the name ends with the unit, as in the columns of `s2r show` and `s2r query`.
+    """
 
     name: str
     shown: ListColumn
@@ -75,8 +80,8 @@ def _split(scene: Scene) -> _Column:
 
 
 def _numbers(scene: Scene, name: str, sorts: bool) -> _Column:
-    scale = 180 / math.pi if name in _UNITS else 1.0
-    title = name.replace("heading_error", "turn")
+    scale = 180 / math.pi if name in _DEGREES else 1.0
+    title = fields.with_unit(name)
 
     def value(iid: int) -> float | None:
         number = float(instance_list.column(scene.store, scene.state, name)[iid]) * scale

@@ -38,7 +38,8 @@ class ListView(View):
     )
 
     def subtitle(self, scene: Scene) -> str:
-        return f"{scene.state.count}, by {scene.state.sort} (.: next column, comma: reverse)"
+        order = fields.with_unit(scene.state.sort)
+        return f"{scene.state.count}, by {order} (. sorts, comma reverses)"
 
     def input(self, scene: Scene) -> ListInput:
         state = scene.state
@@ -72,12 +73,12 @@ class ListView(View):
         rows = instance_list.order(scene.store, scene.state, scene.notes)[:_SUMMARISED].tolist()
         text = _column(scene, sort, True).shown.text
         listed = ", ".join(f"{iid} ({text(iid)})" for iid in rows)
-        return f"{scene.state.count} instances by {sort}: {listed or 'none'}."
+        return f"{scene.state.count} instances by {fields.with_unit(sort)}: {listed or 'none'}."
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.list import paper
 
-        title = f"{scene.title}: instances by {scene.state.sort}"
+        title = f"{scene.title}: instances by {fields.with_unit(scene.state.sort)}"
         subtitle = f"{scene.caption}{'  ·  metres and degrees' * scene.store.has_poses}"
         return paper.list_figure(self.input(scene), size, theme, title, subtitle)
 

@@ -30,8 +30,8 @@ GLYPH_FOOTPRINT = (7, 3)
 """Columns and rows of cells that an error glyph takes."""
 _RADIUS, _THICKNESS = 1.8, 0.5
 """Radius and thickness of an arc in widths of a cell."""
-COUNTS = "23456789+"
-"""Characters of the number of combined glyphs, which stay texts."""
+COUNTS = "23456789+②③④⑤⑥⑦⑧⑨⊕"
+"""Characters of the number of combined glyphs, also with a trained instance; they stay texts."""
 
 
 def paint_map(picture: MapPicture, data: MapInput, model: MapModel) -> None:

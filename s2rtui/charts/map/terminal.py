@@ -38,9 +38,12 @@ from s2rtui.charts.shared.base_map_terminal import (
     put_marks,
     several_legend,
     value_legend,
+    value_marks,
 )
-from s2rtui.charts.shared.legend import LegendPart, role_legend, text_part
+from s2rtui.charts.shared.legend import LegendPart, ramp_for_values, role_legend, text_part
 from s2rtui.charts.shared.points import selected_counts
+from s2rtui.charts.shared.trained_marks import SEVERAL as SEVERAL_TRAINED
+from s2rtui.charts.shared.trained_marks import TrainedForms, glyph_forms, number_forms
 
 ARROW_FOOTPRINT = (9, 3)
 RADII = (3.0, 3.6, 4.2)
@@ -65,7 +68,22 @@ def map_layout(
     if data.mode == "full" and model.highlighted > LINES_UP_TO:
         notes = [text_part(((f"error lines for up to {LINES_UP_TO}", options.theme.muted),))]
     legend = LEGENDS[data.mode]
-    return layout_of_points(data, model, size, viewport, options, legend, notes)
+    forms = trained_forms(data, options)
+    return layout_of_points(data, model, size, viewport, options, legend, notes, forms)
+
+
+def trained_forms(data: MapInput, options: RenderOptions) -> TrainedForms:
+    """The forms of the glyphs of trained instances in the map's mode."""
+    mark, (truth, _) = options.glyphs.trained, options.role("truth")
+    if data.mode == "glyph":
+        return number_forms(options, f"{truth}·.")
+    if data.mode == "colour":
+        return value_marks(options)
+    if ramp_for_values(options) is not None:
+        return glyph_forms(truth, mark)
+    return glyph_forms(
+        truth + SEVERAL["truth"], mark + SEVERAL_TRAINED, f"{mark} {SEVERAL_TRAINED}"
+    )
 
 
 def map_panels(
@@ -90,7 +108,8 @@ def draw_map(
 
     def draw_selected(chart: Canvas) -> None:
         DRAWINGS[data.mode](chart, data, model, layout.frame)
-        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
+        forms = trained_forms(data, options)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame, forms)
         for pose in data.live:
             points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
             draw_pose(chart, points, headings, 0, layout.frame, pose.side)

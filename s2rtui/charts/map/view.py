@@ -28,7 +28,7 @@ _TITLES = {
     "full": "predicted and true positions",
 }
 _SUBTITLES = {
-    "colour": "truth coloured by shift, the distance between both predictions",
+    "colour": "truth, coloured by shift (sim to real prediction)",
     "glyph": "direction and size of both errors",
     "full": "predictions in sim and real, joined to the truth",
 }

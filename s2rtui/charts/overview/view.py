@@ -39,7 +39,7 @@ class OverviewView(View):
         if lines is None:
             return "accuracy, sim and real"
         found = self.lines(scene)
-        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "one line per instance"
+        drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "a line per instance"
         pale = ", pale where a model was trained on it" if lines.trained is not None else ""
         return f"accuracy; {drawn}, {lines.side}{pale}"
 

@@ -21,6 +21,7 @@ class GroupsInput:
     """Errors per group, as `GroupErrors`, sorted by the column `sort`.
 
     selected: number of selected instances by group name. cursor: the name of the cursor's group.
+    first: the first visible row where the table was scrolled.
     has_trained: whether the run was trained on instances in view; with_trained: they are counted.
     """
 
@@ -33,6 +34,7 @@ class GroupsInput:
     has_trained: bool = False
     with_trained: bool = False
     mark: Mark | None = None
+    first: int | None = None
 
 
 def sort_value(row: GroupErrors, sort: str, selected: Mapping[str, int]) -> float:

@@ -41,28 +41,30 @@ class GroupsLayout:
 
 
 def groups_layout(data: GroupsInput, size: Size) -> GroupsLayout:
-    """Lay out the table; the window follows the brush mark or the cursor's group."""
+    """Lay out the table; the window follows the brush mark, else the scrolling."""
     width, height = max(1, size[0]), max(1, size[1])
     rows = ordered(data)
     columns = fitting_columns(data, rows, width)
     used = sum(column.width + 1 for column in columns)
-    longest = max([cell_len(row.group.name) for row in rows] + [len(data.grouping) + 1])
+    top = 1 if height >= 2 else 0
+    shown = min(len(rows), height - top)
+    title = data.grouping if shown == len(rows) else "{0}-{0}/{0}".format(len(rows))
+    longest = max([cell_len(row.group.name) for row in rows] + [len(title) + 1])
     name = max(0, min(longest, width - used - _GUTTER))
     starts, x = [], _GUTTER + name + 1
     for column in columns:
         starts.append(x)
         x += column.width + 1
     plot = (x + 1, width - x - 2) if width - x - 2 >= _PLOT else None
-    top = 1 if height >= 2 else 0
-    shown = min(len(rows), height - top)
-    first = min(max(0, _focus(data, rows) - shown // 2), len(rows) - shown)
+    first = min(max(0, _first(data, shown)), len(rows) - shown)
     return GroupsLayout(rows, columns, name, tuple(starts), plot, first, shown, top)
 
 
-def _focus(data: GroupsInput, rows: list[GroupErrors]) -> int:
+def _first(data: GroupsInput, shown: int) -> int:
+    """The wanted first row of `shown` ones."""
     if data.mark is not None and data.mark.points:
-        return round(data.mark.points[-1][1])
-    return 0
+        return round(data.mark.points[-1][1]) - shown // 2
+    return data.first or 0
 
 
 def groups_panels(

@@ -23,7 +23,7 @@ Codes = NDArray[np.integer]
 class RoomsInput:
     """Rooms predicted in sim, true, predicted in real: (N,) indices of `room_names`, -1: none.
 
-    selected, valid: (N,) bool; cursor: an iid.
+    selected, valid: (N,) bool; cursor: an iid. first: the first visible row where it was scrolled.
     """
 
     sim: Codes
@@ -34,6 +34,7 @@ class RoomsInput:
     valid: Bools
     cursor: int | None = None
     mark: Mark | None = None
+    first: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -47,7 +47,7 @@ class RoomsLayout:
 
 
 def rooms_layout(data: RoomsInput, size: Size, model: RoomsModel | None = None) -> RoomsLayout:
-    """Lay out the parts; the window follows the brush mark or the cursor's true room."""
+    """Lay out the parts; the window follows the brush mark, scrolling, or the true room."""
     model = model or rooms_model(data)
     width, height = max(1, size[0]), max(1, size[1])
     longest = max((cell_len(name) for name in model.names), default=0)
@@ -68,14 +68,15 @@ def rooms_layout(data: RoomsInput, size: Size, model: RoomsModel | None = None) 
     count = len(model.names)
     each = min(THICKEST, max(1, rows // max(1, count)))
     shown = min(count, rows // each)
-    first = min(max(0, _focus(data, model) - shown // 2), count - shown)
+    first = min(max(0, _first(data, model, shown)), count - shown)
     return RoomsLayout(name, columns, gutter, numbers, whole, top, each, first, shown)
 
 
-def _focus(data: RoomsInput, model: RoomsModel) -> int:
+def _first(data: RoomsInput, model: RoomsModel, shown: int) -> int:
+    """The wanted first row of `shown` ones."""
     if data.mark is not None and data.mark.points:
-        return round(data.mark.points[-1][1])
-    return model.cursor[1] or 0
+        return round(data.mark.points[-1][1]) - shown // 2
+    return (model.cursor[1] or 0) - shown // 2 if data.first is None else data.first
 
 
 def _numbers(model: RoomsModel, whole: bool) -> list[str]:

@@ -13,11 +13,16 @@ from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.canvas.marks import mark_rows
 from s2rtui.charts.mark_expressions import names_expression
 from s2rtui.charts.rooms.groups import GroupsInput, number_text, ordered, selected_per_group
-from s2rtui.charts.rooms.groups_terminal import PANEL, draw_groups, groups_panels
+from s2rtui.charts.rooms.groups_terminal import (
+    PANEL,
+    draw_groups,
+    groups_layout,
+    groups_panels,
+)
 from s2rtui.charts.rooms.model import RoomsInput, rooms_model
-from s2rtui.charts.rooms.terminal import draw_rooms, rooms_panels
+from s2rtui.charts.rooms.terminal import draw_rooms, rooms_layout, rooms_panels
 from s2rtui.charts.scene import Scene
-from s2rtui.charts.view import Pixels, Table, View
+from s2rtui.charts.view import Pixels, Table, TableWindow, View
 from s2rtui.session import Session
 from s2rtui.session.error_groups import COLUMN_NAMES, COUNTS
 
@@ -44,7 +49,7 @@ class RoomsView(View):
         columns, truth = store.run_columns(state.run), store.instances
         return RoomsInput(
             columns.sim.room, truth.room, columns.real.room, truth.room_names, state.selected,
-            state.base, state.cursor, scene.mark(self.name),
+            state.base, state.cursor, scene.mark(self.name), state.first_row(self.name),
         )  # fmt: skip
 
     def _groups(self, scene: Scene) -> GroupsInput | None:
@@ -60,6 +65,7 @@ class RoomsView(View):
             loaded.rows, state.grouping, selected_per_group(grouped, state.selected & state.base),
             state.group_sort, state.group_descending, cursor,
             bool(state.trained.any()), state.with_trained, scene.mark(self.name),
+            state.first_row(self.name),
         )  # fmt: skip
 
     def input(self, scene: Scene) -> RoomsInput | GroupsInput | None:
@@ -69,7 +75,8 @@ class RoomsView(View):
         state = scene.state
         if state.grouping == COUNTS:
             return (identity_key(self._counts(scene)),)
-        shown = state.grouping, state.group_sort, state.group_descending, scene.mark(self.name)
+        order = state.grouping, state.group_sort, state.group_descending
+        shown = order, scene.mark(self.name), state.first_row(self.name)
         arrays = identity_key((state.selected, state.base, state.trained))
         loaded, failed = scene.resources.groups, scene.resources.failed.get("groups")
         place = state.generation, state.run, state.with_trained, state.cursor
@@ -85,6 +92,16 @@ class RoomsView(View):
         failed = scene.resources.failed.get("groups", "errors are being computed")
         canvas.text(0, 0, failed, options.theme.muted)
         return canvas
+
+    def table_window(self, scene: Scene, size: Size, options: RenderOptions) -> TableWindow | None:
+        data = self.input(scene)
+        if data is None:
+            return None
+        if isinstance(data, RoomsInput):
+            layout = rooms_layout(data, size)
+            return TableWindow(layout.first, layout.shown, len(rooms_model(data).names))
+        table = groups_layout(data, size)
+        return TableWindow(table.first, table.shown, len(table.rows))
 
     def numbers(self, scene: Scene) -> Table:
         data = self.input(scene)

@@ -1,4 +1,7 @@
-"""The scale that both axes of the scatter view share: errors in metres, linear or logarithmic."""
+"""The scale that both axes of the scatter view share, and the part of the plane that is shown.
+
+Errors are metres, on linear or logarithmic axes.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from s2rstore.records import Bounds
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.charts.shared.axis_scale import Floats, tick_values
 
@@ -49,9 +53,13 @@ class ErrorAxis:
         return float(self.low * (self.high / self.low) ** fraction)
 
     def ticks(self, count: int) -> list[float]:
-        """About `count` tick values: round numbers, or 1, 2 and 5 times 10^n on a log axis."""
+        """About `count` tick values: round numbers, or 1, 2 and 5 times 10^n on a log axis.
+
+        A log axis that holds fewer than two of these has round numbers, too.
+        """
+        round_numbers = tick_values(self.low, self.high, count)
         if not self.log:
-            return tick_values(self.low, self.high, count)
+            return [value for value in round_numbers if value >= 0]
         first, last = math.floor(math.log10(self.low)), math.ceil(math.log10(self.high))
         for factors in (_FACTORS, (1,)):
             values = [
@@ -60,7 +68,46 @@ class ErrorAxis:
             shown = [value for value in values if self.low <= value <= self.high]
             if len(shown) <= count:
                 break
-        return shown
+        return shown if len(shown) > 1 else round_numbers
+
+
+WHOLE = Bounds(0.0, 0.0, 1.0, 1.0)
+"""All of the plane, as fractions of its axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorPlane:
+    """The plane of sim and real errors, both on `axis`; `shown` is the part in view.
+
+    `shown` is a rectangle in fractions of the axes, x along the sim errors and y along the real
+    ones. It may reach beyond them.
+    """
+
+    axis: ErrorAxis
+    shown: Bounds = WHOLE
+
+    @property
+    def across(self) -> ErrorAxis:
+        """The axis of sim errors from the left to the right end of the part in view."""
+        return self._part(self.shown.x0, self.shown.x1)
+
+    @property
+    def up(self) -> ErrorAxis:
+        """The axis of real errors from the lower to the upper end of the part in view."""
+        return self._part(self.shown.y0, self.shown.y1)
+
+    def _part(self, first: float, last: float) -> ErrorAxis:
+        if (first, last) == (0.0, 1.0):
+            return self.axis
+        return ErrorAxis(self.axis.value(first), self.axis.value(last), self.axis.log)
+
+    def drawn_across(self, errors: ArrayLike) -> NDArray[np.float64]:
+        """The places of sim errors, 0 .. 1 in the part in view."""
+        return (self.axis.drawn(errors) - self.shown.x0) / self.shown.width
+
+    def drawn_up(self, errors: ArrayLike) -> NDArray[np.float64]:
+        """The places of real errors, 0 .. 1 in the part in view."""
+        return (self.axis.drawn(errors) - self.shown.y0) / self.shown.height
 
 
 @cached_by_identity(8)

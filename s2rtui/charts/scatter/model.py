@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.metrics.top_k import top_k
+from s2rstore.records import Bounds
 from s2rtui.analysis.binning import (
     Bins,
     Bools,
@@ -21,7 +22,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Mark
-from s2rtui.charts.scatter.axis import ErrorAxis, error_axis
+from s2rtui.charts.scatter.axis import WHOLE, ErrorAxis, ErrorPlane, error_axis
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import valid_cursor
 
@@ -66,7 +67,8 @@ QUADRANTS = (
 class ScatterInput:
     """Errors (N,) of both sides in `unit`; selected, valid: (N,) bool; cursor: an iid.
 
-    trained: (N,) marks instances that the model was trained on, None where none is shown.
+    trained: (N,) marks instances that the model was trained on, None where none is shown. viewport:
+    the part of the plane in view, in fractions of its axes; None for all of it.
     """
 
     sim: Floats
@@ -77,6 +79,12 @@ class ScatterInput:
     mark: Mark | None = None
     unit: str = "m"
     trained: Bools | None = None
+    viewport: Bounds | None = None
+
+    @property
+    def plane(self) -> ErrorPlane:
+        """The plane with the part of it that is in view."""
+        return ErrorPlane(self.axis, self.viewport or WHOLE)
 
     @property
     def axis(self) -> ErrorAxis:
@@ -116,7 +124,7 @@ class ScatterSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScatterModel:
-    """The plot in h x w cells, row 0 at the top.
+    """The part of the plane in view in h x w cells, row 0 at the top.
 
     count: (h, w) selected instances per cell. larger: (h, w) SIM_LARGER, REAL_LARGER, or EQUAL for
     cells with both. grey: (4h, 2w) braille dots of instances in view, where no selected one is.
@@ -124,7 +132,7 @@ class ScatterModel:
     largest count of all instances in view per cell. dense: whether cells are shaded.
     """
 
-    axis: ErrorAxis
+    plane: ErrorPlane
     count: Counts
     larger: NDArray[np.int8]
     grey: Bools
@@ -137,18 +145,18 @@ class ScatterModel:
 
 def scatter_model(data: ScatterInput, columns: int, rows: int) -> ScatterModel:
     """Count the instances in `columns` x `rows` cells."""
-    axis, selection = data.axis, selection_indices(data.selected, data.valid)
-    coloured = _sided_cells(data.sim, data.real, axis, columns, rows)
+    plane, selection = data.plane, selection_indices(data.selected, data.valid)
+    coloured = _sided_cells(data.sim, data.real, plane, columns, rows)
     selected, total = (
         part.reshape(rows, columns, 3) for part in count_selected(coloured, selection)
     )
     count = selected.sum(axis=2)
-    dots = _dots(data.sim, data.real, axis, columns, rows)
+    dots = _dots(data.sim, data.real, plane, columns, rows)
     held = (count_selected(dots, selection)[1] > 0).reshape(rows, 4, columns, 2)
     grey = (held & (count == 0)[:, None, :, None]).reshape(4 * rows, 2 * columns)
     summary = scatter_summary(data)
     return ScatterModel(
-        axis=axis,
+        plane=plane,
         count=count,
         larger=_larger(selected),
         grey=grey,
@@ -217,9 +225,9 @@ def _diagonal_sides(sim: Floats, real: Floats) -> Bins:
 
 
 @cached_by_identity(8)
-def _sided_cells(sim: Floats, real: Floats, axis: ErrorAxis, columns: int, rows: int) -> Bins:
+def _sided_cells(sim: Floats, real: Floats, plane: ErrorPlane, columns: int, rows: int) -> Bins:
     """Cell and side of the diagonal together."""
-    return joint_bins(_places(sim, real, axis, columns, rows), _diagonal_sides(sim, real))
+    return joint_bins(_places(sim, real, plane, columns, rows), _diagonal_sides(sim, real))
 
 
 def _trained_cells(
@@ -228,20 +236,20 @@ def _trained_cells(
     if data.trained is None:
         return None
     held = np.zeros(rows * columns * 3 + 1, dtype=np.bool_)
-    codes = _sided_cells(data.sim, data.real, data.axis, columns, rows).codes
+    codes = _sided_cells(data.sim, data.real, data.plane, columns, rows).codes
     held[codes[selected[data.trained[selected]]]] = True
     return np.asarray(held[:-1].reshape(rows, columns, 3).any(axis=2))
 
 
 @cached_by_identity(8)
-def _dots(sim: Floats, real: Floats, axis: ErrorAxis, columns: int, rows: int) -> Bins:
-    return _places(sim, real, axis, 2 * columns, 4 * rows)
+def _dots(sim: Floats, real: Floats, plane: ErrorPlane, columns: int, rows: int) -> Bins:
+    return _places(sim, real, plane, 2 * columns, 4 * rows)
 
 
-def _places(sim: Floats, real: Floats, axis: ErrorAxis, columns: int, rows: int) -> Bins:
-    """The cell of each instance with both errors, row by row from the top."""
-    across = bin_values(np.floor(axis.drawn(sim) * columns), columns)
-    down = bin_values(rows - 1 - np.floor(axis.drawn(real) * rows), rows)
+def _places(sim: Floats, real: Floats, plane: ErrorPlane, columns: int, rows: int) -> Bins:
+    """The cell of each instance in view with both errors, row by row from the top."""
+    across = bin_values(np.floor(plane.drawn_across(sim) * columns), columns)
+    down = bin_values(rows - 1 - np.floor(plane.drawn_up(real) * rows), rows)
     return joint_bins(down, across)
 
 

@@ -39,6 +39,8 @@ BELOW = 3.9
 """Inches below the drawing that they take on a narrow page."""
 BAR = 1.5
 """Height of the colour bar of a density with its title, inches."""
+SIM_MARKER, REAL_MARKER = "D", "o"
+"""Markers of instances by the larger of their errors."""
 PER_INCH = 24
 """Cells per inch of a density."""
 
@@ -66,7 +68,8 @@ def scatter_figure(
     else:
         _points(axes, page, data)
     if model.cursor is not None:
-        at = [max(float(errors[model.cursor]), model.axis.low) for errors in (data.sim, data.real)]
+        low = model.plane.axis.low
+        at = [max(float(errors[model.cursor]), low) for errors in (data.sim, data.real)]
         draw_ring(axes, at[0], at[1], page.inks.cursor, 80, 8)
     if side > 1 or is_below:
         under = BAR + 0.2 if model.dense else 0.0
@@ -77,12 +80,14 @@ def scatter_figure(
 def _style(axes: Axes, page: Page, data: ScatterInput, model: ScatterModel) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-    axis = model.axis
+    plane = model.plane
     style_axes(axes, page)
-    for scaled, limits in ((axes.set_xscale, axes.set_xlim), (axes.set_yscale, axes.set_ylim)):
+    for axis, ticks, scaled, limits in (
+        (plane.across, axes.xaxis, axes.set_xscale, axes.set_xlim),
+        (plane.up, axes.yaxis, axes.set_yscale, axes.set_ylim),
+    ):
         scaled("log" if axis.log else "linear")
         limits(axis.low, axis.high)
-    for ticks in (axes.xaxis, axes.yaxis):
         few = axis.log and np.log10(axis.high / axis.low) < 2.5
         subs = (1.0, 2.0, 5.0) if few and page.inches[0] > NARROW else (1.0,)
         ticks.set_major_locator(LogLocator(subs=subs) if axis.log else MaxNLocator(nbins=7))
@@ -96,7 +101,7 @@ def _style(axes: Axes, page: Page, data: ScatterInput, model: ScatterModel) -> N
 
 def _lines(axes: Axes, page: Page, model: ScatterModel) -> None:
     """The diagonal, and the limits of the best and the worst 15 % of each side."""
-    inks, axis = page.inks, model.axis
+    inks, axis = page.inks, model.plane.axis
     ends = [axis.low, axis.high]
     axes.plot(ends, ends, color=inks.muted, linewidth=1.0, zorder=2)
     dashed = (0, (4, 3))
@@ -115,11 +120,14 @@ def _points(axes: Axes, page: Page, data: ScatterInput) -> None:
     points.draw_unselected(7, 3)
     selected = points.members
     edge = [inks.background]
-    for larger, ink in ((real > sim, inks.real), (sim > real, inks.sim), (sim == real, inks.text)):
+    for larger, ink, marker in (
+        (real > sim, inks.real, REAL_MARKER), (sim > real, inks.sim, SIM_MARKER),
+        (sim == real, inks.text, REAL_MARKER),
+    ):  # fmt: skip
         part = selected[larger[selected]]
         axes.scatter(
-            sim[part], real[part], s=24, color=ink, edgecolors=edge, linewidths=0.5, zorder=5,
-            alpha=0.85,
+            sim[part], real[part], s=24, color=ink, marker=marker, edgecolors=edge, linewidths=0.5,
+            zorder=5, alpha=0.85,
         )  # fmt: skip
     points.draw_holes(6, 6)
 
@@ -136,7 +144,8 @@ def _density(axes: Axes, page: Page, model: ScatterModel, corner: tuple[float, f
 
     rows, columns = model.count.shape
     across, up = (
-        [model.axis.value(place / cells) for place in range(cells + 1)] for cells in (columns, rows)
+        [axis.value(place / cells) for place in range(cells + 1)]
+        for axis, cells in ((model.plane.across, columns), (model.plane.up, rows))
     )
     grey = cells_with_dots(model.grey)
     shade = np.ma.masked_where(~grey, np.ones(grey.shape))
@@ -176,8 +185,8 @@ def _legend(
 ) -> None:
     summary, inks = model.summary, page.inks
     marks: list[LegendMark] = [
-        (f"real error larger: {summary.real_larger}", "o", inks.real, True),
-        (f"sim error larger: {summary.sim_larger}", "o", inks.sim, True),
+        (f"real error larger: {summary.real_larger}", REAL_MARKER, inks.real, True),
+        (f"sim error larger: {summary.sim_larger}", SIM_MARKER, inks.sim, True),
     ]
     if model.dense:
         marks = [(name, "", ink, filled) for name, _, ink, filled in marks]
@@ -192,9 +201,9 @@ def _legend(
         (f"{quadrant.name}: {total}", "", inks.text, False)
         for quadrant, (total, _) in zip(QUADRANTS, summary.quadrants, strict=True)
     ]
-    if model.axis.log:
+    if data.axis.log:
         marks.append((f"log axes: {LOG_RULE}", "", inks.muted, False))
     if summary.below:
-        text = f"{summary.below} below {short_number(model.axis.low)} {data.unit} at the edge"
+        text = f"{summary.below} below {short_number(data.axis.low)} {data.unit} at the edge"
         marks.append((text, "", inks.muted, False))
     marker_legend(page, marks, corner)

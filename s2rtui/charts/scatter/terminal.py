@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from s2rtui.canvas import (
 )
 from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import cells_with_dots, draw_braille, line_dots
-from s2rtui.charts.scatter.axis import LOG_RULE, ErrorAxis
+from s2rtui.charts.scatter.axis import LOG_RULE, ErrorPlane
 from s2rtui.charts.scatter.model import (
     DENSITY_ABOVE,
     EQUAL,
@@ -35,20 +36,25 @@ from s2rtui.charts.scatter.model import (
     scatter_summary,
 )
 from s2rtui.charts.shared.axis_scale import short_number
-from s2rtui.charts.shared.base_map_terminal import trained_legend
 from s2rtui.charts.shared.legend import (
     LegendPart,
     draw_rows,
     fit_rows,
+    legend_rows,
     ramp_for_values,
     text_part,
+)
+from s2rtui.charts.shared.trained_marks import (
+    TrainedForms,
+    digit_forms,
+    mark_trained,
+    number_forms,
+    number_glyphs,
+    trained_legend,
 )
 
 LEFT = 7
 """Columns of ticks at the left."""
-MANY = 10
-"""Cells with this many instances or more show `+` in place of the number."""
-
 _LEAST = 1e-12
 """Metres; errors below it, also 0, have the same place on a logarithmic axis."""
 
@@ -71,7 +77,7 @@ def scatter_layout(
     width, height = max(1, size[0]), max(1, size[1])
     axes = width >= 36 and height >= 12
     left, below = (LEFT, 1) if axes else (0, 0)
-    rows = fit_rows(_legend(data, options, width, peak), width, most=height // 6)
+    rows = fit_rows(_legend(data, options, width, peak), width, most=legend_rows(height))
     legend = tuple(tuple(row) for row in rows)
     return ScatterLayout(left, width - left, height - below - len(rows), axes, legend)
 
@@ -81,18 +87,23 @@ def scatter_panels(
 ) -> tuple[Panel, ...]:
     """One panel "errors", a plane: x is the sim error, y the real error, both in metres."""
     layout = scatter_layout(data, size, options)
-    return (_panel(data.axis, layout),)
+    return (_panel(data.plane, layout),)
 
 
-def _panel(axis: ErrorAxis, layout: ScatterLayout) -> Panel:
-    least = _LEAST if axis.log else -np.inf
+def _panel(plane: ErrorPlane, layout: ScatterLayout) -> Panel:
+    axes = plane.across, plane.up
+    least = _LEAST if plane.axis.log else -np.inf
 
     def to_data(column: float, row: float) -> Point:
-        across, up = (column - layout.left) / layout.width, 1 - row / layout.height
-        return axis.value(across), axis.value(up)
+        places = (column - layout.left) / layout.width, 1 - row / layout.height
+        across, up = (axis.value(place) for axis, place in zip(axes, places, strict=True))
+        return across, up
 
     def to_cells(x: float, y: float) -> Point:
-        across, up = (float(axis.fractions(max(error, least))) for error in (x, y))
+        across, up = (
+            float(axis.fractions(max(error, least)))
+            for axis, error in zip(axes, (x, y), strict=True)
+        )
         return layout.left + across * layout.width, (1 - up) * layout.height
 
     return Panel("errors", "plane", layout.left, 0, layout.width, layout.height, to_data, to_cells)
@@ -113,16 +124,16 @@ def draw_scatter(
     _unselected(chart, model)
     (_shades if model.dense else _dots)(chart, model)
     if model.trained is not None:
-        chart.char[model.trained] = chart.glyphs.trained
+        mark_trained(chart, model.trained, trained_forms(options, model.dense))
         if model.dense:
             chart.fg[model.trained] = chart.theme.text
-    canvas.paste(chart, layout.left, 0)
-    panel = _panel(data.axis, layout)
     if model.cursor is not None:
-        across, up = (float(data.axis.drawn(e[model.cursor])) for e in (data.sim, data.real))
-        column = layout.left + int(across * layout.width)
-        row = layout.height - 1 - int(up * layout.height)
-        canvas.put(column, row, *options.role("cursor"), bold=True)
+        across = float(data.plane.drawn_across(data.sim[model.cursor]))
+        up = float(data.plane.drawn_up(data.real[model.cursor]))
+        column, row = math.floor(across * layout.width), math.floor(up * layout.height)
+        chart.put(column, layout.height - 1 - row, *options.role("cursor"), bold=True)
+    canvas.paste(chart, layout.left, 0)
+    panel = _panel(data.plane, layout)
     draw_mark(canvas, panel, data.mark)
     if layout.axes:
         _axes(canvas, panel, data)
@@ -131,25 +142,47 @@ def draw_scatter(
 
 
 def _lines(chart: Canvas, model: ScatterModel) -> None:
-    """The diagonal in dots, and a line at each limit of the best and the worst 15 %."""
-    glyphs, ink = chart.glyphs, chart.theme.faint
+    """The diagonal, and a line at each limit of the best and the worst 15 %."""
+    glyphs, ink, plane = chart.glyphs, chart.theme.faint, model.plane
     for limits, vertical in ((model.summary.sim, True), (model.summary.real, False)):
         for limit in (limits.best, limits.worst):
             if not np.isfinite(limit):
                 continue
-            place = float(model.axis.drawn(limit))
+            place = float((plane.drawn_across if vertical else plane.drawn_up)(limit))
+            if not 0 <= place < 1:
+                continue
             if vertical:
                 chart.vline(int(place * chart.width), 0, chart.height - 1, glyphs.vertical, ink)
             else:
                 row = chart.height - 1 - int(place * chart.height)
                 chart.hline(0, chart.width - 1, row, glyphs.horizontal, ink)
-    ends = ((0.0, float(chart.height)), (float(chart.width), 0.0))
-    diagonal = line_dots([ends], chart.width, chart.height, every=2)
-    if chart.options.ascii:
-        for row, column in np.argwhere(cells_with_dots(diagonal)):
-            chart.put(int(column), int(row), ".", chart.theme.muted)
-    else:
-        draw_braille(chart, diagonal, chart.theme.muted)
+    shown = plane.shown
+    left, right = (
+        (
+            (end - shown.x0) / shown.width * chart.width,
+            (1 - (end - shown.y0) / shown.height) * chart.height,
+        )
+        for end in (0.0, 1.0)
+    )
+    diagonal = cells_with_dots(line_dots([(left, right)], chart.width, chart.height))
+    chart.char[diagonal] = diagonal_glyph(chart.options)
+    chart.fg[diagonal] = chart.theme.both
+
+
+def diagonal_glyph(options: RenderOptions) -> str:
+    """The glyph of the line on which both errors are equal."""
+    return "/" if options.ascii else "╱"
+
+
+def side_glyphs(options: RenderOptions) -> str:
+    """Glyphs of one instance whose sim error is larger, whose errors are equal, real is larger."""
+    glyphs = options.glyphs
+    return glyphs.sim + glyphs.both + glyphs.real
+
+
+def trained_forms(options: RenderOptions, dense: bool) -> TrainedForms:
+    """The forms of trained instances; in `dense` plots those of the digits of densities."""
+    return digit_forms(options) if dense else number_forms(options, side_glyphs(options))
 
 
 def _unselected(chart: Canvas, model: ScatterModel) -> None:
@@ -163,11 +196,10 @@ def _unselected(chart: Canvas, model: ScatterModel) -> None:
 
 
 def _dots(chart: Canvas, model: ScatterModel) -> None:
-    """A disc for one selected instance, a number for several, coloured by the larger error."""
-    held = model.count > 0
-    several = np.minimum(model.count[held], MANY)
-    names = np.array([" ", chart.glyphs.selected, *map(str, range(2, MANY)), "+"])
-    chart.char[held] = names[several]
+    """The glyph of the larger error for one selected instance, a number for several."""
+    held, one = model.count > 0, model.count == 1
+    chart.char[held] = number_glyphs(model.count[held], chart.glyphs.selected)
+    chart.char[one] = np.array(list(side_glyphs(chart.options)))[model.larger[one]]
     chart.fg[held] = _side_inks(chart.options)[model.larger[held]]
     chart.bold[held] = True
 
@@ -202,18 +234,18 @@ def density_shares(counts: np.ndarray, peak: int) -> np.ndarray:
 
 def _axes(canvas: Canvas, panel: Panel, data: ScatterInput) -> None:
     """Ticks along the left and the lower edge, with the names of both axes."""
-    theme, axis, bottom = canvas.theme, data.axis, panel.height
-    name = f"sim error {data.unit}{', log' if axis.log else ''}"
+    theme, across, up, bottom = canvas.theme, data.plane.across, data.plane.up, panel.height
+    name = f"sim error {data.unit}{', log' if data.axis.log else ''}"
     free, stop = panel.x, canvas.width - len(name) - 1
-    for tick in axis.ticks(max(2, panel.width // 8)):
+    for tick in across.ticks(max(2, panel.width // 8)):
         text = short_number(tick)
-        start = max(panel.x, int(panel.to_cells(tick, axis.high)[0]) - len(text) // 2)
+        start = max(panel.x, int(panel.to_cells(tick, up.high)[0]) - len(text) // 2)
         if start >= free and start + len(text) <= stop:
             free = canvas.text(start, bottom, text, theme.muted) + 1
     canvas.text(canvas.width - len(name), bottom, name, theme.muted)
     canvas.text(0, 0, f"real {data.unit}", theme.muted)
-    for tick in axis.ticks(max(2, panel.height // 4)):
-        row = min(int(panel.to_cells(axis.low, tick)[1]), bottom - 1)
+    for tick in up.ticks(max(2, panel.height // 4)):
+        row = min(int(panel.to_cells(across.high, tick)[1]), bottom - 1)
         if row >= 1:
             canvas.text(
                 panel.x - 1, row, short_number(tick)[: LEFT - 1], theme.muted, align="right"
@@ -227,7 +259,8 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
     lines = f"lines: best and worst {PERCENT} %"
     limits = lines + _limits_text(summary.sim, summary.real)
     lines = limits if len(limits) <= width else lines
-    parts.insert(2, text_part(((lines, theme.muted),)))
+    diagonal = (f"{diagonal_glyph(options)} ", theme.both), ("sim = real", theme.muted)
+    parts[2:2] = [text_part(diagonal), text_part(((lines, theme.muted),))]
     parts += [
         text_part(((f"{quadrant.name}: ", theme.muted), (str(count), theme.text)))
         for quadrant, (count, _) in zip(QUADRANTS[:2], summary.quadrants, strict=False)
@@ -246,25 +279,24 @@ def _legend(data: ScatterInput, options: RenderOptions, width: int, peak: int) -
 def _point_legend(
     data: ScatterInput, summary: ScatterSummary, options: RenderOptions, width: int, peak: int
 ) -> list[LegendPart]:
-    theme, glyph = options.theme, options.glyphs.selected
+    theme = options.theme
     parts: list[LegendPart] = []
     sides = (("real", theme.real, summary.real_larger), ("sim", theme.sim, summary.sim_larger))
     dense = summary.total > DENSITY_ABOVE
     for side, ink, count in sides:
         where = "above" if side == "real" else "below"
-        marked: list[tuple[str, Rgb]] = [] if dense else [(f"{glyph} ", ink)]
+        marked: list[tuple[str, Rgb]] = [] if dense else [(f"{options.role(side)[0]} ", ink)]
         text = f"{side} error larger ({where} the diagonal): "
-        if len(text) + 12 > width // 2 and (dense or options.supports_images):
+        if len(text) + 12 > width // 2:
             text = f"{side} error larger: "
         parts.append(text_part((*marked, (text, theme.muted), (str(count), theme.text))))
     if dense:
         parts.insert(0, _count_bar(peak, options))
     elif summary.selected:
-        parts.append(
-            text_part(((f"2-{MANY - 1}: that many instances, +: {MANY} or more", theme.muted),))
-        )
+        parts.append(text_part((("2-9: that many instances, +: 10 or more", theme.muted),)))
     if data.trained is not None:
-        parts.append(trained_legend(options))
+        plain = dense and ramp_for_values(options) is None
+        parts.append(trained_legend(options, None if plain else trained_forms(options, dense)))
     if summary.selected < summary.total:
         grey = "⠿" if not options.ascii else options.glyphs.unselected
         parts.append(text_part(((f"{grey} ", theme.unselected), ("not selected", theme.muted))))

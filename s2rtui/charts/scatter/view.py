@@ -10,14 +10,15 @@ from s2rstore.index.columns import FloatColumn
 from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
-from s2rtui.charts.scatter.axis import ErrorAxis
+from s2rtui.charts.scatter.axis import WHOLE, ErrorAxis
 from s2rtui.charts.scatter.brush import box_expression, lasso_expression
 from s2rtui.charts.scatter.model import PERCENT, QUADRANTS, ScatterInput, scatter_summary
 from s2rtui.charts.scatter.terminal import draw_scatter, scatter_panels
 from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
-from s2rtui.charts.shared.points import nearest_iid, stacked_points
+from s2rtui.charts.shared.points import known_point, nearest_iid, stacked_points
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.session.view_settings import ZoomPlane
 
 
 class ScatterView(PointsView):
@@ -30,10 +31,7 @@ class ScatterView(PointsView):
 
     def subtitle(self, scene: Scene) -> str:
         summary = scatter_summary(self.input(scene))
-        return (
-            f"{QUADRANTS[0].name}: {summary.quadrants[0][0]} of {summary.total} "
-            f"(worst and best {PERCENT} %)"
-        )
+        return f"{QUADRANTS[0].name}: {summary.quadrants[0][0]} of {summary.total}"
 
     def input(self, scene: Scene) -> ScatterInput:
         state = scene.state
@@ -44,6 +42,7 @@ class ScatterView(PointsView):
         return ScatterInput(
             sim, real, state.selected, state.base, cursor=state.cursor,
             mark=scene.mark(self.name), trained=state.marked,
+            viewport=state.viewport_of(self.name),
         )  # fmt: skip
 
     def numbers(self, scene: Scene) -> Table:
@@ -85,6 +84,16 @@ class ScatterView(PointsView):
         title = f"{scene.state.run}: error in simulation against error in reality"
         return paper.scatter_figure(self.input(scene), size, theme, title, scene.caption)
 
+    def zoom_plane(self, scene: Scene) -> ZoomPlane:
+        """Fractions of both axes, because these may be logarithmic."""
+        view, cursor = self.input(scene), scene.state.cursor
+        places = _drawn_places(view.sim, view.real, view.axis)
+        return ZoomPlane(self.name, WHOLE, False, known_point(places, cursor))
+
+    def plane_point(self, scene: Scene, point: Point) -> Point:
+        across, up = (float(self.input(scene).axis.drawn(error)) for error in point)
+        return across, up
+
     def points(self, scene: Scene, panel: Panel) -> Floats:
         view = self.input(scene)
         sim, real = (np.asarray(errors, dtype=np.float64) for errors in (view.sim, view.real))
@@ -93,12 +102,15 @@ class ScatterView(PointsView):
     def nearest(self, scene: Scene, panel: Panel, point: Point) -> int | None:
         view = self.input(scene)
         places = _drawn_places(view.sim, view.real, view.axis)
-        across, up = (float(view.axis.drawn(error)) for error in point)
-        wide, high = panel.width, 2 * panel.height
+        across, up = self.plane_point(scene, point)
+        shown = view.plane.shown
+        wide, high = panel.width / shown.width, 2 * panel.height / shown.height
         return nearest_iid(places * (wide, high), scene.state.base, (across * wide, up * high))
 
     def to_expression(self, scene: Scene, panel: Panel, mark: Mark) -> str:
-        view, cell = self.input(scene), (1 / panel.width, 1 / panel.height)
+        view = self.input(scene)
+        shown = view.plane.shown
+        cell = shown.width / panel.width, shown.height / panel.height
         if mark.lasso:
             return lasso_expression(view.axis, mark, cell)
         return box_expression(view.axis, view.sim, view.real, mark, cell)

@@ -32,6 +32,10 @@ from s2rtui.charts.shared.base_map_floor import (
 
 FLOOR_RAMPS = {True: "  ..::", False: "   ░░"}
 HEAT_RAMPS = {True: "-=+*#%", False: "▒▓█"}
+WALL_LINES = {True: "_|||_|||_|||_|||", False: "╬║║║═╝╗╣═╚╔╠═╩╦╬"}
+"""Walls without block characters, by whether they are ASCII: the character of a cell whose
+neighbours above (1), below (2), at the left (4) and at the right (8) are walls, too, at the sum of
+these numbers. No other layer of a map has them."""
 FAINT = 0.15
 """Share of the heat's range below which no glyphs are drawn."""
 
@@ -67,8 +71,7 @@ def draw_background(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> N
             walls = background.walls
         else:
             _glyphs(canvas, ground, frame)
-            if canvas.options.supports_images:
-                walls = _walls(canvas, ground, frame)
+            walls = _walls(canvas, ground, frame)
     _outlines(canvas, ground.rooms, frame, walls)
 
 
@@ -95,17 +98,35 @@ def _glyphs(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> None:
 
 
 def _walls(canvas: Canvas, ground: MapBackground, frame: MapFrame) -> Bools:
-    """Draw walls in one colour on the page; returns the cells that have one."""
+    """Draw walls in one colour on the page; returns the cells that have one.
+
+    Block characters, or, where colours cannot tell them from heat, lines.
+    """
     symbols = canvas.options.symbol_set
-    parts = wall_layer(ground, frame, (symbols.rows, symbols.columns))
+    blocks = canvas.options.supports_images
+    pixels = (symbols.rows, symbols.columns) if blocks else (1, 1)
+    parts = wall_layer(ground, frame, pixels)
     if parts is None:
         return np.zeros(canvas.char.shape, dtype=np.bool_)
     walls, _ = parts
-    seen = seen_layer(ground, frame, (symbols.rows, symbols.columns))
-    char, held = cells_of(walls if seen is None else walls & (seen >= 0.5), symbols)
+    seen = seen_layer(ground, frame, pixels)
+    walls = walls if seen is None else walls & (seen >= 0.5)
+    char, held = cells_of(walls, symbols) if blocks else wall_lines(walls, canvas.options.ascii)
     canvas.char[held] = char[held]
     canvas.fg[held] = canvas.theme.wall
     return held
+
+
+def wall_lines(walls: Bools, ascii: bool) -> tuple[NDArray[np.str_], Bools]:
+    """The line characters (h, w) of cells with a wall (h, w), each joined to its neighbours.
+
+    Also returns the cells that have one, which are `walls`.
+    """
+    near = np.pad(walls, 1)
+    up, down = near[:-2, 1:-1], near[2:, 1:-1]
+    left, right = near[1:-1, :-2], near[1:-1, 2:]
+    joints = up + 2 * down + 4 * left + 8 * right
+    return np.array(list(WALL_LINES[ascii]))[joints], walls
 
 
 def _paired(pixels: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -62,6 +62,14 @@ from s2rtui.charts.shared.points import (
     marked_cells,
     unselected_dots,
 )
+from s2rtui.charts.shared.trained_marks import SEVERAL as SEVERAL_TRAINED
+from s2rtui.charts.shared.trained_marks import (
+    TrainedForms,
+    digit_forms,
+    glyph_forms,
+    mark_trained,
+    trained_legend,
+)
 
 Places = NDArray[np.intp]
 Legend = Callable[[MapFrame, int], list[LegendPart]]
@@ -220,19 +228,22 @@ def draw_values(canvas: Canvas, data: MapInput, model: MapModel, frame: MapFrame
 
 def draw_trained(
     canvas: Canvas, points: Floats, trained: Bools | None, selection: SelectionIndices,
-    frame: MapFrame,
+    frame: MapFrame, marks: TrainedForms,
 ) -> None:  # fmt: skip
-    """Replace the glyph of cells that hold a selected instance that the model was trained on."""
+    """Mark the glyphs of cells that hold a selected instance that the model was trained on."""
     if trained is not None:
-        cells = marked_cells(points, trained, selection, frame)
-        canvas.char[cells] = canvas.glyphs.trained
+        mark_trained(canvas, marked_cells(points, trained, selection, frame), marks)
 
 
-def trained_legend(options: RenderOptions, glyphs: str = "") -> LegendPart:
-    """The part that explains the glyph of trained instances, or the given ones."""
-    theme = options.theme
-    shown = glyphs or options.glyphs.trained
-    return text_part(((f"{shown} ", theme.text), ("trained on", theme.muted)))
+def value_marks(options: RenderOptions) -> TrainedForms:
+    """The forms of trained instances among those that `draw_values` draws."""
+    if ramp_for_values(options) is not None:
+        return digit_forms(options)
+    glyphs = options.glyphs
+    return glyph_forms(
+        glyphs.selected + glyphs.several, glyphs.trained + SEVERAL_TRAINED,
+        f"{glyphs.trained} {SEVERAL_TRAINED}",
+    )  # fmt: skip
 
 
 def draw_pose(
@@ -263,17 +274,19 @@ def layout_of_points(
     options: RenderOptions,
     mode_legend: ModeLegend | None = None,
     notes: Sequence[LegendPart] = (),
+    marks: TrainedForms | None = None,
 ) -> MapLayout:
     """Lay out a map whose selected points `mode_legend` explains (default: `value_legend`).
 
-    `viewport` is a world rectangle, by default the bounds. `notes` close the legend.
+    `viewport` is a world rectangle, by default the bounds. `notes` close the legend. `marks` are
+    the forms of trained instances, by default those of `value_marks`.
     """
     explain = mode_legend or value_legend
 
     def legend(frame: MapFrame, width: int) -> list[LegendPart]:
         parts = explain(data, model, options, width)
         if data.trained is not None:
-            parts.append(trained_legend(options))
+            parts.append(trained_legend(options, marks or value_marks(options)))
         if model.heat_range is not None:
             ramp = None if options.supports_shading else HEAT_RAMPS[options.ascii]
             length = 12 if width >= 50 else 8
@@ -377,7 +390,8 @@ def draw_value_map(
 
     def draw_selected(chart: Canvas) -> None:
         draw_values(chart, data, model, layout.frame)
-        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame)
+        forms = value_marks(options)
+        draw_trained(chart, data.truth, data.trained, model.selection, layout.frame, forms)
         draw_cursor(chart, data, model.cursor, layout.frame)
 
     def paint_selected(picture: MapPicture) -> None:

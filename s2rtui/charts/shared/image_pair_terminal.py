@@ -76,9 +76,7 @@ def instance_layout(
         what, rows, lines, space = kinds[:1], [], 0, max(1, height - title)
     images = what, _sides(data), _shape(data), width
     notes = note_lines(data, width, options) if lines else []
-    shown = notes[: _note_rows(len(notes), space, images, title)]
-    if len(shown) < len(notes) and shown:
-        shown[-1] = f"{shown[-1][: width - 2]} {options.glyphs.ellipsis}"
+    shown = _whole_notes(notes, _note_rows(sum(map(len, notes)), space, images, title))
     panels, used = _arrange(*images, space - len(shown), title)
     table_y = used + len(rows) if lines else None
     return InstanceLayout(panels, tuple(rows), used, table_y, tuple(shown))
@@ -86,8 +84,17 @@ def instance_layout(
 
 _Images = tuple[list[str], list[str], tuple[int, int], int]
 """Kinds and sides of the images, their rows and columns, and the width to show them in."""
-_KEPT_AREA = 0.75
+_KEPT_AREA = 0.6
 """Share of the area of the images that notes below them leave."""
+
+
+def _whole_notes(notes: Sequence[Sequence[str]], rows: int) -> list[str]:
+    """The lines of the notes that fit into `rows`; one that does not fit is left out."""
+    shown: list[str] = []
+    for note in notes:
+        if len(shown) + len(note) <= rows:
+            shown += note
+    return shown
 
 
 def _note_rows(most: int, space: int, images: _Images, top: int) -> int:
@@ -296,12 +303,7 @@ def _table(
         canvas.text(0, row, text, theme.muted)
 
 
-def note_lines(data: InstanceInput, width: int, options: RenderOptions) -> list[str]:
-    """The notes, wrapped at `width` columns; lines that continue a note are indented."""
-    return [
-        line
-        for name, value in data.notes
-        for line in textwrap.wrap(
-            options.printable(f"{name} {value}"), max(12, width), subsequent_indent="  "
-        )
-    ]
+def note_lines(data: InstanceInput, width: int, options: RenderOptions) -> list[list[str]]:
+    """The lines of each note, wrapped at `width` columns; continued ones are indented."""
+    texts = (options.printable(f"{name} {value}") for name, value in data.notes)
+    return [textwrap.wrap(text, max(12, width), subsequent_indent="  ") for text in texts]

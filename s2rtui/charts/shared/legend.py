@@ -196,7 +196,7 @@ def fit_rows(
 
 def legend_rows(height: int) -> int:
     """The most rows of a legend in a view of `height` rows; none in very low views."""
-    return 0 if height < 6 else max(1, height // 5)
+    return 0 if height < 6 else height // 2
 
 
 def _wrapped_parts(parts: Sequence[LegendPart], width: int) -> Iterator[LegendPart]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtui.analysis.binning import selection_indices
+from s2rtui.analysis.binning import Bools, selection_indices
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import (
     DEFAULT_OPTIONS,
@@ -24,11 +24,9 @@ from s2rtui.canvas.marks import draw_mark
 from s2rtui.canvas.raster import braille_bits, cells_with_dots
 from s2rtui.charts.shared.axis_scale import short_number, tick_step, tick_text, tick_values
 from s2rtui.charts.shared.base_map_terminal import (
-    draw_trained,
     plane_panel,
     point_colours,
     several_legend,
-    trained_legend,
 )
 from s2rtui.charts.shared.legend import (
     LegendPart,
@@ -38,6 +36,15 @@ from s2rtui.charts.shared.legend import (
     legend_rows,
     ramp_for_values,
     text_part,
+)
+from s2rtui.charts.shared.points import marked_cells
+from s2rtui.charts.shared.trained_marks import (
+    TrainedForms,
+    digit_forms,
+    mark_trained,
+    number_forms,
+    number_glyphs,
+    trained_legend,
 )
 from s2rtui.charts.umap.model import (
     LEVELS,
@@ -140,7 +147,9 @@ def draw_umap(data: UmapInput, size: Size, options: RenderOptions = DEFAULT_OPTI
         _points(chart, layer)
         points = data.sim if panel.name == "sim" else data.real
         selection = selection_indices(data.selected, data.valid)
-        draw_trained(chart, points, data.trained, selection, layout.frame)
+        if data.trained is not None:
+            cells = marked_cells(points, data.trained, selection, layout.frame)
+            _trained(chart, layer, cells)
         canvas.paste(chart, panel.x, panel.y)
         _cursor(canvas, panel, data, model)
         draw_mark(canvas, panel, data.mark)
@@ -183,6 +192,20 @@ def _points(chart: Canvas, layer: UmapLayer) -> None:
         chart.bold[highlighted & (layer.count > 1)] = True
 
 
+def _forms(options: RenderOptions) -> TrainedForms:
+    """The forms of trained instances: of the digits that stand for values, or of numbers."""
+    if ramp_for_values(options) is not None:
+        return digit_forms(options)
+    return number_forms(options, options.glyphs.selected)
+
+
+def _trained(chart: Canvas, layer: UmapLayer, cells: Bools) -> None:
+    """Mark cells (h, w) with trained instances; their dots and shades become numbers."""
+    if ramp_for_values(chart.options) is None:
+        chart.char[cells] = number_glyphs(layer.count[cells], chart.glyphs.selected)
+    mark_trained(chart, cells, _forms(chart.options))
+
+
 def _legend(data: UmapInput, width: int, options: RenderOptions) -> list[LegendPart]:
     """The colour bar, and what a cell shows."""
     theme, ramp = options.theme, ramp_for_values(options)
@@ -200,14 +223,16 @@ def _legend(data: UmapInput, width: int, options: RenderOptions) -> list[LegendP
         text_part(((f"{grey} ", theme.unselected), ("none selected", theme.muted))),
     ]
     if data.trained is not None:
-        parts.append(trained_legend(options))
+        parts.append(trained_legend(options, _forms(options)))
     if ramp is not None:
         parts.append(several_legend(options))
     if not options.ascii:
+        most = int(np.count_nonzero(data.valid))
         texts = [f"⠿ 1 to {SINGLE}"]
         texts += [
             f"{shade} {least}+"
             for shade, least in zip(options.glyphs.shades[1:], SHADE_STEPS, strict=True)
+            if least <= most
         ]
         parts.append(text_part((("  ".join(texts) + " per cell", theme.muted),)))
     return parts

@@ -26,7 +26,7 @@ class UmapView(PointsView):
     figure_size = (1600, 800)
 
     def subtitle(self, scene: Scene) -> str:
-        return "embeddings, coloured by sim-real distance"
+        return "coloured by sim-real distance"
 
     def input(self, scene: Scene) -> UmapInput:
         viewport = scene.state.viewport_of(self.name)

@@ -9,6 +9,7 @@ from pathlib import Path
 from s2rstore.errors import RequestError
 from s2rtui.cli import page_arguments, scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage, print_population
+from s2rtui.cli.display_arguments import add_theme
 from s2rtui.cli.formatting import rows
 
 Pixels = tuple[int, int]
@@ -26,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True,
                         help="output file, *.png, *.svg or *.pdf")  # fmt: skip
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="size in pixels, such as 1600x1200")
-    parser.add_argument("--dark", action="store_true", help="use a dark background")
     page = page_arguments.add_page(parser, "page")
-    page("--title", default="", help="title of the figure (default: that of the view)")
+    page.add_argument("--title", default="", help="title of the figure (default: that of the view)")
+    add_theme(page, "light, for paper", "--dark")
     scene_arguments.add_selection(parser)
     scene_arguments.add_drawing(parser)
 
@@ -42,7 +43,9 @@ def execute(options: argparse.Namespace) -> int:
     if options.view == SCREEN and options.out.suffix != ".png":
         raise RequestError(f"--out {options.out}: must end in .png")
     form = format_of(options.out, "--out")
-    page = page_arguments.page_options(options, size=_size(options.size), dark=options.dark)
+    page = page_arguments.page_options(
+        options, size=_size(options.size), dark=options.theme == "dark"
+    )
     scene_options = scene_arguments.scene_options(options)
     if options.view == SCREEN:
         from s2rtui.app.pilot import screen_of

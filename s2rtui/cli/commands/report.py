@@ -9,6 +9,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rtui.cli import page_arguments, scene_arguments
 from s2rtui.cli.coverage_notes import print_coverage
+from s2rtui.cli.display_arguments import add_theme
 from s2rtui.cli.formatting import rows
 from s2rtui.cli.formatting.progress import reporter
 
@@ -30,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, help="output file, *.html")
     add("--title", default="", help="title of the page")
     add("--date", default="", help="date to print, as text (default: none)")
-    page_arguments.add_page(parser, "figures")
-    add("--light", action="store_true", help="omit the figures for dark screens")
+    figures = page_arguments.add_page(parser, "figures")
+    add_theme(figures, "both, by the setting of the reader's screen", "--light")
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -53,7 +54,7 @@ def execute(options: argparse.Namespace) -> int:
         heat=options.heat,
         title=options.title,
         date=options.date,
-        dark=not options.light,
+        theme=options.theme,
         page=page_arguments.page_options(options, title=""),
     )
     with reporter() as progress:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rtui.cli import scene_arguments
-from s2rtui.cli.display_arguments import add_symbols
+from s2rtui.cli.display_arguments import add_symbols, add_theme
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.png"
@@ -27,12 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size in characters (default 120x40)")  # fmt: skip
     add("--ascii", action="store_true", help="use ASCII characters only")
     add("--colour", default="truecolor", help="truecolor, 256, 16 or none (default truecolor)")
-    add("--light", action="store_true", help="use a light background")
+    add_theme(screen, "that of the terminal, by COLORFGBG, else dark", "--light", "dark")
     add_symbols(screen)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtui.canvas import DARK, LIGHT, ColourMode, RenderOptions
+    from s2rtui.canvas import ColourMode, RenderOptions
+    from s2rtui.terminal.capabilities import detect
 
     size = _size(options.size)
     if options.out.suffix not in (".png", ".txt"):
@@ -40,7 +41,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.colour not in ("truecolor", "256", "16", "none"):
         raise RequestError(f"--colour {options.colour}: must be truecolor, 256, 16 or none")
     mode = ColourMode(options.colour)
-    theme = LIGHT if options.light else DARK
+    theme = detect(options.colour, options.ascii, theme=options.theme).theme
     render_options = RenderOptions(theme, mode, options.ascii, options.symbols)
     from s2rtui.app.pilot import is_key, snapshot
 

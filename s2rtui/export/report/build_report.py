@@ -89,6 +89,7 @@ def build_report(session: Session, request: ReportRequest, on_step: StepCallback
         runs=metric_tables.compared_runs(store, state.runs, None, caption),
         images=overview,
         sections=sections,
+        theme="dark" if request.theme == "dark" else "light",
     )
 
 

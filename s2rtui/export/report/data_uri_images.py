@@ -17,6 +17,7 @@ from s2rtui.export.report.report_model import ReportImage, ReportTable
 from s2rtui.export.report.report_request import ReportRequest
 
 _QUALITY = 92
+_THEMES = {"auto": (LIGHT, DARK), "light": (LIGHT,), "dark": (DARK,)}
 _HALF_PAGE = (1100, 760)
 """Size of a figure in pixels that takes half the width of the page."""
 _HALF_TYPE_SIZE, _WIDE_TYPE_SIZE = 1.45, 1.05
@@ -29,20 +30,19 @@ def figure(
     wide: tuple[int, int] | None = None,
     numbers: ReportTable | None = None,
 ) -> ReportImage:
-    """Draw a view for light and optionally dark screens, on the page of the request.
+    """Draw a view in the theme, or in both themes, of the request, on its page.
 
     `wide` is the size in pixels of a figure over the whole width of the page, unless the request
     gives a physical size.
     """
-    page, dark = request.page, request.dark
+    page, themes = request.page, _THEMES[request.theme]
     size, is_wide = wide or _HALF_PAGE, wide is not None
     if page.is_physical:
         size, is_wide = page.pixels(view), page.millimetres >= NARROW_MM
-    themes = (LIGHT, DARK) if dark else (LIGHT,)
     with page.format(type_size=_WIDE_TYPE_SIZE if wide else _HALF_TYPE_SIZE):
         uris = [_data_uri(Image.open(BytesIO(view.figure(scene, size, theme)))) for theme in themes]
     return ReportImage(
-        uris[0], size, view.summary(scene), dark=uris[1] if dark else "", wide=is_wide,
+        uris[0], size, view.summary(scene), dark=uris[1] if len(uris) > 1 else "", wide=is_wide,
         numbers=numbers, millimetres=page.millimetres if page.is_physical else None,
     )  # fmt: skip
 

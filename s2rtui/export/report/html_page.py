@@ -9,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from s2rstore.security.printable_text import printable_lines
-from s2rtui.canvas import DARK, LIGHT, Theme
+from s2rtui.canvas import DARK, THEMES, Theme
 from s2rtui.export.report.report_model import Report
 
 _DARK_MEDIA = "screen and (prefers-color-scheme: dark)"
@@ -34,8 +34,9 @@ def _printable(value: Any) -> Any:
 
 def _style(report: Report) -> str:
     has_dark_figures = any(image.dark for image in report.images)
-    schemes = "light dark" if has_dark_figures else "light"
-    variables = f":root {{ color-scheme: {schemes}; {_variables(LIGHT)} }}"
+    theme = THEMES[report.theme]
+    schemes = "light dark" if has_dark_figures else theme.name
+    variables = f":root {{ color-scheme: {schemes}; {_variables(theme)} }}"
     if has_dark_figures:
         variables += f"\n@media {_DARK_MEDIA} {{ :root {{ {_variables(DARK)} }} }}"
     rules = (_FOLDER / "report.css").read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 Facts = Sequence[tuple[str, str]]
 """Names with their values."""
@@ -76,7 +77,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The page: an overview of all runs, then a section per selection."""
+    """The page: an overview of all runs, then a section per selection.
+
+    theme: the colours of the page, for light screens where it has figures for both.
+    """
 
     title: str
     subtitle: str
@@ -85,3 +89,4 @@ class Report:
     runs: ReportTable
     images: Sequence[ReportImage]
     sections: Sequence[Section] = ()
+    theme: Literal["light", "dark"] = "light"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 from s2rstore.errors import RequestError
 from s2rtui.export.figures import PageOptions
 from s2rtui.user_data.notebook import Notes, SavedSelection
 
+ReportTheme = Literal["auto", "light", "dark"]
 StepCallback = Callable[[int, int, str], None]
 """Receives the number of steps done, their total, and the name of the next step."""
 
@@ -32,8 +34,9 @@ class ReportRequest:
 
     Without `runs`, a saved selection uses the run of its saving, the others the first run.
     `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE] for
-    the images of instances; `date` is printed unchanged. `page` is the page of the figures, without
-    a title of its own.
+    the images of instances; `date` is printed unchanged. `theme` is that of page and figures;
+    `auto` has both, for light and for dark screens. `page` is the page of the figures, without a
+    title of its own.
     """
 
     selections: tuple[RequestedSelection, ...]
@@ -44,7 +47,7 @@ class ReportRequest:
     heat: str | None = None
     title: str = ""
     date: str = ""
-    dark: bool = True
+    theme: ReportTheme = "auto"
     page: PageOptions = field(default_factory=PageOptions)
 
 

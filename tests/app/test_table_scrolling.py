@@ -1,0 +1,101 @@
+"""Tables of the comparison and of the rooms view are scrolled by keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from s2rstore.records import Room
+from s2rtui.app.key_bindings import footer, help_text
+from s2rtui.app.pilot import take_screenshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.charts.compare.terminal import comparison_text
+from tests.app.test_focused_view import make_app, message, press
+from tests.charts.examples import N, compare_input
+from tests.support import tiny
+
+ROOMS = tuple(f"room {letter}" for letter in "abcdefghijkl")
+
+
+def rooms_shown(first: int, size: tuple[int, int] = (80, 12)) -> tuple[list[str], str]:
+    """The rooms in the table of a comparison that begins with the row `first`, and its last row."""
+    view = compare_input(
+        room=np.arange(N) % len(ROOMS), room_list=ROOMS, selected=np.ones(N, dtype=np.bool_),
+        first_room=first,
+    )  # fmt: skip
+    lines = comparison_text(view, size, RenderOptions()).lines()
+    rooms = [line[:6] for line in lines if line.startswith("room ") and line[5] != " "]
+    return rooms, lines[-1].strip()
+
+
+@pytest.mark.parametrize("size", [(80, 12), (60, 14)])
+def test_every_room_of_a_comparison_can_be_reached(size: tuple[int, int]) -> None:
+    top, note = rooms_shown(0, size)
+    assert note == f"rooms 1 to {len(top)} of 12 (down: more)"
+    seen: list[str] = []
+    for first in range(len(ROOMS)):
+        rooms, note = rooms_shown(first, size)
+        assert len(rooms) == len(top)
+        seen += rooms
+    assert set(seen) == set(ROOMS)
+    assert note == f"rooms {13 - len(top)} to 12 of 12 (up: the first ones)"
+
+
+@pytest.fixture
+def many_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store whose rooms are stripes of its floor."""
+    left, right = tiny.ROOMS[0], tiny.ROOMS[-1]
+    ends = np.linspace(left.x0, right.x1, len(ROOMS) + 1).tolist()
+    stripes = [
+        Room(name, place, ends[place], left.y0, ends[place + 1], left.y1)
+        for place, name in enumerate(ROOMS)
+    ]
+    monkeypatch.setattr(tiny, "ROOMS", stripes)
+    return tiny.build(tmp_path / "rooms.s2r")
+
+
+async def test_keys_scroll_the_table_of_the_comparison(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await press(app, pilot, "c", "9")
+        run, rooms = app.session.state.run, app.session.store.instances.room_names
+        text = take_screenshot(app).text
+        shown = int(text.partition("rooms 1 to ")[2].split()[0])
+        last = len(rooms) - shown + 1
+        assert f"rooms 1 to {shown} of {len(rooms)} (down: more)" in text
+        for key, first in (
+            ("down", 2), ("down", 3), ("up", 2), ("pagedown", last), ("down", last),
+            ("up", last - 1), ("home", 1), ("end", last), ("pageup", 1),
+        ):  # fmt: skip
+            await press(app, pilot, key)
+            place = f"rooms {first} to {first + shown - 1} of {len(rooms)}"
+            assert place in take_screenshot(app).text, key
+        assert app.session.state.run == run
+        assert ("up, down", "rows") in footer(80, app.session.state)
+
+
+async def test_keys_scroll_the_groups_of_the_rooms_view(many_rooms: Path) -> None:
+    app = make_app(many_rooms)
+    async with app.run_test(size=(80, 12)) as pilot:
+        await press(app, pilot, "c", "6")
+        before, count = take_screenshot(app).text, len(app.resources.groups.rows)
+        assert f"1-7/{count}" in before
+        await press(app, pilot, "down", "down")
+        assert f"3-9/{count}" in take_screenshot(app).text
+        await press(app, pilot, "end")
+        assert f"{count - 6}-{count}/{count}" in take_screenshot(app).text
+        await press(app, pilot, "full_stop")
+        assert f"1-7/{count}" in take_screenshot(app).text
+
+
+async def test_a_table_that_fits_says_so(tiny_store: Path) -> None:
+    app = make_app(tiny_store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "c", "9", "down")
+        assert "shows all of its rows" in message(app)
+
+
+def test_the_help_names_the_keys() -> None:
+    assert "next row of the table (rooms, comparison)" in help_text()
