@@ -14,7 +14,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.metrics import median_intervals
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.charts.compare.change import room_changes, words
+from s2rtui.charts.compare.change import NOT_EVIDENT, room_changes, table_rows, words
 from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
 from s2rtui.charts.compare.terminal import compare_layout, comparison_text, draw_compare
 from tests.charts.examples import BOUNDS, N, compare_input
@@ -197,6 +197,17 @@ def test_a_clear_change_is_evident_and_said_in_words() -> None:
     same = room_changes(first, first[::-1].copy(), everything, trajectory, None, ()).whole
     assert same.better_run == ""
     assert "no evident difference" in words(same, ("vanilla", "dataaug"), "real")
+
+
+def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
+    second = np.array([0.4, 0.9, 1.2, 3.3, 5.8, 6.0, 9.2])
+    rooms = np.zeros(7, dtype=np.int64)
+    changes = room_changes(np.zeros(7), second, np.ones(7, dtype=np.bool_), None, rooms, ("a",))
+    ((_, *cells), _) = table_rows(changes.rooms, changes.whole)
+    assert cells[4:] == ["<+0.40 to >+9.20", NOT_EVIDENT]
+    text = words(changes.whole, ("vanilla", "dataaug"), "real")
+    assert "no evident difference: too few blocks of neighbouring images" in text
+    assert "interval <+0.40 to >+9.20" in text
 
 
 @pytest.mark.parametrize("size", [(80, 21), (69, 36), (82, 57), (40, 10)])

@@ -6,6 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 
 from s2rstore.metrics import bootstrap, median_intervals
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval
@@ -58,6 +61,49 @@ def test_the_interval_covers_the_median(n: int, correlation: float) -> None:
     assert hits >= 0.85 * 150
 
 
+@hypothesis_settings(max_examples=80, deadline=None)
+@given(
+    st.lists(st.floats(-50, 50, allow_nan=False), min_size=6, max_size=60),
+    st.integers(1, 9),
+)
+def test_no_bound_lies_beyond_the_values(numbers: list[float], trajectories: int) -> None:
+    values = np.array(numbers)
+    codes = np.arange(values.size) * trajectories // values.size
+    interval = median_intervals.median_interval(values, codes, BootstrapSettings(60))
+    if not math.isnan(interval.low):
+        assert values.min() <= interval.low <= interval.value <= interval.high <= values.max()
+        low, high = interval.tested_bounds
+        assert low <= interval.low
+        assert high >= interval.high
+
+
+GAINS = np.array([0.4, 0.9, 1.2, 3.3, 5.8, 6.0, 9.2])
+"""Changes of neighbouring instances, all of one sign."""
+
+
+def test_seven_neighbours_on_one_side_are_bounded_but_not_evident() -> None:
+    """They are two blocks of neighbours, which may lie on one side by chance."""
+    interval = median_intervals.median_interval(GAINS)
+    assert (interval.low, interval.high) == (0.4, 9.2)
+    assert not interval.excludes_zero
+    assert interval.bound_texts(lambda bound: f"{bound:g}") == ("<0.4", ">9.2")
+    assert median_intervals.median_interval(GAINS + 60).is_positive
+    assert median_intervals.median_interval(-GAINS - 60).is_negative
+
+
+def test_six_units_on_one_side_are_evident_however_far_the_bootstrap_goes() -> None:
+    values = np.repeat([0.1, 0.2, 0.3, 30.0, 60.0, 80.0], 3) + np.tile([0.0, 0.01, 0.02], 6)
+    codes, few = np.repeat(np.arange(6), 3), BootstrapSettings(300)
+    blocks = bootstrap.split_into_blocks(codes)
+    assert blocks.unit_count == 6
+    assert np.percentile(median_intervals.median_replicates(values, blocks, few), 2.5) < 0
+    interval = median_intervals.median_interval(values, codes, few)
+    assert interval.low == values.min()
+    assert interval.is_positive
+    fewer = median_intervals.median_interval(values[:15], codes[:15], few)
+    assert fewer.tested_bounds[0] < fewer.low == 0.1
+
+
 @pytest.mark.parametrize("n", range(1, 9))
 def test_too_few_values_have_no_interval(n: int) -> None:
     values, codes = np.arange(n, dtype=np.float64), np.zeros(n, dtype=np.int64)
@@ -78,6 +124,10 @@ def test_differences_add_the_distances_to_the_bounds_in_squares() -> None:
     assert (difference.low, difference.value, difference.high) == pytest.approx(
         (5 - 5.0, 5.0, 5 + math.sqrt(2))
     )
+    limited = Interval(4.0, 7.0, 8.0, tested=(-1.0, 8.0))
+    near = bootstrap.difference_of(limited, Interval(1.0, 2.0, 6.0))
+    assert near.low == difference.low
+    assert near.tested_bounds == pytest.approx((5 - math.hypot(8, 4), 5 + math.sqrt(2)))
     unknown = bootstrap.difference_of(Interval(4.0, 7.0, 8.0), Interval.unknown(2.0))
     assert unknown.value == 5.0
     assert not unknown.excludes_zero

@@ -65,9 +65,9 @@ class Change:
     @property
     def better_run(self) -> str:
         """`A` or `B` where the interval of the median change excludes 0, else an empty text."""
-        if self.change.high < 0:
+        if self.change.is_negative:
             return "B"
-        return "A" if self.change.low > 0 else ""
+        return "A" if self.change.is_positive else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +222,7 @@ def words(
     verdict = {
         "A": f"so {a} is evidently better",
         "B": f"so {b} is evidently better",
-        "": "which is no evident difference",
+        "": f"which is no evident difference{_doubt(whole.change)}",
     }[whole.better_run]
     return (
         f"{head}: {b} is better on {whole.better} of {whole.n} instances, worse on {whole.worse}, "
@@ -232,11 +232,18 @@ def words(
     )
 
 
+def _doubt(change: bootstrap.Interval) -> str:
+    """Why an interval on one side of 0 is not evident; empty for other intervals."""
+    if change.low > 0 or change.high < 0:
+        return ": too few blocks of neighbouring images"
+    return ""
+
+
 def interval_text(part: Change) -> str:
-    """`-0.61 to -0.20`; empty without an interval."""
+    """`-0.61 to -0.20`, as `Interval.bound_texts` says; empty without an interval."""
     if math.isnan(part.change.low):
         return ""
-    return f"{signed(part.change.low)} to {signed(part.change.high)}"
+    return " to ".join(part.change.bound_texts(signed))
 
 
 def evidence(part: Change) -> str:

@@ -125,4 +125,4 @@ def number_text(value: float, signed: bool = False) -> str:
 def _bounds(row: GroupErrors) -> str:
     if math.isnan(row.real.low):
         return "-"
-    return f"{number_text(row.real.low)}..{number_text(row.real.high)}"
+    return "..".join(row.real.bound_texts(number_text))

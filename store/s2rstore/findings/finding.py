@@ -113,7 +113,8 @@ def bounds_text(interval: Interval, unit: str = "", signed: bool = False) -> str
     if math.isnan(interval.low) or math.isnan(interval.high):
         return "interval unknown"
     form = "+.2f" if signed else ".2f"
-    return f"{interval.low:{form}} to {interval.high:{form}} {unit}".rstrip()
+    bounds = interval.bound_texts(lambda bound: f"{bound:{form}}")
+    return f"{' to '.join(bounds)} {unit}".rstrip()
 
 
 def evidence_text(interval: Interval, comparisons: int, of: str) -> str:

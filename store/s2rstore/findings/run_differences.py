@@ -67,7 +67,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     difference = mean_interval(
         next_run.real[rows] - best.real[rows], trajectory, simultaneous(comparisons)
     )
-    evident = difference.low > 0
+    evident = difference.is_positive
     figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
     text = f"{best.run}: {figures}"
     evidence = (
@@ -132,10 +132,10 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
         if mean > 0
     )
     _, other, code, rows = candidates[0]
-    evident_one = next((found for found in tested if found[3].low > 0), None)
+    evident_one = next((found for found in tested if found[3].is_positive), None)
     other, code, rows, increase = evident_one or (other, code, rows, increase_of(other, rows))
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
-    evident = increase.low > 0
+    evident = increase.is_positive
     text = (
         f"{room}: {increase.value:+.2f} m mean real error ({bounds_text(increase)}) from "
         f"{other.run} to {present.run}, n {rows.size} new to both"

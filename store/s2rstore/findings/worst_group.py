@@ -46,7 +46,7 @@ def worst_group(
         if medians[code] > overall
     )
     largest = ordered[0]
-    evident = next((found for found in tested if found[1].low > 0), None)
+    evident = next((found for found in tested if found[1].is_positive), None)
     worst, difference = evident or (
         largest, _difference(store, run, population, members, largest),
     )  # fmt: skip
@@ -117,7 +117,7 @@ def _finding(
 ) -> Finding:
     columns = store.run_columns(run)
     median = real_median(store, run, iids)
-    evident = difference.low > 0
+    evident = difference.is_positive
     text = (
         f"{group.name}: median real error {median.value:.2f} m ({bounds_text(median)}), "
         f"n {iids.size} new"

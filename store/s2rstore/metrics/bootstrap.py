@@ -20,6 +20,7 @@ groups); Hesterberg, "What teachers should know about the bootstrap", The Americ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -46,12 +47,17 @@ MAX_TRAJECTORY_SHARE = 1 / 3
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Confidence interval around an estimate; NaN bounds where the interval is unknown."""
+    """Confidence interval around an estimate; NaN bounds where the interval is unknown.
+
+    tested: the bounds that decide whether the estimate differs from a number, where they lie beyond
+    all values; `low` or `high` is then the smallest or the largest value.
+    """
 
     low: float
     value: float
     high: float
     level: float = LEVEL
+    tested: tuple[float, float] | None = None
 
     @classmethod
     def unknown(cls, value: float = np.nan) -> Interval:
@@ -61,7 +67,28 @@ class Interval:
     @property
     def excludes_zero(self) -> bool:
         """Whether the bounds are known and lie on one side of zero."""
-        return self.low > 0 or self.high < 0
+        return self.is_positive or self.is_negative
+
+    @property
+    def tested_bounds(self) -> tuple[float, float]:
+        """The bounds that decide whether the estimate differs from a number."""
+        return (self.low, self.high) if self.tested is None else self.tested
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether the estimate is known to exceed zero."""
+        return self.tested_bounds[0] > 0
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether the estimate is known to be below zero."""
+        return self.tested_bounds[1] < 0
+
+    def bound_texts(self, number: Callable[[float], str]) -> tuple[str, str]:
+        """Both bounds by `number`; `<1.2` and `>9.3` where the interval goes beyond all values."""
+        low, high = self.tested_bounds
+        below, above = "<" if low < self.low else "", ">" if high > self.high else ""
+        return below + number(self.low), above + number(self.high)
 
     def clipped(self, low: float, high: float) -> Interval:
         """The interval with its bounds inside the range that the quantity can have."""
@@ -72,7 +99,8 @@ class Interval:
     def at_level(self, level: float) -> Interval:
         """The interval at another level, if the estimate varies as a normal one does."""
         scale = normal_quantile(level) / normal_quantile(self.level)
-        below, above = self.value - self.low, self.high - self.value
+        low, high = self.tested_bounds
+        below, above = self.value - low, high - self.value
         return Interval(self.value - scale * below, self.value, self.value + scale * above, level)
 
 
@@ -317,9 +345,18 @@ def difference_of(first: Interval, second: Interval) -> Interval:
     "Construction of confidence limits about effect measures", Statistics in Medicine 27, 2008.
     """
     value = first.value - second.value
-    below = np.hypot(first.value - first.low, second.high - second.value)
-    above = np.hypot(first.high - first.value, second.value - second.low)
-    return Interval(value - float(below), value, value + float(above), first.level)
+    shown, tested = (
+        (
+            value - float(np.hypot(first.value - one[0], two[1] - second.value)),
+            value + float(np.hypot(one[1] - first.value, second.value - two[0])),
+        )
+        for one, two in (
+            ((first.low, first.high), (second.low, second.high)),
+            (first.tested_bounds, second.tested_bounds),
+        )
+    )
+    differs = tested if first.tested or second.tested else None
+    return Interval(shown[0], value, shown[1], first.level, differs)
 
 
 def simultaneous(

@@ -73,9 +73,17 @@ def median_interval(
     `trajectories` (n,) as in `mean_interval`. The interval is that of the block bootstrap, and at
     least as wide as that of n independent values: medians of few blocks take few values, so that
     their percentiles alone are too narrow. The bounds are NaN where n is too small for the level
-    (below 6 at 95 %) or there are fewer than two blocks. In simulations of correlated errors
-    (0 and 0.6 between neighbours) 95 % intervals covered the truth in 90 to 99 % of the cases. More
-    than `MOST_RESAMPLED` values are bounded by `median_bound_rank`.
+    (below 6 at 95 %) or there are fewer than two blocks. More than `MOST_RESAMPLED` values are
+    bounded by `median_bound_rank`.
+
+    No bound lies beyond the smallest or the largest value. Where the bootstrap goes beyond them,
+    `Interval.tested` has its bounds, unless there are enough units (6 at 95 %) for all values to
+    hold the median at the level, however alike the values of a unit are: all of b independent
+    units lie on one side of it with a probability of at most 2 / 2^b.
+
+    In simulations of correlated errors (0 and 0.6 between neighbours, 6 to 150 in one trajectory)
+    the tested bounds at 95 % held the truth in 89 to 99 % of the cases, and the smallest and the
+    largest of 6 to 8 values alone in 79 to 99 %.
     """
     if not values.size:
         return Interval.unknown()
@@ -90,8 +98,14 @@ def median_interval(
         low, high = np.partition(values, (place - 1, values.size - place))[[place - 1, -place]]
         return Interval(float(low), value, float(high), settings.level)
     drawn = percentile_interval(value, median_replicates(values, blocks, settings), settings.level)
-    low, high = np.sort(values)[[place - 1, -place]].tolist()
-    return Interval(min(drawn.low, low), value, max(drawn.high, high), settings.level)
+    ordered = np.sort(values)
+    low, high = ordered[[place - 1, -place]].tolist()
+    wide = min(drawn.low, low), max(drawn.high, high)
+    ends = float(ordered[0]), float(ordered[-1])
+    low, high = max(wide[0], ends[0]), min(wide[1], ends[1])
+    suffices = 2.0 ** (1 - blocks.unit_count) <= 1 - settings.level
+    tested = None if suffices or wide == (low, high) else wide
+    return Interval(low, value, high, settings.level, tested)
 
 
 def median_bound_rank(
