@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    collect,
     contrast,
     end_to_end,
     growth,
@@ -52,12 +53,15 @@ _MEASUREMENTS = (
     "time_delay",
     "end_to_end",
 )
+_ON_REQUEST = ("collect",)
+"""Measurements of more than ten minutes, which run only where --only names them."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
-    parser.add_argument("--only", choices=_MEASUREMENTS, action="append", help="repeatable")
+    parser.add_argument("--only", choices=(*_MEASUREMENTS, *_ON_REQUEST), action="append",
+                        help="repeatable")  # fmt: skip
     parser.add_argument(
         "--store",
         type=Path,
@@ -70,6 +74,9 @@ def main() -> int:
         "--commit", default=end_to_end.COMMIT,
         help="revision or working tree to compare end_to_end with (default %(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--seeds", type=int, default=collect.SEEDS, help="seeds of collect (default %(default)s)"
+    )
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
     selected = options.only or list(_MEASUREMENTS)
@@ -115,6 +122,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from precompute_memory.figures((1_000, 100_000))
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "collect" in selected:
+        yield from collect.figures(options.seeds)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 
