@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    collect,
     contrast,
     end_to_end,
     growth,
@@ -53,8 +54,8 @@ _MEASUREMENTS = (
     "time_delay",
     "end_to_end",
 )
-_ON_REQUEST = ("harm",)
-"""Measured only where --only names them, because they take an hour."""
+_ON_REQUEST = ("harm", "collect")
+"""Measurements of more than ten minutes, which run only where --only names them."""
 
 
 def main() -> int:
@@ -75,6 +76,9 @@ def main() -> int:
         "--commit", default=end_to_end.COMMIT,
         help="revision or working tree to compare end_to_end with (default %(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--seeds", type=int, default=collect.SEEDS, help="seeds of collect (default %(default)s)"
+    )
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
     selected = options.only or list(_MEASUREMENTS)
@@ -122,6 +126,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from time_delay.figures()
     if "harm" in selected:
         yield from harm.figures(folder)
+    if "collect" in selected:
+        yield from collect.figures(options.seeds)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 

@@ -61,14 +61,18 @@ def snapshot(
     options: RenderOptions | None = None,
     run: str | None = None,
     with_trained: bool = False,
+    poses: Path | None = None,
 ) -> Screenshot:
     """The screen of `size` columns and rows after pressing `keys`, with all data loaded.
 
-    `with_trained` includes the instances that the models were trained on. Raises DamagedStoreError
-    where a file of the store that the screen needs cannot be read.
+    `with_trained` includes the instances that the models were trained on; `poses` is a CSV file of
+    planned poses for the map. Raises DamagedStoreError where a file of the store that the screen
+    needs cannot be read.
     """
     used = options or RenderOptions(theme=DARK)
-    return asyncio.run(_snapshot(path, size, keys, used, run, with_trained=with_trained))
+    return asyncio.run(
+        _snapshot(path, size, keys, used, run, with_trained=with_trained, poses=poses)
+    )
 
 
 def screen_of(path: Path, state: State, size: tuple[int, int], options: RenderOptions) -> bytes:
@@ -89,10 +93,11 @@ async def _snapshot(
     run: str | None,
     state: State | None = None,
     with_trained: bool = False,
+    poses: Path | None = None,
 ) -> Screenshot:
     history = state.history if state is not None else None
     gap_history = None if history is None else history.path
-    session = Session(path, run, ReadNotebook, gap_history, with_trained)
+    session = Session(path, run, ReadNotebook, gap_history, with_trained, poses=poses)
     if state is not None:
         session.set_state(state)
     app = S2RApp(session, options)

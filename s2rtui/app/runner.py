@@ -30,14 +30,18 @@ def run_app(
     gap_history: Path | None = None,
     safe_csv: bool = False,
     with_trained: bool = False,
+    poses: Path | None = None,
 ) -> None:
     """Run the application on a store until the user quits.
 
-    `with_trained` includes the instances that the models were trained on. Unfinished work is listed
+    `with_trained` includes the instances that the models were trained on. `poses` is a CSV file of
+    planned poses for the map. Unfinished work is listed
     on stderr. Raises RequestError if the store or run cannot be opened, S2RError if the application
     fails.
     """
-    session = Session(path, run, partial(Notebook, tolerant=True), gap_history, with_trained)
+    session = Session(
+        path, run, partial(Notebook, tolerant=True), gap_history, with_trained, poses=poses
+    )
     app = S2RApp(session, terminal.render_options, access=access)
     app.export.safe_csv = safe_csv
     app.is_first_start, app.terminal = is_first_start(), terminal

@@ -46,6 +46,7 @@ class Theme:
     truth: Rgb
     unselected: Rgb
     cursor: Rgb
+    planned: Rgb
     wall: Rgb
     floor: tuple[float, float]
     mark: float
@@ -68,6 +69,7 @@ DARK = Theme(
     truth=(255, 204, 77),
     unselected=(140, 150, 166),
     cursor=(255, 255, 255),
+    planned=(92, 214, 146),
     wall=(192, 200, 214),
     floor=(0.016, 0.12),
     mark=0.30,
@@ -85,6 +87,7 @@ LIGHT = Theme(
     truth=(154, 105, 0),
     unselected=(128, 136, 150),
     cursor=(0, 0, 0),
+    planned=(0, 118, 70),
     wall=(70, 76, 88),
     floor=(0.48, 0.93),
     mark=0.172,

@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "models": "list the models of a store and how images become their input",
     "runs": "list the runs of a store with their accuracies and errors",
     "findings": "print what a store shows about a run, with evidence",
+    "collect": "choose where to take new real images, for a fixed number of them",
     "query": "list the instances that an expression selects",
     "sql": "run a read-only SQL query on the index of a store",
     "gap": "measure the reality gap of a run and judge it",

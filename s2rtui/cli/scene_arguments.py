@@ -58,6 +58,8 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
         help="map: colour by shift, glyph (direction and size of both errors), or full "
         "(sim, truth and real joined by lines) (default colour)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
+    add("--poses", type=Path, metavar="FILE",
+        help="draw the planned poses of this CSV file of `s2r collect` on the map")  # fmt: skip
     add("--room-names", action="store_true", help="draw rooms with their names")
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.language import fields
 from s2rstore.reader import NETWORK_KINDS
@@ -27,7 +28,8 @@ class SceneOptions:
 
     `with_trained` includes the instances that the models were trained on. `heat` is KIND[:MODE];
     `overlay` names the instances whose heat is on the map; `sort` is a column of the list or of the
-    rooms view, `group_by` the grouping of the rooms view.
+    rooms view, `group_by` the grouping of the rooms view. `poses` is a CSV file of planned poses,
+    which the map shows.
     """
 
     select: str = "all"
@@ -47,6 +49,7 @@ class SceneOptions:
     ascending: bool = False
     group_by: str | None = None
     history: Path | None = None
+    poses: Path | None = None
 
 
 @contextmanager
@@ -126,6 +129,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
             map_mode=options.map_mode,
             clip=options.clip,
             room_names=options.room_names,
+            planned=read_planned_poses(options.poses) if options.poses else (),
             cursor=iid,
             other=other,
             sort=sort,

@@ -12,6 +12,7 @@ import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files.planned_poses import read_planned_poses
 from s2rstore.findings import largest_room, worst_room
 from s2rstore.gap_history import reader
 from s2rstore.language import Node
@@ -41,6 +42,7 @@ class Session:
         gap_history: Path | None = None,
         with_trained: bool = False,
         generation: int | None = None,
+        poses: Path | None = None,
     ) -> None:
         """Open a store on a run (default: the first computed one) and select its worst room.
 
@@ -48,13 +50,15 @@ class Session:
 
         `notebooks` opens the notebook of a store by its identity; without it nothing is saved.
         `gap_history` overrides the history file of the store, `generation` the published one.
-        `with_trained` includes the instances that the models were trained on. Set
+        `with_trained` includes the instances that the models were trained on. `poses` is a CSV file
+        of planned poses, which the map shows. Set
         `defers_loading` if background
         workers read columns; then call `close_retired_stores` when they are idle. Raises
         RequestError if the store, the run or the history file does not exist.
         """
         if gap_history is not None and not gap_history.is_file():
             raise RequestError(f"--history {gap_history}: no such file; `s2r nightly` writes one")
+        planned = read_planned_poses(poses) if poses is not None else ()
         self.store: Store = s2rstore.open(path, INDEX_MEMORY, generation)
         self.notebook = notebooks(self.store.identity) if notebooks else None
         if self.notebook:
@@ -67,7 +71,7 @@ class Session:
             gap_history.resolve() if gap_history else reader.history_path(self.store.path)
         )
         initial = _initial_state(self.store, run, self._history_file())
-        self._state = replace(initial, with_trained=with_trained)
+        self._state = replace(initial, with_trained=with_trained, planned=planned)
         error = self.notebook.error if self.notebook else ""
         self.dispatch(_select_finding, error)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import counted
+from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.gap_history.reader import Stamp
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.index.population import INCLUDE_HINT, Population, count_text
@@ -154,7 +155,8 @@ class State:
     outlives that. `suggested` is the expression that the message of an empty selection suggests.
     `grouping`, `group_sort` and `group_descending` belong to the rooms view, `finding` is the
     chosen row of the findings view. `history` is None if the store has no gap history.
-    `fills_screen`: the active view takes the whole screen.
+    `fills_screen`: the active view takes the whole screen. `planned` are the poses of new images
+    that the map shows.
     """
 
     generation: int
@@ -193,6 +195,7 @@ class State:
     first_rows: tuple[tuple[str, int], ...] = ()
     fills_screen: bool = False
     history: HistoryFile | None = None
+    planned: tuple[PlannedPose, ...] = ()
     message: str = ""
     is_error: bool = False
     keeps_message: bool = False

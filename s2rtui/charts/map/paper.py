@@ -49,6 +49,8 @@ CELL, FOOTPRINT = 6.0, (4, 2)
 """Width of a cell in points, and the cells by which wedges keep their distance."""
 BAR = 0.9
 """Height of a colour bar under the map, inches."""
+ARROW = 0.03
+"""Length of the arrow of a planned pose over the longer side of the map."""
 RADIUS, THICK = 11.0, 4.5
 """Points."""
 Span = tuple[float, float]
@@ -71,6 +73,7 @@ def map_figure(
     draw_unselected(sheet, data.truth, model.selection)
     DRAWINGS[data.mode](sheet, data, model)
     draw_trained(sheet, data, model)
+    _draw_planned(sheet, data)
     if (cursor := model.cursor) is not None:
         draw_pose(sheet, data.truth, data.headings, cursor, page.inks.cursor)
         if data.mode == "full":
@@ -141,11 +144,27 @@ def _marks(data: MapInput, model: MapModel, inks: Inks) -> list[LegendMark]:
         marks.append(("trained on", "o", inks.text, False))
     if model.others:
         marks.append(("not selected", ".", inks.unselected, True))
+    if data.planned:
+        marks.append((f"{len(data.planned)} planned poses", ">", inks.planned, True))
     if model.cursor is not None:
         marks.append((f"instance {model.cursor}", "o", inks.cursor, False))
     if data.clip is not None:
         marks.append(("dimmed: not seen by the selection", "s", inks.faint, False))
     return marks
+
+
+def _draw_planned(sheet: MapSheet, data: MapInput) -> None:
+    """Draw an arrow from each planned pose in the direction of its heading."""
+    if not data.planned:
+        return
+    poses = np.array([(pose.x_m, pose.y_m, pose.heading_deg) for pose in data.planned])
+    inks, length = sheet.page.inks, ARROW * max(sheet.area.width, sheet.area.height)
+    turn = np.radians(poses[:, 2])
+    sheet.axes.quiver(
+        poses[:, 0], poses[:, 1], length * np.cos(turn), length * np.sin(turn), angles="xy",
+        scale_units="xy", scale=1, width=0.0035, headwidth=4.5, headlength=4.5, headaxislength=4,
+        color=inks.planned, edgecolor=inks.background, linewidth=0.5, zorder=7,
+    )  # fmt: skip
 
 
 def draw_predictions(sheet: MapSheet, data: MapInput, model: MapModel) -> None:

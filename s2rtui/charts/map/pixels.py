@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +39,9 @@ def paint_map(picture: MapPicture, data: MapInput, model: MapModel) -> None:
     """Paint the selected in the map's mode, live predictions and the cursor."""
     PAINTINGS[data.mode](picture, data, model)
     paint_trained(picture, data, model)
+    for planned in data.planned:
+        place = (planned.x_m, planned.y_m)
+        picture.pose("planned", place, math.radians(planned.heading_deg))
     for pose in data.live:
         picture.pose(pose.side, (pose.x, pose.y), pose.heading)
     if data.mode == "full" and model.cursor is not None:

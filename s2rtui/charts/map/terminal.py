@@ -7,7 +7,15 @@ from numpy.typing import NDArray
 
 from s2rstore.records import Bounds
 from s2rtui.analysis.map_frame import MapFrame
-from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size, mix
+from s2rtui.canvas import (
+    DEFAULT_OPTIONS,
+    Canvas,
+    Panel,
+    RenderOptions,
+    Size,
+    heading_arrow,
+    mix,
+)
 from s2rtui.canvas.raster import dot_grid, draw_braille, line_dots
 from s2rtui.charts.map.model import (
     LARGEST,
@@ -67,6 +75,8 @@ def map_layout(
     notes: list[LegendPart] = []
     if data.mode == "full" and model.highlighted > LINES_UP_TO:
         notes = [text_part(((f"error lines for up to {LINES_UP_TO}", options.theme.muted),))]
+    if data.planned:
+        notes.append(planned_legend(data, options))
     legend = LEGENDS[data.mode]
     forms = trained_forms(data, options)
     return layout_of_points(data, model, size, viewport, options, legend, notes, forms)
@@ -110,6 +120,7 @@ def draw_map(
         DRAWINGS[data.mode](chart, data, model, layout.frame)
         forms = trained_forms(data, options)
         draw_trained(chart, data.truth, data.trained, model.selection, layout.frame, forms)
+        draw_planned(chart, data, layout.frame)
         for pose in data.live:
             points, headings = np.array([[pose.x, pose.y]]), np.array([pose.heading])
             draw_pose(chart, points, headings, 0, layout.frame, pose.side)
@@ -124,6 +135,28 @@ def draw_map(
         COUNTS if data.mode == "glyph" else "",
     )
     return draw_point_map(data, model.selection, layout, size, options, marks)
+
+
+def draw_planned(canvas: Canvas, data: MapInput, frame: MapFrame) -> None:
+    """Draw an arrow at each planned pose, the first of each cell."""
+    if not data.planned:
+        return
+    places = frame.to_cells([[pose.x_m, pose.y_m] for pose in data.planned])
+    colour = canvas.theme.planned
+    inside = (places >= 0).all(axis=1) & (places < (canvas.width, canvas.height)).all(axis=1)
+    for number in np.flatnonzero(inside)[::-1].tolist():
+        heading = np.radians(data.planned[number].heading_deg)
+        arrow, _, _ = heading_arrow(float(heading), data.y_down, canvas.glyphs)
+        column, row = places[number].astype(int).tolist()
+        canvas.put(column, row, arrow, colour, bold=True)
+
+
+def planned_legend(data: MapInput, options: RenderOptions) -> LegendPart:
+    """The part that explains the arrows of planned poses."""
+    theme = options.theme
+    arrow = options.glyphs.arrows[0]
+    words = f"{len(data.planned)} planned"
+    return text_part(((f"{arrow} ", theme.planned), (words, theme.muted)))
 
 
 def full_legend(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, Bounds, Room, Side
 from s2rtui.analysis.binning import Bools, SelectionIndices, count_selected, selection_indices
@@ -48,6 +49,7 @@ class MapInput:
     are predictions for the cursor that no column has. `sim_truth`, `real_truth`: (N, 2) true
     positions of the side's images where they differ from `truth`, those of the instances.
     `trained` (N,) marks instances that the model was trained on; None where none is shown.
+    `planned` are the poses at which new images shall be taken.
     """
 
     truth: Floats
@@ -79,6 +81,7 @@ class MapInput:
     sim_truth: Floats | None = None
     real_truth: Floats | None = None
     trained: Bools | None = None
+    planned: tuple[PlannedPose, ...] = ()
 
     def true_positions(self, side: Side) -> Floats:
         """(N, 2) positions of the side's images, from which its errors are measured."""
@@ -202,6 +205,7 @@ def map_input(
         sim_truth=own_positions(store, run.sim_domain),
         real_truth=own_positions(store, run.real_domain),
         trained=state.marked,
+        planned=state.planned,
     )
 
 

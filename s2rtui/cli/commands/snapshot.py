@@ -18,6 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("store", type=Path, help="store folder")
     parser.add_argument("--run", help="initial run (default: the first)")
     scene_arguments.add_with_trained(parser.add_argument)
+    parser.add_argument("--poses", type=Path, metavar="FILE",
+                        help="draw the planned poses of this CSV file of `s2r collect` on the "
+                        "map")  # fmt: skip
     parser.add_argument("--keys", default="", metavar="KEY,...",
                         help="keys to press, for example w,&,right,space")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, help="output file, *.png or *.txt")
@@ -51,7 +54,9 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(
             f"--keys {unknown[0]}: unknown key; use characters, or names such as enter, right, tab"
         )
-    shot = snapshot(options.store, size, keys, render_options, options.run, options.with_trained)
+    shot = snapshot(
+        options.store, size, keys, render_options, options.run, options.with_trained, options.poses
+    )
     content = shot.text.encode() if options.out.suffix == ".txt" else shot.png(render_options)
     rows.write_file(options.out, content)
     return 0

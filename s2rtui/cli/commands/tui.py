@@ -21,6 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip
+    parser.add_argument("--poses", type=Path, metavar="FILE",
+                        help="draw the planned poses of this CSV file of `s2r collect` on the "
+                        "map")  # fmt: skip
     rows.add_safe_csv(parser)
     add = parser.add_argument_group("terminal").add_argument
     add("--ascii", action="store_true", help="use ASCII characters only")
@@ -53,6 +56,8 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--cell-size: give --graphics with a protocol, too")
     if options.restricted and options.history is not None:
         raise RequestError("--history: a restricted session shows only the history of the store")
+    if options.restricted and options.poses is not None:
+        raise RequestError("--poses: a restricted session reads no files of its own")
     if options.restricted:
         if is_served():
             end_with_parent(signal.SIGKILL, server_process_id())
@@ -76,6 +81,6 @@ def execute(options: argparse.Namespace) -> int:
 
     run_app(
         options.store, options.run, terminal, permissions, options.history, options.safe_csv,
-        options.with_trained,
+        options.with_trained, options.poses,
     )  # fmt: skip
     return 0

@@ -1,0 +1,103 @@
+"""`s2r collect`, its CSV file, and the map layer of planned poses."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from s2rstore.errors import RequestError
+from s2rstore.files.planned_poses import COLUMNS, PlannedPose, as_rows, read_planned_poses
+from s2rtui.cli import main
+from s2rtui.cli.commands import collect
+from s2rtui.export.rows.formats import csv_text
+
+_NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
+_TEXT = st.text(st.characters(codec="utf-8", categories=("L", "N", "P", "Zs")), max_size=20)
+
+
+@given(st.lists(st.builds(PlannedPose, _NUMBERS, _NUMBERS, _NUMBERS, _TEXT, _NUMBERS, _TEXT)))
+def test_csv_round_trip(tmp_path_factory: pytest.TempPathFactory, poses: list[PlannedPose]) -> None:
+    path = tmp_path_factory.mktemp("poses") / "poses.csv"
+    path.write_text(csv_text(COLUMNS, as_rows(poses)), encoding="utf-8")
+    assert read_planned_poses(path) == tuple(poses)
+
+
+def test_only_the_pose_is_required(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("# mine\nheading_deg,y_m,x_m,who\n90,2,1,me\n")
+    (pose,) = read_planned_poses(path)
+    assert (pose.x_m, pose.y_m, pose.heading_deg, pose.room) == (1, 2, 90, "")
+    assert math.isnan(pose.expected_gain_m)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("x_m,y_m\n1,2\n", "no column heading_deg"), ("x_m,y_m,heading_deg\n1,two,3\n", "pose 1: y_m"),
+     ("x_m,y_m,heading_deg\n1,nan,3\n", "not a finite number"), ("", "no column x_m")],
+)  # fmt: skip
+def test_wrong_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text(text)
+    with pytest.raises(RequestError, match=message):
+        read_planned_poses(path)
+
+
+def test_the_command_writes_prints_and_saves(
+    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "poses.csv"
+    arguments = ["collect", str(tiny_store), "--run", "vanilla", "--budget", "12"]
+    assert main([*arguments, "--out", str(out), "--save", "todo"]) == 0
+    printed = capsys.readouterr().out
+    assert "12 poses (combined)" in printed
+    assert "nearest instances: ids(" in printed
+    assert len(read_planned_poses(out)) == 12
+    assert main([*arguments, "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert [pose["x_m"] for pose in content["poses"]] == [p.x_m for p in read_planned_poses(out)]
+    assert main(["query", str(tiny_store), "@todo", "--run", "vanilla", "--count"]) == 0
+    by_name = capsys.readouterr().out
+    assert main(["query", str(tiny_store), content["expression"], "--run", "vanilla",
+                 "--count"]) == 0  # fmt: skip
+    assert capsys.readouterr().out == by_name
+
+
+def test_methods_of_the_command_are_those_of_the_tools() -> None:
+    from s2rtools.data_collection import METHODS
+
+    assert tuple(METHODS) == collect.METHODS
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(["--budget", "0"], "--budget 0"), (["--run", "no"], "no"), (["--save", " "], "name")],
+)
+def test_messages(
+    tiny_store: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert main(["collect", str(tiny_store), *options]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+
+
+def test_the_map_shows_planned_poses(tiny_store: Path, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.csv"
+    poses.write_text("x_m,y_m,heading_deg\n2,3,0\n7,5,90\n")
+    plain, marked = tmp_path / "plain.txt", tmp_path / "marked.txt"
+    base = ["snapshot", str(tiny_store), "--size", "160x48", "--out"]
+    assert main([*base, str(plain)]) == 0
+    assert main([*base, str(marked), "--poses", str(poses)]) == 0
+    assert "2 planned" in marked.read_text()
+    assert "2 planned" not in plain.read_text()
+    first, second = tmp_path / "a.svg", tmp_path / "b.svg"
+    base = ["export", str(tiny_store), "--view", "map", "--run", "vanilla", "--out"]
+    assert main([*base, str(first)]) == 0
+    assert main([*base, str(second), "--poses", str(poses)]) == 0
+    assert first.read_text().count("planned poses") == 0
+    assert second.read_text().count("planned poses") >= 1

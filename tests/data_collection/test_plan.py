@@ -1,0 +1,251 @@
+"""Which poses are chosen for new real images."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.geometry import angles
+from s2rstore.language import evaluation
+from s2rtools.data_collection import METHODS, CollectionRequest, plan_collection
+from s2rtools.data_collection.batch_choice import Coverage, choose_batch
+from s2rtools.data_collection.candidates import Candidates, find_candidates, is_free
+from s2rtools.data_collection.evidence import Evidence, read_evidence
+from s2rtools.data_collection.expected_reduction import local_values
+from s2rtools.data_collection.plan import choose_poses
+from s2rtools.data_collection.pose_similarity import PoseSimilarity
+from tests.support import tiny
+
+
+def grid(columns: int = 12, rows: int = 6, headings: int = 4) -> Candidates:
+    """Places half a metre apart; the left half is room 0, the right half room 1."""
+    x, y = np.meshgrid(0.5 * np.arange(columns), 0.5 * np.arange(rows))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    turns = np.linspace(-np.pi, np.pi, headings, endpoint=False)
+    rooms = (places[:, 0] >= columns / 4).astype(np.int32)
+    return Candidates(places, turns, np.ones((len(places), headings), bool), rooms, "a grid")
+
+
+def evidence_at(candidates: Candidates, real_error: np.ndarray, **changes: object) -> Evidence:
+    """An instance at every candidate pose, with a sim error of 0.5 m."""
+    cells = np.arange(candidates.usable.size)
+    known = Evidence(
+        iids=cells,
+        poses=candidates.poses(cells),
+        rooms=candidates.rooms_of(cells),
+        real_error=real_error,
+        sim_error=np.full(cells.size, 0.5),
+        novelty=np.ones(cells.size),
+        harm=None,
+        trained_poses=np.empty((0, 3)),
+        trained_rooms=np.empty(0, np.int32),
+    )
+    return replace(known, **changes)
+
+
+def chosen(candidates: Candidates, evidence: Evidence, **request: object) -> np.ndarray:
+    wanted = CollectionRequest("r", **request)
+    values = local_values(candidates, evidence, wanted.similarity)
+    return choose_poses(candidates, evidence, values, wanted).cells
+
+
+@pytest.fixture(scope="module")
+def world_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A synthetic world without a run."""
+    from s2rtui.cli import main
+
+    path = tmp_path_factory.mktemp("world") / "world.s2r"
+    assert main(["ingest", "world", "--instances", "2", "--size", "32", "--store", str(path)]) == 0
+    return path
+
+
+def test_candidates_of_a_world_lie_on_free_floor(world_store: Path) -> None:
+    with s2rstore.open(world_store) as store:
+        found = find_candidates(store)
+        from s2rtools.synthetic_world.dataset import WorldData
+
+        data = WorldData.of_store(store)
+        assert data is not None
+        poses = found.poses(np.flatnonzero(found.usable))
+        assert is_free(data.world, poses[:, :2]).all()
+        sample = poses[:: len(poses) // 40]
+        assert data.world.has_content(sample).all()
+        assert set(found.rooms) >= set(range(len(store.instances.room_names)))
+
+
+def test_candidates_of_recorded_data_lie_near_recorded_poses(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        found, truth = find_candidates(store), store.instances
+        offset = found.places[:, None] - np.column_stack([truth.x, truth.y])
+        assert np.hypot(*offset.transpose(2, 0, 1)).min(axis=1).max() <= 0.6
+        assert found.usable.all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_budget_is_respected_and_poses_differ(tiny_store: Path, method: str) -> None:
+    with s2rstore.open(tiny_store) as store:
+        plan = plan_collection(store, CollectionRequest("vanilla", 17, method))
+    assert len(plan.poses) == 17
+    assert len({(pose.x_m, pose.y_m, pose.heading_deg) for pose in plan.poses}) == 17
+
+
+def test_more_than_all_candidates_gives_all_candidates() -> None:
+    candidates = grid(3, 2)
+    evidence = evidence_at(candidates, np.ones(candidates.usable.size))
+    assert sorted(chosen(candidates, evidence, budget=100)) == list(range(24))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_choice_is_deterministic(tiny_store: Path, method: str) -> None:
+    with s2rstore.open(tiny_store) as store:
+        first, second = (
+            plan_collection(store, CollectionRequest("vanilla", 9, method, 3)).poses
+            for _ in range(2)
+        )
+    assert first == second
+
+
+def test_a_larger_budget_begins_with_the_poses_of_a_smaller_one() -> None:
+    candidates = grid()
+    errors = np.random.default_rng(0).uniform(0.5, 4, candidates.usable.size)
+    evidence = evidence_at(candidates, errors)
+    few, many = (chosen(candidates, evidence, budget=budget) for budget in (5, 12))
+    assert few.tolist() == many[:5].tolist()
+
+
+def test_the_seed_matters_for_random_poses_alone() -> None:
+    candidates = grid()
+    evidence = evidence_at(candidates, np.ones(candidates.usable.size))
+    draws = [chosen(candidates, evidence, method="random", seed=seed).tolist() for seed in (0, 1)]
+    assert draws[0] != draws[1]
+    spread = [chosen(candidates, evidence, method="uniform", seed=seed).tolist() for seed in (0, 1)]
+    assert spread[0] == spread[1]
+
+
+def test_poses_of_equal_error_spread() -> None:
+    candidates = grid(24, 12)
+    evidence = evidence_at(candidates, np.full(candidates.usable.size, 3.0))
+    poses = candidates.poses(chosen(candidates, evidence, budget=8))
+    offset = poses[:, None, :2] - poses[:, :2]
+    apart = np.hypot(*offset.transpose(2, 0, 1)) / 1.5
+    turn = angles.distance(poses[:, None, 2], poses[:, 2]) / 0.8
+    nearest = (np.hypot(apart, turn) + 100 * np.eye(8)).min()
+    assert nearest > 1
+
+
+def test_the_bad_room_gets_most_poses() -> None:
+    candidates = grid(24, 8)
+    bad = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
+    evidence = evidence_at(candidates, np.where(bad, 4.0, 0.6))
+    for method in ("combined", "error"):
+        cells = chosen(candidates, evidence, budget=20, method=method)
+        assert np.count_nonzero(bad[cells]) > 14
+    spread = chosen(candidates, evidence, budget=20, method="uniform")
+    assert 7 <= np.count_nonzero(bad[spread]) <= 13
+
+
+def test_error_that_simulation_shares_is_not_reducible() -> None:
+    candidates = grid(24, 8)
+    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
+    evidence = evidence_at(
+        candidates, np.where(right, 4.0, 2.0), sim_error=np.where(right, 3.9, 0.2)
+    )
+    by_error = chosen(candidates, evidence, budget=20, method="error")
+    combined = chosen(candidates, evidence, budget=20, method="combined")
+    assert np.count_nonzero(right[by_error]) > 10 > np.count_nonzero(right[combined])
+
+
+def test_training_images_cover_their_neighbourhood() -> None:
+    candidates = grid(24, 8)
+    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
+    covered = candidates.poses(np.flatnonzero(right))
+    evidence = evidence_at(
+        candidates, np.full(candidates.usable.size, 3.0),
+        trained_poses=covered, trained_rooms=np.ones(len(covered), np.int32),
+    )  # fmt: skip
+    cells = chosen(candidates, evidence, budget=10)
+    assert not right[cells].any()
+
+
+def test_harm_attracts_poses() -> None:
+    candidates = grid(24, 8)
+    right = candidates.rooms_of(np.arange(candidates.usable.size)) == 1
+    same = np.full(candidates.usable.size, 3.0)
+    evidence = evidence_at(candidates, same, harm=np.where(right, 2.0, 0.1))
+    cells = chosen(candidates, evidence, budget=20)
+    assert np.count_nonzero(right[cells]) > 11
+
+
+def test_trained_instances_are_no_evidence_of_real_error(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "t.s2r", trained=("vanilla",))
+    with s2rstore.open(path) as store:
+        evidence = read_evidence(store, "vanilla")
+        trained = store.run_columns("vanilla").trained
+        assert trained.any()
+        assert not trained[evidence.iids].any()
+        assert len(evidence) == np.count_nonzero(~trained)
+
+
+def test_a_run_without_new_instances_is_refused(tmp_path: Path) -> None:
+    path = tiny.build(tmp_path / "t.s2r", n=8, trained=("vanilla",))
+    with s2rstore.open(path) as store:
+        columns = store.run_columns("vanilla")
+        trained = np.ones_like(columns.trained)
+        columns.__dict__["trained"] = trained
+        with pytest.raises(RequestError, match="trained on all instances"):
+            read_evidence(store, "vanilla")
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.integers(2, 8))
+def test_gains_never_grow_and_equal_what_is_covered(seed: int, budget: int) -> None:
+    candidates, rng = grid(8, 4), np.random.default_rng(seed)
+    usable = rng.random(candidates.usable.shape) < 0.8
+    usable[0, 0] = True
+    candidates = replace(candidates, usable=usable)
+    weights = rng.uniform(0, 3, usable.shape)
+    coverage = Coverage(candidates, weights, PoseSimilarity())
+    batch = choose_batch(coverage, candidates, budget)
+    assert usable.flat[batch.cells].all()
+    assert (np.diff(batch.gains) <= 1e-9).all()
+    assert batch.gains.sum() == pytest.approx(coverage.covered_weight)
+    assert coverage.covered_weight <= batch.total + 1e-9
+
+
+def test_the_greedy_batch_is_that_of_full_reevaluation() -> None:
+    candidates, similarity = grid(8, 4), PoseSimilarity()
+    weights = np.random.default_rng(5).uniform(0, 3, candidates.usable.shape)
+    batch = choose_batch(Coverage(candidates, weights, similarity), candidates, 6)
+    coverage = Coverage(candidates, weights, similarity)
+    for cell in batch.cells.tolist():
+        gains = [coverage.gain(other) for other in range(candidates.usable.size)]
+        assert coverage.gain(cell) == pytest.approx(max(gains))
+        coverage.add(cell)
+
+
+def test_the_expression_selects_the_nearest_instances(tiny_store: Path) -> None:
+    with s2rstore.open(tiny_store) as store:
+        plan = plan_collection(store, CollectionRequest("vanilla", 12))
+        text, parameters = evaluation.sql(store, plan.expression, "vanilla", None, {}, False)
+        found = {row[0] for row in store.execute(text, parameters)}
+        assert found == set(plan.nearest.tolist())
+        truth = store.instances
+        for pose, iid in zip(plan.poses, plan.nearest, strict=True):
+            assert np.hypot(truth.x[iid] - pose.x_m, truth.y[iid] - pose.y_m) < 2.5
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [({"budget": 0}, "--budget 0"), ({"budget": 5001}, "--budget 5001"), ({"seed": -1}, "--seed"),
+     ({"method": "best"}, "--method best")],
+)  # fmt: skip
+def test_wrong_requests_name_the_option(values: dict[str, object], message: str) -> None:
+    with pytest.raises(RequestError, match=message):
+        CollectionRequest("r", **values)
