@@ -20,7 +20,7 @@ from s2rtools.precompute import rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
 DEPTH_MODES = ("depth", "rgbd")
 """Modes of heatmaps that need depth on both sides."""
@@ -77,7 +77,7 @@ def network_stages(
             specs += heatmaps
         else:
             stages.append(Stage(kind, run.run, tuple(heatmaps), HEATMAP_ROWS, frames))
-    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames), stages
+    return Stage(FORWARD, run.run, tuple(specs), FORWARD_ROWS, frames), stages
 
 
 def _described(
