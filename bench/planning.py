@@ -27,6 +27,8 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.precompute import pipeline, publish_results, rig_calibration, unit_results
 from s2rtools.precompute.input_hashes import InputHashes
+from s2rtools.precompute.machine import this_machine
+from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan
@@ -136,10 +138,12 @@ def _commit() -> Iterator[BudgetRow]:
         values = dict.fromkeys(specs, rows)
         encoding = seconds(lambda: encoded(units[0], values, layouts.__getitem__), 20)
         chunks = encoded(units[0], values, layouts.__getitem__)
+        environment = this_machine().environment("float32", 1)
         began = time.perf_counter()
         for unit in units:
-            unit_results.write(root, unit, chunks)
-            plan.finish(unit)
+            name = unit_results.file_name(stage, unit.number)
+            attempt = unit_results.write_attempt(root, unit, chunks, environment)
+            plan.finish(Receipt(name, *attempt, 0.0, "", environment))
         plan.close()
         taken = time.perf_counter() - began
     unit_name = f"unit of {_ARRAYS} arrays"

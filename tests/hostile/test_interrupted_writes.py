@@ -16,7 +16,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files.locks import file_lock
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import check
-from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.executors.local_executors import ProcessExecutor
 
 LEFTOVERS = (
     "frames.zarr/sim/a/rgb/.c.0.0.0.0.0123456789abcdef.partial",
@@ -124,24 +124,27 @@ _KILLED_WORKER_SCRIPT = """
 import multiprocessing, os, signal
 from pathlib import Path
 from s2rstore.errors import S2RError
-from s2rtools.precompute.executors import run_units
+from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.local_executors import ProcessExecutor
 
 kept = []
-def opener(root, threads):
-    kept.append(multiprocessing.get_context("spawn").RLock())
-    return work
+class Computation:
+    root = Path("s.s2r")
+    def open(self, threads):
+        kept.append(multiprocessing.get_context("spawn").RLock())
+        return work
 def work(unit):
     os.kill(os.getpid(), signal.SIGKILL)
 if __name__ == "__main__":
     try:
-        list(run_units(Path("s.s2r"), range(4), opener, 2))
+        list(ProcessExecutor(2, 1).run([Task(Computation(), unit) for unit in range(4)]))
     except S2RError as error:
         print(error.exit_code, error)
 """
 
 
 def test_a_killed_worker_is_reported_in_one_line(tmp_path: Path) -> None:
-    assert callable(run_units)
+    assert callable(ProcessExecutor)
     (tmp_path / "killed.py").write_text(_KILLED_WORKER_SCRIPT)
     command = [sys.executable, str(tmp_path / "killed.py")]
     process = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

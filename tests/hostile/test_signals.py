@@ -22,13 +22,14 @@ _LONG_CHUNK_QUERY = (
 )
 _WORKERS_SCRIPT = """
 import os, signal, sys, threading
-from pathlib import Path
-from s2rtools.precompute import executors
-from tests.hostile.interrupted_units import opener
+from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.local_executors import ProcessExecutor
+from tests.hostile.interrupted_units import InterruptedComputation
 
 if __name__ == "__main__":
+    tasks = [Task(InterruptedComputation(), unit) for unit in (1, 2)]
     try:
-        list(executors.run_units(Path("."), [1, 2], opener, 2))
+        list(ProcessExecutor(2, 1).run(tasks))
     except KeyboardInterrupt:
         sys.exit(130)
 """

@@ -21,13 +21,14 @@ _PROJECT = ("s2rtui", "s2rstore", "s2rtools")
 _SCRIPT = "import sys\nfrom s2rtui.cli import main\nsys.exit(main())\n"
 _UNITS = """
 import sys
-from pathlib import Path
-from s2rtools.precompute import executors
-from tests.hostile.plain_units import opener
+from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.local_executors import ProcessExecutor
+from tests.hostile.plain_units import PlainComputation
 import cv2
 
 if __name__ == "__main__":
-    print(list(executors.run_units(Path("."), [1, 2], opener, 2)))
+    tasks = [Task(PlainComputation(), unit) for unit in (1, 2)]
+    print(list(ProcessExecutor(2, 1).run(tasks)))
 """
 
 

@@ -13,9 +13,13 @@ from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rtools.inference import MeasuredBackend, open_backend
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import backend_choice
+from s2rtools.precompute import backend_choice, pipeline
+from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.local_executors import ProcessExecutor
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
+from s2rtools.precompute.unit_computer import Computation
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 from tests.support.silent_reporter import SilentReporter
 
 pytestmark = pytest.mark.xdist_group("computed")
@@ -127,10 +131,24 @@ def test_the_recorded_precision_must_be_available() -> None:
         identity.open(networks.build_model("resposenet"), 1)
 
 
-def test_one_process_uses_the_gpu() -> None:
+def test_one_process_uses_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "available_processors", lambda: 8)
     gpu, torch = BackendIdentity("cuda", "float32"), BackendIdentity("torch", "float32")
-    assert RunBackends(gpu, gpu).limit_workers(8) == 1
-    assert RunBackends(torch, torch).limit_workers(8) == 8
+    spec = ArraySpec("heat", "sim", None, (2,), "float32", ("iid", "x"), "m", "a" * 16, 80)
+    for backends, name, workers in (
+        (RunBackends(gpu, gpu), "forward", 1),
+        (RunBackends(torch, gpu), "occlusion", 1),
+        (RunBackends(gpu, torch), "occlusion", 8),
+        (RunBackends(gpu, gpu), "maps", 8),
+        (RunBackends(torch, torch), "forward", 8),
+    ):
+        computation = Computation(Path(), 1, backends)
+        units = [WorkUnit(Stage(name, "run", (spec,), 1), number, ()) for number in range(80)]
+        tasks = [Task(computation, unit) for unit in units]
+        options = PrecomputeOptions(workers=8)
+        ((executor, assigned),) = pipeline._assigned(tasks, 80, options)
+        assert isinstance(executor, ProcessExecutor) == (workers > 1)
+        assert assigned == tasks
 
 
 def test_keys_of_heatmaps_name_the_precision_of_differences() -> None:

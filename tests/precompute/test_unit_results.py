@@ -7,19 +7,23 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from s2rstore.arrays import array_writer, stored_array
 from s2rstore.arrays.stored_array import codec
 from s2rstore.errors import RequestError
+from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger
 from s2rtools.precompute import unit_results
+from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
+HERE = ComputeEnvironment("processor", "float32", 2, {"numpy": "2.0"})
 ROWS = 50
 ITEM = (3, 5)
 
@@ -42,18 +46,25 @@ def plan_of(root: Path, stage: Stage, published: tuple[str, ...] = ()) -> UnitPl
     return UnitPlan(root, [stage], published, merge_grids)
 
 
-def compute(root: Path, unit: WorkUnit) -> None:
-    """Write the result of a unit."""
+def written(root: Path, unit: WorkUnit, environment: ComputeEnvironment = HERE) -> Receipt:
+    """Write the result of a unit under a unique name."""
     rows = slice(unit.instances.start, unit.instances.stop)
     values = {spec: values_of(unit.stage)[spec][rows] for spec in unit.missing}
     layouts = {spec.path("run"): spec.open_array(root, "run").layout for spec in unit.missing}
-    unit_results.write(root, unit, encoded(unit, values, layouts.__getitem__))
+    chunks = encoded(unit, values, layouts.__getitem__)
+    path, size, checksum = unit_results.write_attempt(root, unit, chunks, environment)
+    name = unit_results.file_name(unit.stage, unit.number)
+    return Receipt(name, path, size, checksum, 0.0, "host", environment)
+
+
+def compute(root: Path, unit: WorkUnit, environment: ComputeEnvironment = HERE) -> None:
+    """Write the result of a unit, as a process did that ended then."""
+    unit_results.accept(root, unit, written(root, unit, environment))
 
 
 def finish(root: Path, plan: UnitPlan) -> None:
     for unit in plan.units:
-        compute(root, unit)
-        plan.finish(unit)
+        assert plan.finish(written(root, unit)) is unit
     plan.close()
 
 
@@ -111,9 +122,10 @@ def result_file(
     """Write a result with a valid checksum and the given entries of its header."""
     content = b"".join(chunk for parts in chunks.values() for chunk in parts)
     header = {
-        "version": 1,
+        "version": 2,
         "first_iid": 0,
         "instances": 8,
+        "environment": msgspec.to_builtins(HERE),
         "chunks": {path: list(map(len, parts)) for path, parts in chunks.items()},
         "sha256": hashlib.sha256(content).hexdigest(),
         **changes,
@@ -138,7 +150,7 @@ def test_damaged_results_are_computed_again(tmp_path: Path, defect: str) -> None
     layout = spec.open_array(tmp_path, "run").layout
     good = encoded(unit, {spec: values_of(stage)[spec][:8]}, lambda _: layout)
     chunks = {"bomb": {path: [bomb()]}, "no blosc": {path: [b"x" * 40]}}.get(defect, good)
-    changes = {"version": 2} if defect == "version" else {}
+    changes = {"version": 3} if defect == "version" else {}
     file = result_file(tmp_path, stage, chunks, **changes)
     content = file.read_bytes()
     if defect == "cut":
@@ -204,3 +216,99 @@ def test_arrays_with_other_chunks_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match="begun by another release"):
         plan_of(tmp_path, stage)
     assert stored_array.open_read(tmp_path / "runs.zarr" / spec.path("run")).layout == other
+
+
+OTHERS = {
+    "device GPU instead of processor": {"device": "GPU"},
+    "precision bfloat16 instead of float32": {"precision": "bfloat16"},
+    "threads 1 instead of 2": {"threads": 1},
+    "numpy 2.1 instead of 2.0": {"versions": {"numpy": "2.1"}},
+    "torch 3 instead of none": {"versions": {"numpy": "2.0", "torch": "3"}},
+}
+
+
+@pytest.mark.parametrize("reason", OTHERS)
+@pytest.mark.parametrize("is_stored", [False, True])
+def test_an_array_is_not_computed_in_two_environments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: str, is_stored: bool
+) -> None:
+    """The first values are results of units, or, if `is_stored`, a shard."""
+    monkeypatch.setattr(array_writer, "SHARD_ROWS", 16)
+    stage = stage_of(8)
+    other = msgspec.structs.replace(HERE, **OTHERS[reason])
+    units = plan_of(tmp_path, stage).units
+    plan = plan_of(tmp_path, stage)
+    for unit in units[: 2 if is_stored else 1]:
+        plan.finish(written(tmp_path, unit))
+    again = plan_of(tmp_path, stage)
+    assert all(again.environment(unit) == HERE for unit in again.units)
+    with pytest.raises(RequestError, match=f"heat: {reason}"):
+        again.finish(written(tmp_path, units[3], other))
+    finish(tmp_path, plan_of(tmp_path, stage))
+    assert_complete(tmp_path, stage)
+    entries = Ledger(tmp_path).by_path().values()
+    assert all(entry.environment == HERE for found in entries for entry in found)
+
+
+def test_other_arrays_may_have_another_environment(tmp_path: Path) -> None:
+    other = msgspec.structs.replace(HERE, threads=7)
+    for key, environment in (("a", HERE), ("b", other)):
+        spec = replace(spec_of("x"), key=16 * key)
+        stage = Stage("heat", "run", (spec,), 64)
+        plan = plan_of(tmp_path, stage)
+        assert plan.environment(plan.units[0]) is None
+        plan.finish(written(tmp_path, plan.units[0], environment))
+        plan.close()
+
+
+@pytest.mark.parametrize("defect", ["bytes", "sha256", "path", "content"])
+def test_a_result_that_is_not_what_its_receipt_states_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: str
+) -> None:
+    monkeypatch.setattr(unit_results, "VISIBLE_SECONDS", 0.0)
+    stage = stage_of(8)
+    plan = plan_of(tmp_path, stage)
+    receipt = written(tmp_path, plan.units[0])
+    changes = {"bytes": receipt.bytes + 1, "sha256": "0" * 64, "path": "units/run/x/0"}
+    if defect == "content":
+        file = tmp_path / receipt.path
+        content = file.read_bytes()
+        file.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    else:
+        receipt = msgspec.structs.replace(receipt, **{defect: changes[defect]})
+    with pytest.raises(RequestError, match=r"host|not a result"):
+        plan.finish(receipt, is_checked=True)
+
+
+def test_a_result_that_appears_late_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Folders are cached on other hosts."""
+    stage = stage_of(64)
+    plan = plan_of(tmp_path, stage)
+    receipt = written(tmp_path, plan.units[0])
+    (tmp_path / receipt.path).rename(tmp_path / "hidden")
+    waits = []
+
+    def appear(seconds: float) -> None:
+        waits.append(seconds)
+        (tmp_path / "hidden").rename(tmp_path / receipt.path)
+
+    monkeypatch.setattr(unit_results.time, "sleep", appear)
+    plan.finish(receipt)
+    plan.close()
+    assert len(waits) == 1
+    assert_complete(tmp_path, stage)
+
+
+def test_two_workers_may_compute_one_unit(tmp_path: Path) -> None:
+    """The first was believed to be lost; its file goes with the folder."""
+    stage = stage_of(64)
+    plan = plan_of(tmp_path, stage)
+    late, used = written(tmp_path, plan.units[0]), written(tmp_path, plan.units[0])
+    assert late.path != used.path
+    plan.finish(used)
+    plan.close()
+    assert_complete(tmp_path, stage)
+    with pytest.raises(FileNotFoundError):
+        written(tmp_path, replace(plan.units[0]))

@@ -9,7 +9,8 @@ import pytest
 
 from s2rtools.common import processors
 from s2rtools.common.processors import available_memory
-from s2rtools.precompute import executors
+from s2rtools.precompute.executors import local_executors
+from s2rtools.precompute.executors.executor import largest_first
 
 
 @pytest.mark.parametrize(
@@ -30,9 +31,9 @@ def test_workers_are_limited_by_processors_memory_and_work(
     instances: int,
     workers: int,
 ) -> None:
-    monkeypatch.setattr(executors, "available_processors", lambda: processors)
-    monkeypatch.setattr(executors, "available_memory", lambda: memory)
-    assert executors.usual_workers(instances) == workers
+    monkeypatch.setattr(local_executors, "available_processors", lambda: processors)
+    monkeypatch.setattr(local_executors, "available_memory", lambda: memory)
+    assert local_executors.usual_workers(instances) == workers
 
 
 def test_units_that_take_the_longest_come_first() -> None:
@@ -44,7 +45,7 @@ def test_units_that_take_the_longest_come_first() -> None:
         unit("forward", 0, 256), unit("forward", 1, 30),
         unit("occlusion", 0, 64), unit("occlusion", 1, 64), unit("occlusion", 2, 9),
     ]  # fmt: skip
-    ordered = [(each.stage.name, each.number) for each in executors.largest_first(units)]
+    ordered = [(each.stage.name, each.number) for each in largest_first(units)]
     assert ordered == [
         ("occlusion", 0), ("occlusion", 1), ("occlusion", 2), ("forward", 0), ("forward", 1),
     ]  # fmt: skip

@@ -60,6 +60,17 @@ def write(
             raise
 
 
+def write_attempt(root: Path, relative: str | Path, content: Content, durable: bool = True) -> str:
+    """Write content that shall become the file `relative`, under a unique name in its folder.
+
+    Returns the path of that unfinished file below `root`; `rename` makes it the file. Several
+    processes, also of several hosts, may do so for one file at once. The folder must exist.
+    """
+    with parent_folder(root, relative) as (parent, _):
+        name = _write_partial(root / relative, parent, content, durable)
+    return (Path(relative).parent / name).as_posix()
+
+
 def write_file(path: Path, content: Content, check: Callable[[], None] = lambda: None) -> None:
     """Write a file outside a store, in a folder that exists and may be reached by links.
 
@@ -137,12 +148,13 @@ def sync_path(path: Path) -> None:
         os.close(descriptor)
 
 
-def rename(root: Path, old: str, new: str) -> None:
-    """Rename a file in its folder, durably."""
+def rename(root: Path, old: str, new: str, durable: bool = True) -> None:
+    """Rename a file in its folder; without `durable` the name reaches the disk later."""
     with parent_folder(root, old) as (parent, name), errors_of(root / new):
         new_name = safe_files.parts_of(root, new)[-1]
         os.replace(name, new_name, src_dir_fd=parent, dst_dir_fd=parent)
-        os.fsync(parent)
+        if durable:
+            os.fsync(parent)
 
 
 def move(root: Path, old: str | Path, new: str | Path) -> None:

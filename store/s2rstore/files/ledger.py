@@ -18,6 +18,7 @@ import msgspec
 
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.process_identity import host_name, process_token
 
 _ARRAYS = f"{layout.LEDGER}/arrays"
@@ -27,14 +28,19 @@ _MAX_FILE = 2 << 30
 """Bytes of the file of one process, about 8 million entries."""
 
 
-class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A finished file: `key` names the work unit, `path` the file inside the store."""
+class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A finished file: `key` names the work unit, `path` the file inside the store.
+
+    `environment` is what computed it; None for files that were not computed, and in entries of
+    earlier releases.
+    """
 
     key: str
     path: str
     bytes: Annotated[int, msgspec.Meta(ge=0)]
     checksum: Annotated[str, msgspec.Meta(pattern=r"\A[0-9a-f]{64}\Z")]
     count: Annotated[int, msgspec.Meta(ge=0)]
+    environment: ComputeEnvironment | None = None
 
 
 _DECODER = msgspec.json.Decoder(LedgerEntry)

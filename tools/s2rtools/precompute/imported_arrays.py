@@ -17,7 +17,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run, Side
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.tasks.network_outputs import FORWARD_ROWS
-from s2rtools.precompute.work_units import ArraySpec, Stage
+from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage
 
 _KINDS = ("prediction", "embedding")
 _HASHED_ROWS = 8192
@@ -68,7 +68,7 @@ def write_arrays(
     `poses` (N, 3): x and y in metres, heading in radians, NaN where there is no prediction.
     `embeddings` (N, D) are NaN there.
     """
-    ledger, stage = Ledger(root), Stage("forward", run, tuple(specs), FORWARD_ROWS)
+    ledger, stage = Ledger(root), Stage(FORWARD, run, tuple(specs), FORWARD_ROWS)
     for spec in specs:
         side: Side = "sim" if spec.side == "sim" else "real"
         values = poses[side] if spec.kind == "prediction" else embeddings[side]
@@ -101,7 +101,7 @@ def imported_stage(store: Store, run: Run, part: Part) -> Stage | None:
         for record in store.array_parts(run.run)
         if (record.kind, record.side, record.first_iid) == (kind, side, part.first_iid)
     )  # fmt: skip
-    return Stage("forward", run.run, specs, FORWARD_ROWS) if specs else None
+    return Stage(FORWARD, run.run, specs, FORWARD_ROWS) if specs else None
 
 
 def _by_side(arrays: SideArrays) -> list[InstanceRows]:

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout, locks
+from s2rstore.files import atomic_writes, layout, locks, safe_files
 from s2rstore.files.lease import Lease
+from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import depth_calibration, rig_calibration
+from s2rtools.precompute import depth_calibration, rig_calibration, unit_results
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
-from s2rtools.precompute.executors import largest_first, run_units, usual_workers
+from s2rtools.precompute.executors.executor import Executor, Task, largest_first
+from s2rtools.precompute.executors.local_executors import (
+    local_executor,
+    usual_threads,
+    usual_workers,
+)
 from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
@@ -32,7 +37,7 @@ from s2rtools.precompute.tasks.network_outputs import network_stages
 from s2rtools.precompute.tasks.outliers import outlier_stages
 from s2rtools.precompute.tasks.rendered_frames import frames_stages
 from s2rtools.precompute.tasks.umap_projection import projection_stages
-from s2rtools.precompute.unit_computer import UnitComputer
+from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.usable_kinds import domains_without_depth, usable_kinds
 from s2rtools.precompute.work_units import Stage
@@ -50,9 +55,11 @@ class ProgressReporter(Protocol):
 class PrecomputeOptions:
     """Options of `precompute`; `kinds` are heatmap kinds, all by default.
 
-    `workers` is the number of processes, by default as many as pay off. `refit` fits projections on
-    all instances again. `backend` names that of the
-    predictions; `auto` keeps the recorded one of a run, else it measures which is the fastest.
+    `workers` is the number of processes, by default as many as pay off, and `threads` how many each
+    computes with, by default so many that they use all processors; `executor` replaces both.
+    `refit` fits projections on all instances again. `backend` names that of the predictions; `auto`
+    keeps the recorded one of a run, else it measures which is the fastest. `restart` begins arrays
+    again that are not complete.
     """
 
     kinds: tuple[str, ...] | None = None
@@ -60,6 +67,9 @@ class PrecomputeOptions:
     backend: str = "auto"
     trust: bool = False
     refit: bool = False
+    threads: int | None = None
+    restart: bool = False
+    executor: Executor | None = None
 
 
 def precompute(
@@ -138,18 +148,21 @@ def _compute_run(
         options.backend,
         reporter.say,
         lease.check,
-        max(1, available_processors() // workers),
+        options.threads or usual_threads(workers),
     )
     store = current.get()
     planned = store.parts
     groups = _stage_groups(store, current.hashes, run, model, backends, allowed, options.refit)
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
+    if options.restart:
+        _discard_begun(store, stages)
     for group in groups:
         lease.check()
-        _compute_stages(root, group, store.array_paths, backends, options, reporter, lease)
+        _compute_stages(store, group, backends, options, reporter, lease)
     if current.get().parts != planned:
         reporter.say(f"{name}: instances were added meanwhile; computing them, too")
+        options = replace(options, restart=False)
         return _compute_run(current, name, kinds, options, reporter, lease)
     is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
@@ -217,9 +230,11 @@ def _compute_imported(
     if forwards[0].specs_of_kind("embedding"):
         fit, *later = projections = _projections(store, run, forwards, options.refit)
         groups += [[fit], later, outlier_stages(projections)]
+    if options.restart:
+        _discard_begun(store, [stage for group in groups for stage in group])
     for group in groups:
         lease.check()
-        _compute_stages(current.root, group, store.array_paths, None, options, reporter, lease)
+        _compute_stages(store, group, None, options, reporter, lease)
     stages = [*forwards, *(stage for group in groups for stage in group)]
     is_new = publish_run(current.get(), run.run, stages, None, lease.check)
     atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
@@ -276,28 +291,67 @@ def _projections(store: Store, run: Run, forwards: Sequence[Stage], refit: bool)
 
 
 def _compute_stages(
-    root: Path,
+    store: Store,
     stages: Sequence[Stage],
-    published: Collection[str],
     backends: RunBackends | None,
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
 ) -> None:
-    plan = UnitPlan(root, stages, published, merge_grids)
-    units = plan.units
-    if units:
-        names = list(dict.fromkeys(unit.stage.name for unit in units))
+    """Compute what is missing of some stages, each array in one environment."""
+    root = store.path
+    plan = UnitPlan(root, stages, store.array_paths, merge_grids)
+    if plan.units:
+        names = list(dict.fromkeys(unit.stage.name for unit in plan.units))
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
-        total = sum(len(unit.instances) for unit in units)
-        reporter.begin(f"{units[0].stage.run}: {label}", total)
-        workers = min(options.workers or usual_workers(total), len(units), available_processors())
-        if backends is not None and any(unit.stage.is_network for unit in units):
-            workers = backends.limit_workers(workers)
-        opener = partial(UnitComputer, backends, options.trust)
-        for unit in run_units(root, largest_first(units), opener, workers):
-            lease.raise_if_lost()
-            plan.finish(unit)
-            reporter.advance(len(unit.instances))
+        total = sum(len(unit.instances) for unit in plan.units)
+        reporter.begin(f"{plan.units[0].stage.run}: {label}", total)
+        computation = Computation(root, store.generation, backends, options.trust)
+        tasks = [
+            Task(computation, unit, plan.environment(unit)) for unit in largest_first(plan.units)
+        ]
+        for executor, some in _assigned(tasks, total, options):
+            for receipt in executor.run(some):
+                lease.raise_if_lost()
+                unit = plan.finish(receipt, is_checked=executor.is_remote)
+                reporter.advance(len(unit.instances))
         lease.check()
     plan.close()
+
+
+def _assigned(
+    tasks: Sequence[Task], instances: int, options: PrecomputeOptions
+) -> Iterator[tuple[Executor, list[Task]]]:
+    """Executors with the tasks that each computes, one after the other.
+
+    Without a requested number of threads, an array that is begun keeps that with which it was.
+    """
+    if options.executor is not None:
+        yield options.executor, list(tasks)
+        return
+    workers = options.workers or usual_workers(instances)
+    workers = min(workers, len(tasks), available_processors())
+    if any(task.computation.uses_gpu(task.unit.stage) for task in tasks):
+        workers = 1
+    by_threads: dict[int, list[Task]] = {}
+    for task in tasks:
+        begun = None if task.environment is None else task.environment.threads
+        threads = options.threads or begun or usual_threads(workers)
+        by_threads.setdefault(threads, []).append(task)
+    for threads, some in by_threads.items():
+        yield local_executor(workers, threads), some
+
+
+def _discard_begun(store: Store, stages: Sequence[Stage]) -> None:
+    """Remove the arrays of stages that are not published, and the results of their units."""
+    root, removed = store.path, set[str]()
+    for stage in stages:
+        atomic_writes.remove(root, unit_results.folder(stage))
+        for spec in stage.specs:
+            path = spec.path(stage.run)
+            folder = f"{layout.RUNS}/{path}"
+            if path not in store.array_paths and safe_files.kind(root, folder) is not None:
+                removed |= {entry.path for entry in safe_files.walk(root, folder)}
+                atomic_writes.remove(root, folder)
+    if removed:
+        Ledger(root).remove_entries(removed)

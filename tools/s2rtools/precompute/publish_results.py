@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -10,12 +9,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
+from s2rstore.files.ledger import Ledger
 from s2rstore.index.schema import GAP_SHARES
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.metrics import bootstrap
@@ -25,13 +25,13 @@ from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.inference.backend import processor_name
 from s2rtools.precompute.array_keys import content_key
+from s2rtools.precompute.machine import numeric_versions
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
 from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
 _RANGE_ROWS = 512
-_NUMERIC = ("torch", "openvino", "numpy")
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
 
@@ -81,7 +81,7 @@ def publish_run(
             draft.insert_row("zarr_array", array_row(root, run, spec))
         if backend is not None:
             draft.update("run", {"run": run}, {"key": key, "precision": backend["precision"]})
-        draft.set_provenance(f"run:{run}", _provenance(specs, backend, ranges, previous))
+        draft.set_provenance(f"run:{run}", _provenance(root, run, specs, backend, ranges, previous))
     return True
 
 
@@ -198,24 +198,32 @@ def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str
 
 
 def _environments(
-    specs: Sequence[ArraySpec], backend: dict[str, Any] | None, previous: dict[str, str]
+    root: Path, run: str, specs: Sequence[ArraySpec], previous: dict[str, str]
 ) -> dict[str, Any]:
-    """For each array key, the device and the library versions of the process that published it."""
+    """For each array key, the device, precision, threads and library versions that computed it.
+
+    Of imported arrays and of those of earlier releases, the libraries and the processor here.
+    """
     known = parse_object(previous.get("arrays", "{}"), "arrays")
-    name = "" if backend is None else str(backend["name"])
-    uses_gpu = name.startswith("cuda") and torch.cuda.is_available()
-    here = {
-        "device": torch.cuda.get_device_name() if uses_gpu else processor_name(),
-        "libraries": {name: metadata.version(name) for name in _NUMERIC if _is_installed(name)},
-    }
-    return known | {spec.key: known.get(spec.key, here) for spec in specs}
+    here = {"device": processor_name(), "libraries": numeric_versions()}
+    folders = {spec.key: spec.folder(run) for spec in specs if spec.key not in known}
+    return known | {key: _environment(root, folder) or here for key, folder in folders.items()}
 
 
-def _is_installed(package: str) -> bool:
-    return importlib.util.find_spec(package.replace("-", "_")) is not None
+def _environment(root: Path, folder: str) -> dict[str, Any] | None:
+    """What the ledger states of the arrays in a folder of runs.zarr; None where it is nothing."""
+    for entries in Ledger(root).array_entries(folder).values():
+        for entry in entries:
+            if entry.environment is not None:
+                facts: dict[str, Any] = msgspec.to_builtins(entry.environment)
+                facts["libraries"] = facts.pop("versions")
+                return facts
+    return None
 
 
 def _provenance(
+    root: Path,
+    run: str,
     specs: Sequence[ArraySpec],
     backend: dict[str, Any] | None,
     ranges: dict[str, list[float]],
@@ -229,7 +237,7 @@ def _provenance(
         "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
-        "arrays": _environments(specs, backend, previous),
+        "arrays": _environments(root, run, specs, previous),
     }
     if backend is not None:
         facts["backend"] = backend

@@ -33,6 +33,10 @@ class BackendIdentity:
         """Library or device and precision, such as `openvino bf16`."""
         return f"{self.name.partition('-')[0]} {self.precision.rpartition(' ')[2]}"
 
+    @property
+    def uses_gpu(self) -> bool:
+        return issubclass(BACKENDS.get(self.name, Backend), CudaBackend)
+
     def facts(self) -> dict[str, str]:
         return {"name": self.name, "precision": self.precision}
 
@@ -110,8 +114,3 @@ class RunBackends:
             heatmaps = self.heatmaps.open(model, threads)
         heatmaps.differences = self.differences or FLOAT32
         return predictions, heatmaps
-
-    def limit_workers(self, workers: int) -> int:
-        """One process uses the GPU; networks on the processor run in `workers` processes."""
-        kinds = (BACKENDS.get(each.name, Backend) for each in (self.predictions, self.heatmaps))
-        return 1 if any(issubclass(kind, CudaBackend) for kind in kinds) else workers

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import torch
+from threadpoolctl import threadpool_limits
 
 import s2rstore
 from s2rstore.arrays import array_writer, stored_array
 from s2rstore.arrays.zarr_metadata import Layout
+from s2rstore.errors import RequestError
 from s2rstore.files import layout
+from s2rstore.files.compute_environment import ComputeEnvironment
+from s2rstore.files.process_identity import host_name
+from s2rstore.reader import Store
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.frame_reader import Renderers, RunFrames
-from s2rtools.precompute.run_backends import RunBackends
+from s2rtools.precompute.machine import Machine, this_machine
+from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.tasks import (
     image_heatmaps,
     map_grids,
@@ -23,25 +34,82 @@ from s2rtools.precompute.tasks import (
     rendered_frames,
     umap_projection,
 )
-from s2rtools.precompute.work_units import ArraySpec, WorkUnit
+from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
+
+NUMPY = "numpy"
+"""The precision of arrays that no network computes: that of their own type."""
+GENERATION_SECONDS = 90.0
+"""How long a host waits to see a published generation; NFS caches files for up to 60 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Computation:
+    """What computes units of a store: the backends of a run, and the store as it is published.
+
+    `backends` are those that the arrays' keys contain; None where no unit runs a network. Results
+    of a process of another host are `durable`.
+    """
+
+    root: Path
+    generation: int
+    backends: RunBackends | None = None
+    trust: bool = False
+    durable: bool = False
+
+    def open(self, threads: int) -> UnitComputer:
+        """Make this process compute units with some threads.
+
+        Raises RequestError where this host has no such store.
+        """
+        return UnitComputer(self, threads)
+
+    def precision(self, stage: Stage) -> str:
+        """In which precision a stage is computed."""
+        if self.backends is None or not stage.is_network:
+            return NUMPY
+        return " + ".join(dict.fromkeys(each.precision for each in self._identities(stage)))
+
+    def uses_gpu(self, stage: Stage) -> bool:
+        if self.backends is None or not stage.is_network:
+            return False
+        return any(each.uses_gpu for each in self._identities(stage))
+
+    def _identities(self, stage: Stage) -> list[BackendIdentity]:
+        """The backends that run the network for a stage."""
+        assert self.backends is not None
+        heatmaps = self.backends.heatmaps
+        return [self.backends.predictions, heatmaps] if stage.name == FORWARD else [heatmaps]
+
+    def environment(self, stage: Stage, machine: Machine, threads: int) -> ComputeEnvironment:
+        """In which environment a machine computes a stage."""
+        return machine.environment(self.precision(stage), threads, self.uses_gpu(stage))
 
 
 class UnitComputer:
     """Computes work units of one store; models are loaded once per process."""
 
-    def __init__(self, backends: RunBackends | None, trust: bool, root: Path, threads: int) -> None:
-        """`backends` are those that the arrays' keys contain; None where no unit runs a network."""
-        self._root, self._threads = root, threads
-        self._store = s2rstore.open(root)
-        self._run_backends, self._trust = backends, trust
+    def __init__(self, computation: Computation, threads: int) -> None:
+        self._computation, self._threads = computation, threads
+        self._root = computation.root
+        self._store = open_generation(computation.root, computation.generation)
+        self._machine = this_machine()
         self._backends: dict[str, tuple[Backend, Backend]] = {}
         self._renderers: Renderers = {}
         self._layouts: dict[str, Layout] = {}
+        torch.set_num_threads(threads)
+        threadpool_limits(threads)
 
-    def __call__(self, unit: WorkUnit) -> None:
-        """Compute the missing arrays of a unit and write them as its result."""
+    def __call__(self, unit: WorkUnit) -> Receipt:
+        """Compute the missing arrays of a unit and write them under a unique name."""
+        began = time.perf_counter()
         chunks = encoded(unit, self._compute(unit), self._layout)
-        unit_results.write(self._root, unit, chunks)
+        environment = self._computation.environment(unit.stage, self._machine, self._threads)
+        path, size, checksum = unit_results.write_attempt(
+            self._root, unit, chunks, environment, self._computation.durable
+        )
+        name = unit_results.file_name(unit.stage, unit.number)
+        seconds = time.perf_counter() - began
+        return Receipt(name, path, size, checksum, seconds, host_name(), environment)
 
     def _layout(self, path: str) -> Layout:
         if path not in self._layouts:
@@ -66,9 +134,10 @@ class UnitComputer:
             return dict(image_heatmaps.compute_heatmaps(self._store, run, unit))
         name = run.network(unit.stage.name)
         if name not in self._backends:
-            assert self._run_backends is not None
-            model = load_model(self._store, name, self._trust)
-            self._backends = {name: self._run_backends.open(model, self._threads)}
+            backends = self._computation.backends
+            assert backends is not None
+            model = load_model(self._store, name, self._computation.trust)
+            self._backends = {name: backends.open(model, self._threads)}
         return network_outputs.compute_outputs(self._store, run, *self._backends[name], unit)
 
 
@@ -84,3 +153,19 @@ def encoded(
         else:
             chunks[path] = array_writer.encode_chunks(layout_of(path), rows)
     return chunks
+
+
+def open_generation(root: Path, generation: int) -> Store:
+    """Open a store in a generation or a later one, which another host may just have published."""
+    deadline = time.monotonic() + GENERATION_SECONDS
+    while True:
+        store = s2rstore.open(root)
+        if store.generation >= generation:
+            return store
+        store.close()
+        if time.monotonic() >= deadline:
+            raise RequestError(
+                f"{root}: {host_name()} reads generation {store.generation}, {generation} is "
+                "published; check how the folder is mounted there"
+            )
+        time.sleep(0.5)

@@ -18,9 +18,11 @@ from s2rstore.arrays import array_writer
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
+from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
+from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
@@ -67,7 +69,8 @@ class _Shard:
 class UnitPlan:
     """The units of some stages of a run that are to be computed, in order.
 
-    Finished units are passed to `finish`, which writes and records the shards that are complete.
+    Receipts of computed units are passed to `finish`, which writes and records the shards that are
+    complete. All values of the arrays of one key come from one environment.
     """
 
     def __init__(
@@ -82,9 +85,11 @@ class UnitPlan:
         self._root, self._merge = root, merge
         self._ledger = Ledger(root)
         self._results: dict[str, UnitResult] = {}
+        self._environments: dict[str, ComputeEnvironment] = {}
         self._shards: dict[str, list[_Shard]] = {}
         self._uses: Counter[str] = Counter()
         self._folders: list[str] = []
+        self._unfinished: dict[str, WorkUnit] = {}
         self.units: list[WorkUnit] = []
         for stage in stages:
             self._plan(stage, published)
@@ -98,6 +103,7 @@ class UnitPlan:
                     missing[number].append(shard)
         if missing:
             self._folders.append(folder)
+            atomic_writes.make_folder(self._root, folder)
         elif safe_files.kind(self._root, folder) is not None:
             atomic_writes.remove(self._root, folder)
         complete = []
@@ -108,11 +114,13 @@ class UnitPlan:
             self._shards[name], self._uses[name] = shards, len(shards)
             expected = self._chunk_sizes(unit)
             result = unit_results.read(self._root, unit, expected) if name in earlier else None
-            if result:
+            if result and not self._difference(unit, result.environment):
+                self._claim(unit, result.environment)
                 self._results[name] = result
                 complete.append(unit)
             else:
                 self.units.append(unit)
+                self._unfinished[name] = unit
         for unit in complete:
             self._complete(unit)
 
@@ -127,6 +135,9 @@ class UnitPlan:
         for number in range(array.layout.shards):
             name = array.file(number)
             sizes = {entry.bytes for entry in entries.get(name, ())}
+            for entry in entries.get(name, ()):
+                if entry.environment is not None and entry.bytes == files.get(name):
+                    self._environments[spec.folder(stage.run)] = entry.environment
             if name in files and (path in published or files[name] in sizes):
                 continue
             if stage.is_aggregate:
@@ -161,15 +172,51 @@ class UnitPlan:
             for shard in self._shards[name]
         }
 
-    def finish(self, unit: WorkUnit) -> None:
-        """Use the result of a unit that has been computed."""
-        name = unit_results.file_name(unit.stage, unit.number)
+    def environment(self, unit: WorkUnit) -> ComputeEnvironment | None:
+        """What computed the first values of a unit's arrays; None where there are none.
+
+        Raises RequestError where arrays of the unit differ in that.
+        """
+        begun = self._begun(unit)
+        if begun and (difference := self._difference(unit, begun[0])):
+            raise _mixed(unit.stage, difference)
+        return begun[0] if begun else None
+
+    def _begun(self, unit: WorkUnit) -> list[ComputeEnvironment]:
+        """What computed the first values of the unit's arrays, once for each key that is begun."""
+        folders = dict.fromkeys(spec.folder(unit.stage.run) for spec in unit.missing)
+        return [self._environments[f] for f in folders if f in self._environments]
+
+    def _difference(self, unit: WorkUnit, environment: ComputeEnvironment) -> str:
+        """How an environment differs from that of the unit's arrays; empty where it does not."""
+        found = (environment.difference(begun) for begun in self._begun(unit))
+        return next(filter(None, found), "")
+
+    def finish(self, receipt: Receipt, is_checked: bool = False) -> WorkUnit:
+        """Use the result that a receipt states, and return its unit.
+
+        With `is_checked` the content is compared with the receipt's checksum. Raises RequestError
+        where it differs, and for a unit that was computed in another environment than the first
+        values of its arrays.
+        """
+        unit = self._unfinished.pop(receipt.unit)
         expected = self._chunk_sizes(unit)
-        result = unit_results.read(self._root, unit, expected, is_checked=False)
-        if result is None:
-            raise RequestError(f"{self._root / name}: removed while it was used; run it again")
-        self._results[name] = result
+        self._claim(unit, receipt.environment)
+        unit_results.accept(self._root, unit, receipt)
+        result = unit_results.read(self._root, unit, expected, is_checked)
+        if result is None or result.sha256 != receipt.sha256:
+            file = self._root / receipt.unit
+            raise RequestError(f"{file}: not what {receipt.host} has written; run it again")
+        self._results[receipt.unit] = result
         self._complete(unit)
+        return unit
+
+    def _claim(self, unit: WorkUnit, environment: ComputeEnvironment) -> None:
+        """Bind the unit's arrays to an environment; RequestError where they have another one."""
+        if difference := self._difference(unit, environment):
+            raise _mixed(unit.stage, difference)
+        for spec in unit.missing:
+            self._environments[spec.folder(unit.stage.run)] = environment
 
     def close(self) -> None:
         """Remove the folders of the results; all units are finished."""
@@ -219,7 +266,16 @@ class UnitPlan:
             self._root, folder, shard.array.layout, shard.number, count, chunks
         )
         unit = f"{shard.stage.run}:{shard.stage.name}:{shard.number}"
-        return LedgerEntry(unit, written.path, written.bytes, written.sha256, count)
+        environment = self._environments[shard.spec.folder(shard.stage.run)]
+        return LedgerEntry(unit, written.path, written.bytes, written.sha256, count, environment)
+
+
+def _mixed(stage: Stage, difference: str) -> RequestError:
+    return RequestError(
+        f"{stage.run}: {stage.name}: {difference}, with which its arrays were begun; all values of "
+        "an array come from one kind of worker: continue with that one, or add --restart to begin "
+        "these arrays again"
+    )
 
 
 def _chunk_range(shard: _Shard) -> tuple[int, int]:

@@ -1,15 +1,20 @@
 """Results of work units: one file per unit, until the shards that need it are complete.
 
 A file holds the compressed chunks of the unit's arrays, so that a shard is made by joining them. It
-is a line of JSON with the instances of the unit, the sizes of the chunks and the SHA-256 of the
-rest, then the chunks. Files are not flushed to the disk: one that a power failure damaged does not
-have its checksum and is computed again.
+is a line of JSON with the instances of the unit, what computed them, the sizes of the chunks and
+the SHA-256 of the rest, then the chunks.
+
+A worker writes its result under a unique name and states it in a receipt; the process that runs the
+workers accepts it, which gives the file its final name. So a unit may be computed by two workers at
+once, one of which seemed to be lost. Files of workers of the same host are not flushed to the disk:
+one that a power failure damaged does not have its checksum and is computed again.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import FileIO
@@ -24,8 +29,12 @@ from numpy.typing import NDArray
 from s2rstore.arrays.stored_array import BLOSC_HEADER, check_chunk, codec
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
+from s2rstore.files.compute_environment import ComputeEnvironment
+from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.work_units import Stage, WorkUnit
 
+VISIBLE_SECONDS = 90.0
+"""How long a result of another host is waited for; NFS caches folders for 60 s by default."""
 _HEADER_BYTES = 16 * 2**20
 _BLOCK, _LINE_BLOCK = 2**20, 2**14
 
@@ -35,9 +44,10 @@ _Size = Annotated[int, msgspec.Meta(ge=0, le=2**32)]
 class _Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """First and number of instances, the compressed sizes of each array's chunks by its path."""
 
-    version: Literal[1]
+    version: Literal[2]
     first_iid: int
     instances: int
+    environment: ComputeEnvironment
     chunks: dict[str, list[_Size]]
     sha256: str
 
@@ -73,25 +83,75 @@ def decode_totals(chunks: Sequence[bytes], item: tuple[int, ...]) -> NDArray[np.
     return np.frombuffer(content, dtype=np.float64).reshape(-1, *item)
 
 
-def write(root: Path, unit: WorkUnit, chunks: Mapping[str, list[bytes]]) -> None:
-    """Write the compressed chunks of a unit's arrays, given by their paths in runs.zarr."""
+def write_attempt(
+    root: Path,
+    unit: WorkUnit,
+    chunks: Mapping[str, list[bytes]],
+    environment: ComputeEnvironment,
+    durable: bool = False,
+) -> tuple[str, int, str]:
+    """Write the compressed chunks of a unit's arrays, given by their paths in runs.zarr.
+
+    Returns path, size and checksum for the receipt. With `durable` the file is on the disk, where
+    other hosts read it. Raises FileNotFoundError where nothing waits for results of the stage.
+    """
     digest = hashlib.sha256()
     for chunk in chain.from_iterable(chunks.values()):
         digest.update(chunk)
     sizes = {path: list(map(len, parts)) for path, parts in chunks.items()}
     rows = unit.instances
-    header = _Header(1, rows.start, len(rows), sizes, digest.hexdigest())
+    header = _Header(2, rows.start, len(rows), environment, sizes, digest.hexdigest())
     line = msgspec.json.encode(header) + b"\n"
     content = iter([line, *chain.from_iterable(chunks.values())])
-    atomic_writes.write(root, file_name(unit.stage, unit.number), content, durable=False)
+    name = file_name(unit.stage, unit.number)
+    path = atomic_writes.write_attempt(root, name, content, durable)
+    return path, len(line) + sum(map(sum, sizes.values())), header.sha256
+
+
+def accept(root: Path, unit: WorkUnit, receipt: Receipt) -> None:
+    """Give a result that a worker wrote its final name.
+
+    Another host may see the file later than it was written, for as long as file systems cache.
+    Raises RequestError where it does not appear, or is not what the receipt states.
+    """
+    name = file_name(unit.stage, unit.number)
+    if receipt.unit != name or Path(receipt.path).parent != Path(name).parent:
+        raise RequestError(f"{root / receipt.path}: not a result of {name}; run the command again")
+    deadline = time.monotonic() + VISIBLE_SECONDS
+    while (size := _size(root, receipt.path)) != receipt.bytes:
+        if time.monotonic() >= deadline:
+            found = "is not there" if size is None else f"has {size} bytes, not {receipt.bytes}"
+            raise RequestError(
+                f"{root / receipt.path}: {found}; {receipt.host} must write to the same folder as "
+                "this machine reads"
+            )
+        time.sleep(0.1)
+    try:
+        atomic_writes.rename(root, receipt.path, name, durable=False)
+    except FileNotFoundError:
+        # NFS repeats a request whose reply was lost, and finds the file renamed already.
+        if _size(root, name) != receipt.bytes:
+            raise
+
+
+def _size(root: Path, path: str) -> int | None:
+    try:
+        return safe_files.size(root, path)
+    except FileNotFoundError:
+        return None
 
 
 @dataclass(frozen=True, slots=True)
 class UnitResult:
-    """A complete result; `places` are the first byte and the sizes of each array's chunks."""
+    """A complete result; `places` are the first byte and the sizes of each array's chunks.
+
+    `sha256` is that of all chunks, `environment` what computed them.
+    """
 
     file: Path
     places: Mapping[str, tuple[int, list[int]]]
+    sha256: str
+    environment: ComputeEnvironment
 
     def chunks(self, path: str, folder: int) -> Iterator[bytes]:
         """The compressed chunks of an array. Raises RequestError where the file has changed.
@@ -136,7 +196,7 @@ def read(
         return None
     starts = accumulate(map(sum, header.chunks.values()), initial=len(line))
     places = zip(header.chunks, zip(starts, header.chunks.values(), strict=False), strict=True)
-    return UnitResult(root / name, dict(places))
+    return UnitResult(root / name, dict(places), header.sha256, header.environment)
 
 
 def _first_line(file: FileIO) -> bytes:

@@ -26,6 +26,9 @@ from s2rstore.records import SIDES
 from s2rstore.run_inputs import FRAME_KINDS
 from s2rtools.heatmaps import HEATMAP_KINDS
 
+FORWARD = "forward"
+"""The stage of predictions, embeddings and the heatmaps that need one forward pass."""
+
 
 @dataclass(frozen=True, slots=True)
 class ArraySpec:
@@ -108,7 +111,7 @@ class Stage:
     @property
     def is_network(self) -> bool:
         """Whether the units run the network."""
-        return self.name == "forward" or self.name in HEATMAP_KINDS
+        return self.name == FORWARD or self.name in HEATMAP_KINDS
 
     def specs_of_kind(self, kind: str) -> tuple[ArraySpec, ...]:
         return tuple(spec for spec in self.specs if spec.kind == kind)

@@ -22,7 +22,7 @@ from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
 DEPTH_MODES = ("depth", "rgbd")
 """Modes of heatmaps that need depth on both sides."""
@@ -86,7 +86,7 @@ def network_stages(
         Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames)
         for name, of_stage in grouped.items()
     ]
-    return Stage("forward", run.run, tuple(specs), FORWARD_ROWS, frames), stages
+    return Stage(FORWARD, run.run, tuple(specs), FORWARD_ROWS, frames), stages
 
 
 def _share_spec(part: Part, key: str) -> ArraySpec:

@@ -1,4 +1,4 @@
-"""Run work units in this process or in worker processes; one process writes each unit."""
+"""Executors of this machine: this process, or worker processes that end with it."""
 
 from __future__ import annotations
 
@@ -7,27 +7,24 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
-from pathlib import Path
+
+from threadpoolctl import threadpool_limits
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
 from s2rtools.common.processors import available_memory, available_processors
-from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.precompute.work_units import WorkUnit
-
-ComputeUnit = Callable[[WorkUnit], None]
-OpenWorker = Callable[[Path, int], ComputeUnit]
+from s2rtools.precompute.executors.executor import Executor, Task, close, compute
+from s2rtools.precompute.receipts import Receipt
 
 _PR_SET_PDEATHSIG = 1
 _INSTANCES_PER_WORKER = 256
 """Instances from which a further worker, which starts for some seconds, pays off."""
 _WORKER_BYTES = 2 * 2**30
-_compute_unit: ComputeUnit | None = None
 
 
 def usual_workers(instances: int) -> int:
@@ -43,48 +40,63 @@ def usual_workers(instances: int) -> int:
     return max(1, min(limits))
 
 
-def largest_first(units: Iterable[WorkUnit]) -> list[WorkUnit]:
-    """Units in the order in which several processes finish them the earliest."""
-
-    def key(unit: WorkUnit) -> tuple[bool, int]:
-        kind = HEATMAP_KINDS.get(unit.stage.name)
-        return kind is None or kind.cost != "many", -len(unit.instances)
-
-    return sorted(units, key=key)
+def usual_threads(workers: int) -> int:
+    """How many threads each of some processes of this machine computes with."""
+    return max(1, available_processors() // workers)
 
 
-def run_units(
-    root: Path, units: Iterable[WorkUnit], opener: OpenWorker, workers: int
-) -> Iterator[WorkUnit]:
-    """Compute units and yield each finished one.
+def local_executor(workers: int, threads: int) -> Executor:
+    """The executor of some workers of this machine."""
+    return SerialExecutor(threads) if workers == 1 else ProcessExecutor(workers, threads)
 
-    `opener(root, threads)` is called once in each process and returns the function that computes
-    a unit. Raises RequestError if a worker process is killed.
+
+class SerialExecutor:
+    """Computes tasks one after the other in this process."""
+
+    is_remote = False
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        with threadpool_limits(self._threads):  # restores the limits that opening a worker sets
+            try:
+                for task in tasks:
+                    yield compute(task, self._threads)
+            finally:
+                close()
+
+
+class ProcessExecutor:
+    """Computes tasks in processes of this machine, which end with this one.
+
+    `run` raises RequestError if a worker process is killed.
     """
-    threads = max(1, available_processors() // workers)
-    if workers == 1:
-        compute = opener(root, threads)
-        for unit in units:
-            compute(unit)
-            yield unit
-        return
-    working_folder.distrust()
-    context = multiprocessing.get_context("spawn")
-    _start_resource_tracker()
-    with ProcessPoolExecutor(workers, context, _start_worker, (root, opener, threads)) as pool:
-        try:
-            with _defer_interrupts():
-                futures = {pool.submit(_run_in_worker, unit): unit for unit in units}
-            for future in as_completed(futures):
-                future.result()
-                yield futures[future]
-        except BrokenProcessPool as error:
-            raise RequestError(
-                f"{root}: a worker process was killed (out of memory?); finished units are stored; "
-                "run the command again, with --workers 1 if memory is short"
-            ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+
+    is_remote = False
+
+    def __init__(self, workers: int, threads: int) -> None:
+        self._workers, self._threads = workers, threads
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        tasks = list(tasks)
+        working_folder.distrust()
+        context = multiprocessing.get_context("spawn")
+        _start_resource_tracker()
+        with ProcessPoolExecutor(self._workers, context, _end_with_parent) as pool:
+            try:
+                with _defer_interrupts():
+                    futures = [pool.submit(compute, task, self._threads) for task in tasks]
+                for future in as_completed(futures):
+                    yield future.result()
+            except BrokenProcessPool as error:
+                raise RequestError(
+                    f"{tasks[0].computation.root}: a worker process was killed (out of memory?); "
+                    "finished units are stored; run the command again, with --workers 1 if memory "
+                    "is short"
+                ) from error
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _start_resource_tracker() -> None:
@@ -123,16 +135,9 @@ def _defer_interrupts() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-def _start_worker(root: Path, opener: OpenWorker, threads: int) -> None:
-    """Open this worker; it ends with its parent, so that it cannot write the files of a rerun."""
-    global _compute_unit
+def _end_with_parent() -> None:
+    """End this worker with its parent, so that none is left over that nobody waits for."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == 1:
             os._exit(1)
-    _compute_unit = opener(root, threads)
-
-
-def _run_in_worker(unit: WorkUnit) -> None:
-    assert _compute_unit is not None, "the worker was not started"
-    _compute_unit(unit)
