@@ -10,13 +10,14 @@ from typing import Any
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting.progress import reporter
 
 EXAMPLE = "s2r score world.s2r --instances 48"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store of the synthetic world")
+    parser.add_argument("store", type=store_argument.folder, help="store of the synthetic world")
     add = parser.add_argument_group("scope").add_argument
     add("--run", action="append", default=[],
         help="score only this run (repeatable); the result is then not saved in the "
