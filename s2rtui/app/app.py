@@ -39,6 +39,7 @@ from s2rtui.app.messages import (
     LoadCompleted,
     LoadProgressed,
     RunSaveProgressed,
+    StoreChecked,
 )
 from s2rtui.app.process_signals import end_on_signals
 from s2rtui.app.renderer import Renderer
@@ -212,6 +213,9 @@ class S2RApp(GuardedApp):
 
     def on_run_save_progressed(self, message: RunSaveProgressed) -> None:
         self.run_save.on_progressed(message)
+
+    def on_store_checked(self, message: StoreChecked) -> None:
+        self.store_updates.on_checked(message)
 
     def on_background_failed(self, message: BackgroundFailed) -> None:
         self.show_error(message.text)

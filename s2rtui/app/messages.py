@@ -9,6 +9,7 @@ from typing import Any
 from textual.message import Message
 
 from s2rtui.jobs.precompute_job import JobProgress
+from s2rtui.session.session import StoreUpdates
 
 
 @dataclass
@@ -49,6 +50,14 @@ class RunSaveProgressed(Message):
 
     run: str
     progress: JobProgress
+
+
+@dataclass
+class StoreChecked(Message):
+    """A background check found what is published now, or failed with an error."""
+
+    updates: StoreUpdates | None
+    error: str = ""
 
 
 @dataclass

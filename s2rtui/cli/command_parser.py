@@ -37,6 +37,7 @@ COMMANDS: dict[str, str] = {
     "report": "write selections with their figures to one HTML file",
     "snapshot": "write a screenshot of the application after a sequence of keys",
     "verify": "check that a store is complete and undamaged",
+    "push": "copy the published generation of a store to object storage",
     "rooms": "list the rooms of a store, or rename one",
     "prune": "delete files that no recent generation of a store needs",
     "doctor": "report what this machine and this terminal support",

@@ -83,11 +83,11 @@ def execute_command(options: argparse.Namespace) -> int:
 
 
 def _with_default_command(arguments: list[str]) -> list[str]:
-    """Insert `tui` where the first word is a path: `s2r S.s2r` means `s2r tui S.s2r`."""
+    """Insert `tui` where the first word is a path or URL: `s2r S.s2r` means `s2r tui S.s2r`."""
     first = next((word for word in arguments if not word.startswith("-")), None)
     if first is None or first in COMMANDS:
         return arguments
-    is_path = first.rstrip("/").endswith(".s2r") or os.path.exists(first)
+    is_path = first.rstrip("/").endswith(".s2r") or "://" in first or os.path.exists(first)
     return ["tui", *arguments] if is_path else arguments
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from s2rstore.dataset_reader import Frame
 from s2rstore.errors import RequestError
-from s2rstore.files.layout import FRAMES
 from s2rstore.geometry.camera_offset import NAMES
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
@@ -42,7 +41,7 @@ class ModelInput:
 def model_input(store: Store, run: Run, side: Side, iid: int) -> ModelInput:
     """A side's frame after the run's adjustments; image adjustments need `s2rtools`."""
     domain, chain = store.domain(run.domain(side)), run.adjustments(side)
-    if not (store.path / FRAMES / domain.domain).is_dir():
+    if not store.has_frames(domain.domain):
         missing = ((f"{side} frames", f"none of {domain.domain} in this store"),)
         return ModelInput(np.zeros((0, 0, 3), dtype=np.uint8), None, "", missing)
     frame = run_frame(store, run, side, iid)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,14 @@ from s2rtui.user_data.notebook import Notebook, Notes
 INDEX_MEMORY = "128MB"
 """DuckDB's memory limit: columns are read one by one, so the index itself needs little."""
 NotebookFactory = Callable[[str], Notebook]
+
+
+@dataclass(frozen=True, slots=True)
+class StoreUpdates:
+    """What is published now: the number of the generation, and the gap history."""
+
+    generation: int
+    history: HistoryFile | None
 
 
 class Session:
@@ -67,9 +75,7 @@ class Session:
         self._retired: list[Store] = []
         self._is_branch = False
         self._base_populations = BasePopulations()
-        self._gap_history = (
-            gap_history.resolve() if gap_history else reader.history_path(self.store.path)
-        )
+        self._gap_history = gap_history.resolve() if gap_history else None
         initial = _initial_state(self.store, run, self._history_file())
         self._state = replace(initial, with_trained=with_trained, planned=planned)
         error = self.notebook.error if self.notebook else ""
@@ -158,10 +164,12 @@ class Session:
     def open_newest_generation(self) -> State:
         """Continue in the newest generation, at once or once it is loaded."""
         store, state = self.store, self.state
-        newest = store.latest_generation()
+        waits = self.defers_loading and store.files.is_remote
+        newest = state.newest if waits else store.latest_generation()
         if newest == store.generation:
             return self.show_message("this is the newest generation")
-        if self.defers_loading and len(store.instances) > pending_target.SMALL_STORE:
+        is_large = len(store.instances) > pending_target.SMALL_STORE
+        if waits or (self.defers_loading and is_large):
             target = replace(pending_target.final_target(state), generation=newest)
             return self.dispatch(navigation.go_to, target)
         return self._enter(s2rstore.open(store.path, INDEX_MEMORY), navigation.enter_generation)
@@ -193,13 +201,24 @@ class Session:
 
     def check_for_updates(self) -> bool:
         """Whether a newer generation or gap history has been published since the last check."""
-        newest, history = self.store.latest_generation(), self._history_file()
+        return self.apply_updates(self.read_updates())
+
+    def read_updates(self) -> StoreUpdates:
+        """What is published now; for any thread, because a server may take long to answer."""
+        return StoreUpdates(self.store.latest_generation(), self._history_file())
+
+    def apply_updates(self, updates: StoreUpdates) -> bool:
+        """Put what is published now into the state; whether any of it is new."""
+        newest, history = updates.generation, updates.history
         if (newest, history) == (self.state.newest, self.state.history):
             return False
         self.dispatch(lambda context, state: replace(state, newest=newest, history=history))
         return True
 
     def _history_file(self) -> HistoryFile | None:
+        if self._gap_history is None:
+            stored = self.store.gap_history()
+            return None if stored is None else HistoryFile(*stored)
         stamp = reader.file_stamp(self._gap_history)
         return None if stamp is None else HistoryFile(self._gap_history, stamp)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from s2rstore.errors import counted
 from s2rstore.files.planned_poses import PlannedPose
-from s2rstore.gap_history.reader import Stamp
+from s2rstore.files.store_files import Stamp
 from s2rstore.heatmap_kinds import NO_HEAT
 from s2rstore.index.population import INCLUDE_HINT, Population, count_text
 from s2rstore.language import Node

@@ -16,7 +16,8 @@ from s2rstore.arrays import stored_array
 from s2rstore.arrays.row_array import row_numbers
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import DamagedStoreError, RequestError
-from s2rstore.files import layout, safe_files
+from s2rstore.files import layout
+from s2rstore.files.store_files import StoreFiles
 from s2rstore.index import column_loader
 from s2rstore.index.catalog import IndexCatalog
 from s2rstore.index.columns import InstanceColumns
@@ -55,7 +56,7 @@ class DatasetReader(IndexCatalog):
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | StoreFiles,
         memory: str = "",
         generation: int | None = None,
         left_out: Collection[str] = (),
@@ -63,6 +64,7 @@ class DatasetReader(IndexCatalog):
         super().__init__(path, memory, generation, left_out)
         self._columns = LruCache(_COLUMN_BYTES)
         self._arrays: dict[str, StoredArray] = {}
+        self._with_frames: dict[str, bool] = {}
 
     @cached_property
     def _column_loader(self) -> column_loader.ColumnLoader:
@@ -230,7 +232,7 @@ class DatasetReader(IndexCatalog):
         relative = f"{layout.FRAMES}/{domain}/{part.folder}/{SOURCE_IMAGES[image]}"
         with self._lock:
             if relative not in self._arrays:
-                array = stored_array.open_read(self.path / relative, self.path)
+                array = stored_array.open_array(self.files, relative)
                 shape = part.instances, *array.shape[1:3]
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
                 expected = self.checksums.get(f"{relative}/{stored_array.METADATA}")
@@ -301,7 +303,7 @@ class DatasetReader(IndexCatalog):
         relative = f"{layout.FRAMES}/{domain}/{part.folder}/{image}"
         with self._lock:
             if relative not in self._arrays:
-                array = stored_array.open_read(self.path / relative, self.path)
+                array = stored_array.open_array(self.files, relative)
                 size = part.instances, self.dataset.frame_height, self.dataset.frame_width
                 shape = (*size, 3) if image == "rgb" else size
                 types = ("uint8",) if image == "rgb" else ("uint8", "uint16")
@@ -316,7 +318,15 @@ class DatasetReader(IndexCatalog):
         Raises RequestError where it is a link or no regular file.
         """
         name = self.dataset.floor_plan
-        return safe_files.checked_path(self.path, name) if name else None
+        return self.files.local_file(name, self.checksums.get(name)) if name else None
+
+    def has_frames(self, domain: str) -> bool:
+        """Whether the store holds images of a domain, of any trajectory."""
+        if domain not in self._with_frames:
+            folders = (f"{layout.FRAMES}/{domain}/{p.folder}/rgb" for p in self.trajectory_parts)
+            documents = (f"{folder}/{stored_array.METADATA}" for folder in folders)
+            self._with_frames[domain] = any(map(self.files.kind, documents))
+        return self._with_frames[domain]
 
 
 def check_metadata(

@@ -43,6 +43,15 @@ class DamagedStoreError(RequestError):
     """A file of a store is missing, unreadable or not as published; the message names the file."""
 
 
+class UnreachableStoreError(S2RError):
+    """A server does not give a file now: refused, timed out, or the connection was cut.
+
+    That says nothing about the file: it is no damage, and code that reports damage lets it pass.
+    """
+
+    exit_code = 2
+
+
 class ExpressionError(RequestError):
     """A wrong expression; `column` counts from 1, `expected` lists what is valid there."""
 

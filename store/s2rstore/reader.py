@@ -14,6 +14,7 @@ from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.dataset_reader import DatasetReader, check_metadata
 from s2rstore.errors import NotComputedError, RequestError
 from s2rstore.files import layout
+from s2rstore.files.store_files import Stamp, StoreFiles
 from s2rstore.geometry.map_grid import merged_aggregate
 from s2rstore.heatmap_kinds import HEATMAPS
 from s2rstore.index import column_loader
@@ -54,7 +55,7 @@ class Store(DatasetReader):
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | StoreFiles,
         memory: str = "",
         generation: int | None = None,
         left_out: Collection[str] = (),
@@ -77,6 +78,14 @@ class Store(DatasetReader):
         super().close()
         for cache in (self._columns, self.evaluated, self.embeddings):
             cache.clear()
+
+    def gap_history(self) -> tuple[Path, Stamp] | None:
+        """The history of nightly gaps as a file of this machine; None where there is none.
+
+        The stamp changes whenever the history does.
+        """
+        stamp = self.files.stamp(layout.GAP_HISTORY)
+        return None if stamp is None else (self.files.local_file(layout.GAP_HISTORY), stamp)
 
     def run_columns(self, run: str) -> RunColumns:
         """Predictions of a computed run, aligned by iid; each column is loaded at its first use.
@@ -154,7 +163,7 @@ class Store(DatasetReader):
         relative = f"{layout.RUNS}/{record.path}"
         with self._lock:
             if relative not in self._arrays:
-                self._arrays[relative] = stored_array.open_read(self.path / relative, self.path)
+                self._arrays[relative] = stored_array.open_array(self.files, relative)
             array = self._arrays[relative]
         check_metadata(array, record.shape, (record.dtype,), record.metadata_sha256)
         return array

@@ -600,7 +600,7 @@ async def test_an_unreachable_store_is_reported_once(
     async with app.run_test(size=(120, 40)) as pilot:
         await settle(app, pilot)
         with monkeypatch.context() as patch:
-            patch.setattr(app.session, "check_for_updates", unreachable)
+            patch.setattr(app.session, "read_updates", unreachable)
             app.store_updates.check_store()
             assert app.session.state.message == "the store is out of reach"
             app.session.show_message("what the user does now")

@@ -217,17 +217,17 @@ def test_drift_compares_the_first_and_the_last_measured_night(plain: Path, monke
     with s2rstore.open(plain) as store:
         monkeypatch.setattr(DRIFT.reader, "file_stamp", lambda path: (1, 1, 1))
         monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*week))
-        found = DRIFT.gap_drift(store, "vanilla")
+        found = DRIFT.gap_drift(store, "vanilla", Path("week.duckdb"))
         assert found is not None
         assert found.values["change_percent"] == pytest.approx(27.0 - 14.0)
         assert found.evident
         assert found.n == 7
         same = [replace(night, measured=1) for night in week]
         monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*same))
-        assert DRIFT.gap_drift(store, "vanilla") is None
+        assert DRIFT.gap_drift(store, "vanilla", Path("week.duckdb")) is None
         flat = [gaps.night(number, {"task": 10.0 + number / 10}) for number in range(1, 4)]
         monkeypatch.setattr(DRIFT.reader, "read", lambda path: gaps.history(*flat))
-        steady = DRIFT.gap_drift(store, "vanilla")
+        steady = DRIFT.gap_drift(store, "vanilla", Path("week.duckdb"))
         assert steady is not None
         assert not steady.evident
         assert "not evident" in steady.statement

@@ -2,38 +2,64 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import S2RError
+from s2rtui.app.messages import StoreChecked
+from s2rtui.jobs import background_thread
 
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
 CHECK_SECONDS = 2.0
 """Interval of the checks."""
+REMOTE_CHECK_SECONDS = 10.0
+"""Interval of the checks of a store on a server."""
 
 
 class StoreUpdateController:
-    """Checks the store at intervals."""
+    """Checks the store at intervals; one on a server in a background thread."""
 
     def __init__(self, app: S2RApp) -> None:
         self._app = app
         self._error = ""
+        self._is_checking = False
+        self._next_check = 0.0
+        self.remote_check_seconds = REMOTE_CHECK_SECONDS
 
     def check_store(self) -> None:
         """Close stores that nothing reads, and look for a newer generation or gap history."""
         app, session = self._app, self._app.session
         if app.load_scheduler.idle and not app.jobs.unfinished:
             session.close_retired_stores()
-        has_updates, error = False, ""
+        if not session.store.files.is_remote:
+            self.on_checked(self._check())
+        elif not self._is_checking and time.monotonic() >= self._next_check:
+            self._is_checking = True
+            background_thread.run_in_thread("store updates", lambda: app.post(self._check()))
+
+    def _check(self) -> StoreChecked:
+        """What is published now; for any thread."""
         try:
-            has_updates = session.check_for_updates()
+            return StoreChecked(self._app.session.read_updates())
         except (S2RError, OSError) as reason:
-            error = str(reason)
+            return StoreChecked(None, str(reason))
+
+    def on_checked(self, message: StoreChecked) -> None:
+        """Show what is new, or why the store cannot be read."""
+        self._is_checking = False
+        self._next_check = time.monotonic() + self.remote_check_seconds
+        session, error, has_updates = self._app.session, message.error, False
+        if message.updates is not None:
+            try:
+                has_updates = session.apply_updates(message.updates)
+            except (S2RError, OSError) as reason:
+                error = str(reason)
         if error != self._error:
             self._show_error(error)
         if has_updates:
-            app.renderer.refresh()
+            self._app.renderer.refresh()
 
     def _show_error(self, error: str) -> None:
         """Show once that the store cannot be read, and clear the message once it can."""

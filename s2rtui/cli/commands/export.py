@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import page_arguments, scene_arguments
+from s2rtui.cli import page_arguments, scene_arguments, store_argument
 from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.display_arguments import add_theme
 from s2rtui.cli.formatting import rows
@@ -21,7 +21,7 @@ EXAMPLE = "s2r export lab.s2r --view geomap --select worst15 --out map.png"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from s2rtui.charts.registry import STORED
 
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("--view", required=True, choices=(*STORED, SCREEN),
                         help="view to draw; workbench is the whole screen")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
+from s2rtui.cli import store_argument
 from s2rtui.cli.coverage_notes import print_coverage
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ _KIND = 21
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("--run", help="run (default: the first)")
     parser.add_argument("--history", type=Path, metavar="FILE",
                         help="gap history (default: that of the store)")  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.coverage_notes import print_coverage
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from s2rtools.gap import defaults
     from s2rtools.gap.axes import AXES
 
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--run", help="run to measure (default: the first)")
     parser.add_argument("--select", default="all", metavar="EXPR",
                         help="measure only the selected instances (default all)")  # fmt: skip

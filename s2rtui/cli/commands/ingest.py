@@ -13,7 +13,7 @@ from s2rstore.errors import RequestError, counted
 from s2rstore.files.ingest_folder import building_folders
 from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
-from s2rtui.cli import interrupts, pair_arguments
+from s2rtui.cli import interrupts, pair_arguments, store_argument
 from s2rtui.cli.formatting.progress import reporter
 
 _LISTED_FILES = 5
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         edge = "longer edge" if layout is images else "height and width"
         layout.add_argument(
             "--store",
-            type=Path,
+            type=store_argument.folder,
             required=True,
             help=f"store folder to create{extended}",
         )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from s2rtui.cli import store_argument
+
 EXAMPLE = "s2r model add mine weights.safetensors --arch resposenet --store lab.s2r"
 
 
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add.add_argument("--input", type=Path, metavar="FILE.toml",
                      help="how images become the input of the network: keys that differ from what "
                      "the architecture declares (channels, size, mean, std ...)")  # fmt: skip
-    add.add_argument("--store", type=Path, required=True, help="store folder")
+    add.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
     add.add_argument("--convention", metavar="HEADING[,FRAME]",
                      help="convention of the output: degrees, radians or cos_sin; "
                      "map or habitat")  # fmt: skip
@@ -32,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shipped = actions.add_parser(
         "shipped", help="register the pretrained models of the synthetic world, each with a run"
     )
-    shipped.add_argument("--store", type=Path, required=True, help="store folder")
+    shipped.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
     add.set_defaults(action=_add)
     shipped.set_defaults(action=_shipped)
 

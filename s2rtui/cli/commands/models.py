@@ -8,6 +8,7 @@ from typing import Any
 
 import s2rstore
 from s2rstore.records import Model
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 
 _NAMES = (
@@ -23,7 +24,7 @@ EXAMPLE = "s2r models lab.s2r --json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", help="store folder")
+    store_argument.add_readable(parser)
     output.add_output_options(parser)
 
 

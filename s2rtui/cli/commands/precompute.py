@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting.progress import STYLES, reporter
 
 EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
@@ -13,7 +13,7 @@ EXAMPLE = "s2r precompute lab.s2r --run bright --workers 4"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("store", type=Path, help="store folder")
+    add("store", type=store_argument.folder, help="store folder")
     add("--run", action="append", default=[], help="compute only this run (repeatable)")
     add("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
     add("--refit", action="store_true",

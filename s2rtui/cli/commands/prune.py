@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from s2rstore.errors import RequestError
 from s2rstore.security.printable_text import printable
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r prune lab.s2r --keep 1 --dry-run"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--keep", type=int, default=3, metavar="N",
                         help="number of newest generations to keep (default 3)")  # fmt: skip
     parser.add_argument("--dry-run", action="store_true", help="only list what would be deleted")

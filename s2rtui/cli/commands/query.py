@@ -10,7 +10,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
-from s2rtui.cli import scene_arguments
+from s2rtui.cli import scene_arguments, store_argument
 from s2rtui.cli.coverage_notes import print_coverage, print_left_out
 from s2rtui.cli.formatting import rows
 
@@ -22,7 +22,7 @@ EXAMPLE = "s2r query lab.s2r 'worst15 & room:right' --columns iid,room,real.erro
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("expression", help="selection, for example 'worst15 & room:right - @done'")
     add = parser.add_argument_group("selection").add_argument
     add(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rtui.cli import page_arguments, scene_arguments
+from s2rtui.cli import page_arguments, scene_arguments, store_argument
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.display_arguments import add_theme
 from s2rtui.cli.formatting import rows
@@ -17,7 +17,7 @@ EXAMPLE = "s2r report lab.s2r --select worst15 --out report.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     add = parser.add_argument_group("content").add_argument
     add("--select", action="append", default=[], metavar="EXPR",
         help="selection expression (repeatable; default: your saved selections)")  # fmt: skip

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import s2rstore
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 
 _NAMES = ("room", "instances", "area m2")
@@ -13,7 +13,7 @@ EXAMPLE = "s2r rooms lab.s2r --rename Room_3 kitchen"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--rename", nargs=2, metavar=("OLD", "NEW"),
                         help="give a room another name; computed results stay valid")  # fmt: skip
     output.add_output_options(parser)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def _add_translator(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("translation").add_argument
     add("--translator", required=True, metavar="T",
         help="translator file (.safetensors), or its name in --store")  # fmt: skip
-    add("--store", type=Path, help="store that holds the translator")
+    add("--store", type=store_argument.folder, help="store that holds the translator")
     add("--strength", type=float, default=1.0, metavar="S",
         help="share of the translation, 0 to 1 (default 1)")  # fmt: skip
 

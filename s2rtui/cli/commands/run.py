@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from pathlib import Path
 
 import s2rstore
+from s2rtui.cli import store_argument
 
 EXAMPLE = """s2r run add bright --model mine --adjust real:brightness=1.15 --store lab.s2r
   s2r run import theirs --predictions theirs.csv --store lab.s2r"""
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", help="name of the run")
-    parser.add_argument("--store", type=Path, required=True, help="store folder")
+    parser.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
     parser.add_argument("--sim", help="domain of the sim side (default: the first of kind sim)")
     parser.add_argument("--real", help="domain of the real side (default: the first of kind real)")
 

@@ -9,6 +9,7 @@ import s2rstore
 from s2rstore.metrics.bootstrap import LEVEL_TEXT
 from s2rstore.records import SIDES
 from s2rstore.run_inputs import chain_text
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ EXAMPLE = "s2r runs lab.s2r --format csv"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", help="store folder")
+    store_argument.add_readable(parser)
     output.add_output_options(parser)
 
 

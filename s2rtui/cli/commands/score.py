@@ -12,6 +12,7 @@ from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting.progress import reporter
 
 EXAMPLE = "s2r score world.s2r --instances 48"
@@ -19,7 +20,9 @@ EXAMPLE = "s2r score world.s2r --instances 48"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "store", type=Path, help="store of the synthetic world; any store with --image-repairs"
+        "store",
+        type=store_argument.folder,
+        help="store of the synthetic world; any store with --image-repairs",
     )
     add = parser.add_argument_group("scope").add_argument
     add("--run", action="append", default=[],

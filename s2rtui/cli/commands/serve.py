@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import ipaddress
 import os
-from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 
 EXAMPLE = "s2r serve lab.s2r --port 8000"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     add = parser.add_argument_group("network").add_argument
     add("--host", default="127.0.0.1", help="address to listen on (default 127.0.0.1)")
     add("--port", type=int, default=8000, help="TCP port (default 8000)")

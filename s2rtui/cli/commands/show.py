@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from s2rtui.cli import scene_arguments
+from s2rtui.cli import scene_arguments, store_argument
 from s2rtui.cli.coverage_notes import print_coverage, print_population
 from s2rtui.cli.formatting import rows as output
 
@@ -15,7 +14,7 @@ EXAMPLE = "s2r show lab.s2r rooms --select worst15 --format csv"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from s2rtui.charts.registry import STORED
 
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("view", choices=tuple(STORED), help="view to print")
     parser.add_argument("--words", action="store_true", help="print a sentence, not the table")
     scene_arguments.add_selection(parser)

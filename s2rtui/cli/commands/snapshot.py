@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import scene_arguments
+from s2rtui.cli import scene_arguments, store_argument
 from s2rtui.cli.display_arguments import add_symbols, add_theme
 from s2rtui.cli.formatting import rows
 
@@ -15,7 +15,7 @@ EXAMPLE = "s2r snapshot lab.s2r --size 160x48 --keys w,right,space --out screen.
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("--run", help="initial run (default: the first)")
     scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--poses", type=Path, metavar="FILE",

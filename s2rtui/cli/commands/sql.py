@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import re
-from pathlib import Path
 
 import s2rstore
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 
 DEFAULT_TIMEOUT = 60.0
@@ -19,7 +19,7 @@ EXAMPLE = 's2r sql lab.s2r "SELECT run, avg(gap_m) FROM pair GROUP BY run"'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("sql", help="SQL statement (DuckDB)")
     add = parser.add_argument_group("limits").add_argument
     add(
@@ -41,7 +41,7 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError(f"--memory {options.memory}: must be whole MB or GB, such as 2GB")
     if not 0 < options.timeout < 1e6:
         raise RequestError(f"--timeout {options.timeout:g}: must be seconds, more than 0")
-    with s2rstore.open(Path(options.store), options.memory) as store:
+    with s2rstore.open(options.store, options.memory) as store:
         memory = int(size[1]) * _BYTES[size[2]]
         try:
             names, rows = user_query.run(store.connection(), options.sql, options.timeout, memory)

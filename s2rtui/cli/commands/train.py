@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from pathlib import Path
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--store", type=Path, required=True, help="store folder")
+    parser.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
     add = parser.add_argument_group("model").add_argument
     add(
         "--recipe",

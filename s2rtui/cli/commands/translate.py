@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.progress import percent_callback, reporter
 
@@ -33,14 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     apply.add_argument("translator", help="translator file, or name of a translator of --store")
     apply.add_argument("input", type=Path, help="image, folder of images, video or bag")
     apply.add_argument("output", type=Path, help="what is written; must not exist")
-    apply.add_argument("--store", type=Path, help="store that has the translator")
+    apply.add_argument("--store", type=store_argument.folder, help="store that has the translator")
     apply.add_argument("--strength", type=float, default=1.0, help="0 to 1 (default 1)")
     apply.set_defaults(action=_apply)
     report = actions.add_parser("report", help="judge translators: content, distance, task, cost")
     _add_report_arguments(report)
     report.set_defaults(action=_report)
     listed = actions.add_parser("list", help="list the translators of a store")
-    listed.add_argument("--store", type=Path, required=True, help="store folder")
+    listed.add_argument("--store", type=store_argument.folder, required=True, help="store folder")
     output.add_output_options(listed)
     listed.set_defaults(action=_list)
 
@@ -63,7 +64,11 @@ def _list(options: argparse.Namespace) -> None:
 def _add_fit_arguments(fit: argparse.ArgumentParser) -> None:
     fit.add_argument("method", help="method of the fit, or `all`; the reference lists them")
     add = fit.add_argument_group("images").add_argument
-    add("--store", type=Path, help="store folder; the translator is registered in it")
+    add(
+        "--store",
+        type=store_argument.folder,
+        help="store folder; the translator is registered in it",
+    )
     add("--direction", choices=("sim2real", "real2sim"), default="sim2real",
         help="which images are translated (default sim2real)")  # fmt: skip
     add("--domains", metavar="SIM,REAL", help="names of both domains (default: the first of each)")
@@ -96,7 +101,7 @@ def _add_report_arguments(report: argparse.ArgumentParser) -> None:
                         help="translators of --store (default: all), or translator files with "
                         "--source")  # fmt: skip
     add = report.add_argument_group("images").add_argument
-    add("--store", type=Path, help="store that has the translators")
+    add("--store", type=store_argument.folder, help="store that has the translators")
     add("--source", type=Path, metavar="DIR", help="folder of images to translate, without a store")
     add("--target", type=Path, metavar="DIR", help="folder of images with the look to give")
     add("--images", type=int, default=_IMAGES, metavar="N",

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import scene_arguments
+from s2rstore.remote.store_url import StoreUrl
+from s2rtui.cli import scene_arguments, store_argument
 from s2rtui.cli.display_arguments import add_display_options, detect_display
 from s2rtui.cli.formatting import rows
 
@@ -16,7 +17,7 @@ EXAMPLE = "s2r tui lab.s2r --run finetune"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     parser.add_argument("--run", help="initial run (default: the first)")
     scene_arguments.add_with_trained(parser.add_argument)
     parser.add_argument("--history", type=Path, metavar="FILE",
@@ -54,6 +55,8 @@ def execute(options: argparse.Namespace) -> int:
         raise RequestError("--graphics and --ascii: give one of them")
     if options.graphics == "off" and options.cell_size:
         raise RequestError("--cell-size: give --graphics with a protocol, too")
+    if options.restricted and isinstance(options.store, StoreUrl):
+        raise RequestError(f"{options.store}: a restricted session reads only a store in a folder")
     if options.restricted and options.history is not None:
         raise RequestError("--history: a restricted session shows only the history of the store")
     if options.restricted and options.poses is not None:

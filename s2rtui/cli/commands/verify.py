@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from s2rstore.security.printable_text import printable
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows
 
 EXAMPLE = "s2r verify lab.s2r"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    store_argument.add_readable(parser)
     rows.add_output_options(parser, with_parquet=False)
 
 

@@ -1,7 +1,7 @@
 """Read the Zarr arrays of a store row by row; `array_writer` writes them.
 
 Chunks are small for random reads of one instance; a shard is one file of many chunks. Only the form
-of `zarr_metadata` is read, on `safe_files`: no link is followed, a missing shard is an error and
+of `zarr_metadata` is read, by `StoreFiles`: no link is followed, a missing shard is an error and
 never zeros, and no chunk takes more memory than the metadata of its array states. zarr cannot be
 configured to do so, takes longer to import, and needs three times as long to read one instance.
 """
@@ -26,6 +26,7 @@ from s2rstore.arrays.zarr_metadata import Layout
 from s2rstore.errors import DamagedStoreError
 from s2rstore.files import safe_files
 from s2rstore.files.layout import CURRENT
+from s2rstore.files.store_files import LocalFiles, OpenFile, StoreFiles
 
 METADATA = "zarr.json"
 
@@ -54,9 +55,14 @@ class StoredArray(RowArray):
     """An array of a store in one folder."""
 
     def __init__(
-        self, root: Path, relative: str, layout: Layout, attributes: Mapping[str, str], sha256: str
+        self,
+        files: StoreFiles,
+        relative: str,
+        layout: Layout,
+        attributes: Mapping[str, str],
+        sha256: str,
     ) -> None:
-        self._root = root
+        self._files = files
         self._relative = relative
         self.layout = layout
         self.attrs = dict(attributes)
@@ -66,7 +72,7 @@ class StoredArray(RowArray):
 
     @property
     def path(self) -> Path:
-        return self._root / self._relative
+        return self._files.path / self._relative
 
     @property
     def block_rows(self) -> int:
@@ -94,33 +100,36 @@ class StoredArray(RowArray):
     def check(self, shard: int) -> None:
         """Check a shard's size, index and chunk headers against the metadata, without decoding."""
         name = self.file(shard)
-        where = self._root / name
+        where = self._files.path / name
         chunks = -(-self.rows_in(shard) // self.layout.rows_per_chunk)
-        with _reading(where), safe_files.open_read(self._root, name) as file:
-            index = self._index(file.fileno(), where)[:chunks]
+        with _reading(where), self._files.open(name) as file:
+            index = self._index(file, where)[:chunks]
             _check_places(index, self.layout, where)
-            for offset, size in index.tolist():
-                header = os.pread(file.fileno(), min(size, BLOSC_HEADER), offset)
-                check_chunk(header, size, self.layout.chunk_bytes, where)
+            for first in range(0, chunks, self._chunks_at_once):
+                _parts(file, index[first : first + self._chunks_at_once], self.layout, where)
+
+    @property
+    def _chunks_at_once(self) -> int:
+        return max(1, _READ_BYTES // self.layout.chunk_bytes)
 
     def _read(self, shard: int, low: int, high: int, into: NDArray[Any]) -> None:
         """Rows [low, high) of a shard into `into`."""
         name = self.file(shard)
-        where = self._root / name
+        where = self._files.path / name
         per_chunk = self.layout.rows_per_chunk
         first, last = low // per_chunk, -(-high // per_chunk)
-        at_once = max(1, _READ_BYTES // self.layout.chunk_bytes)
+        at_once = self._chunks_at_once
 
         def decode(chunk: int, part: memoryview) -> None:
             base = chunk * per_chunk
             start, stop = max(low, base), min(high, base + per_chunk)
             self._decode(part, start - base, stop - base, into[start - low : stop - low], where)
 
-        with _reading(where), safe_files.open_read(self._root, name) as file:
-            index = self._index(file.fileno(), where)
+        with _reading(where), self._files.open(name) as file:
+            index = self._index(file, where)
             for group in range(first, last, at_once):
                 sizes = index[group : min(group + at_once, last)]
-                parts = _parts(file.fileno(), sizes, self.layout, where)
+                parts = _parts(file, sizes, self.layout, where)
                 numbers = range(group, group + len(parts))
                 if len(parts) < _PARALLEL_CHUNKS or self.layout.chunk_bytes < _PARALLEL_BYTES:
                     for chunk, part in zip(numbers, parts, strict=True):
@@ -128,17 +137,16 @@ class StoredArray(RowArray):
                 else:
                     list(_decoders().map(decode, numbers, parts))
 
-    def _index(self, descriptor: int, where: Path) -> NDArray[np.uint64]:
+    def _index(self, file: OpenFile, where: Path) -> NDArray[np.uint64]:
         """Offset and size of each chunk, (n, 2), within the shard's file."""
         import google_crc32c
 
         layout = self.layout
         length = 16 * layout.shard_chunks + INDEX_CHECKSUM
         most = layout.shard_chunks * (layout.chunk_bytes + BLOSC_HEADER) + length
-        size = os.fstat(descriptor).st_size
+        content, size = file.tail(length)
         if not length <= size <= most:
             raise _damaged(where, f"{size} bytes")
-        content = os.pread(descriptor, length, size - length)
         stated = int.from_bytes(content[-INDEX_CHECKSUM:], "little")
         if len(content) != length or google_crc32c.value(content[:-INDEX_CHECKSUM]) != stated:
             raise _damaged(where, "the index does not fit its checksum")
@@ -191,11 +199,11 @@ def _decoders() -> ThreadPoolExecutor:
 
 
 def _parts(
-    descriptor: int, index: NDArray[np.uint64], layout: Layout, where: Path
+    file: OpenFile, index: NDArray[np.uint64], layout: Layout, where: Path
 ) -> list[memoryview]:
     """The compressed bytes of neighbouring chunks, which lie one behind the other."""
     begin, end = _check_places(index, layout, where)
-    content = memoryview(os.pread(descriptor, end - begin, begin))
+    content = memoryview(file.piece(begin, end - begin))
     if len(content) != end - begin:
         raise _damaged(where, "it ends early")
     parts = [content[offset - begin : offset - begin + size] for offset, size in index.tolist()]
@@ -250,10 +258,16 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
     metadata is not of the form that this module writes.
     """
     root, relative = place_of(path, root)
+    return open_array(LocalFiles(root), relative)
+
+
+def open_array(files: StoreFiles, relative: str) -> StoredArray:
+    """Open an array of a store by its path there; raises RequestError as `open_read`."""
+    path = files.path / relative
     try:
-        content = safe_files.read(root, f"{relative}/{METADATA}", zarr_metadata.DOCUMENT_BYTES)
+        content = files.read(f"{relative}/{METADATA}", zarr_metadata.DOCUMENT_BYTES)
     except FileNotFoundError as error:
-        old = safe_files.kind(root, f"{relative}/.zarray") is not None
+        old = files.kind(f"{relative}/.zarray") is not None
         what = "an array of Zarr format 2, which is not read" if old else "no such array"
         raise DamagedStoreError(f"{path}: {what}; run `s2r verify`") from error
     except OSError as error:
@@ -261,7 +275,7 @@ def open_read(path: Path, root: Path | None = None) -> StoredArray:
         message = f"{path}: unreadable metadata ({reason}); run `s2r verify`"
         raise DamagedStoreError(message) from error
     layout, attributes = zarr_metadata.parse_document(content, str(path))
-    return StoredArray(root, relative, layout, attributes, hashlib.sha256(content).hexdigest())
+    return StoredArray(files, relative, layout, attributes, hashlib.sha256(content).hexdigest())
 
 
 def read_rows(array: RowArray, start: int, stop: int) -> NDArray[Any]:

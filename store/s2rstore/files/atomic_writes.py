@@ -187,10 +187,13 @@ def remove(root: Path, relative: str | Path) -> None:
             os.unlink(name, dir_fd=parent)
 
 
+def is_partial(name: str) -> bool:
+    """Whether a file of this name is one that a killed write has left, or that is being written."""
+    return _PARTIAL_NAME.fullmatch(name) is not None
+
+
 def partial_files(root: Path) -> list[safe_files.FolderEntry]:
     """List the unfinished files that killed writes have left in a store."""
     return [
-        entry
-        for entry in safe_files.walk(root)
-        if entry.kind == "file" and _PARTIAL_NAME.fullmatch(entry.name)
+        entry for entry in safe_files.walk(root) if entry.kind == "file" and is_partial(entry.name)
     ]

@@ -104,13 +104,22 @@ def read_text(path: Path, limit: int) -> str:
         raise RequestError(f"{path}: not UTF-8 at byte {error.start}; save it as UTF-8") from error
 
 
+def stamp(path: Path) -> tuple[int, int, int] | None:
+    """A value that changes when a file is replaced; None where it is missing."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns, status.st_size
+
+
 def sha256(path: Path) -> str:
     """SHA-256 of a regular file of any size."""
     with open_regular(path) as file:
         return digest(file)
 
 
-def digest(file: io.BufferedReader | io.FileIO) -> str:
+def digest(file: io.BufferedIOBase | io.FileIO) -> str:
     """SHA-256 of an open file's content, in hexadecimal."""
     return hashlib.file_digest(file, "sha256").hexdigest()
 

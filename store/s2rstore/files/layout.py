@@ -11,6 +11,7 @@ import msgspec
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
 from s2rstore.files.input_files import decode_json
+from s2rstore.files.store_files import LocalFiles, StoreFiles
 
 CURRENT = "CURRENT.json"
 INDEX = "index"
@@ -23,6 +24,7 @@ SHARED_ARRAYS = "_shared"
 MODELS = "models"
 ASSETS = "assets"
 HISTORY = "history"
+GAP_HISTORY = f"{HISTORY}/gap.duckdb"
 DRIVES = "drives"
 TRANSLATORS = "translators"
 
@@ -53,17 +55,21 @@ def generation_of(path: Path) -> int | None:
 
 
 def read_current(root: Path) -> Current:
-    """The published generation of the store at `root`.
+    """The published generation of the store in the folder `root`, see `current_of`."""
+    return current_of(LocalFiles(root))
+
+
+def current_of(files: StoreFiles) -> Current:
+    """The published generation of a store.
 
     Raises RequestError where there is no store, or one that cannot be read.
     """
-    path = root / CURRENT
+    path = files.path / CURRENT
     try:
-        content = safe_files.read(root, CURRENT, _CURRENT_BYTES)
+        content = files.read(CURRENT, _CURRENT_BYTES)
     except (FileNotFoundError, NotADirectoryError):
-        kind = f"no {CURRENT} in it" if root.is_dir() else "no such folder"
-        kind = "a file, no folder" if root.is_file() else kind
-        raise RequestError(f"{root}: not a store ({kind}); make one with `s2r ingest`") from None
+        where, why = files.path, files.absence
+        raise RequestError(f"{where}: not a store ({why}); make one with `s2r ingest`") from None
     except OSError as error:
         where, reason = error.filename or path, safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error

@@ -8,8 +8,6 @@ two hosts, share one. Lines that a killed process left unfinished do not count.
 
 from __future__ import annotations
 
-import io
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +18,7 @@ from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.process_identity import host_name, process_token
+from s2rstore.files.store_files import LocalFiles, StoreFiles
 
 _ARRAYS = f"{layout.LEDGER}/arrays"
 _COMPACTED = f"{layout.LEDGER}/compacted.jsonl"
@@ -46,15 +45,27 @@ class LedgerEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 _DECODER = msgspec.json.Decoder(LedgerEntry)
 
 
-class Ledger:
-    """The ledger of a store: reads all entries, adds those of this process."""
+def generation_file(generation: int) -> str:
+    """The ledger file with an entry for every file of a generation, which `s2r push` writes.
 
-    def __init__(self, root: Path) -> None:
-        self._root = root
+    Servers that list no files are read by it.
+    """
+    return f"{layout.LEDGER}/generation-{generation:06d}.jsonl"
+
+
+class LedgerReader:
+    """Reads the ledger of a store, wherever that is kept."""
+
+    def __init__(self, files: StoreFiles) -> None:
+        self._store = files
 
     def entries(self) -> Iterator[LedgerEntry]:
         """Every entry that was completely written, in no particular order."""
         return self._parsed(self._files())
+
+    def entries_in(self, files: Iterable[str]) -> Iterator[LedgerEntry]:
+        """Every entry of some files of the ledger, given by their paths inside the store."""
+        return self._parsed(files)
 
     def array_entries(self, array_key: str) -> dict[str, list[LedgerEntry]]:
         """The entries of the arrays of one key, given as RUN/KEY, by file.
@@ -86,11 +97,13 @@ class Ledger:
 
     def _lines(self, files: Iterable[str]) -> Iterator[bytes]:
         for name in files:
-            with io.BufferedReader(safe_files.open_read(self._root, name)) as file:
-                size = os.fstat(file.fileno()).st_size
-                if size > _MAX_FILE:
-                    raise RequestError(f"{self._root / name}: {size} bytes; restore the ledger")
+            size = 0
+            with self._store.stream(name) as file:
                 while line := file.readline(_MAX_LINE):  # pieces of a longer line do not parse
+                    size += len(line)
+                    if size > _MAX_FILE:
+                        where = self._store.path / name
+                        raise RequestError(f"{where}: over {_MAX_FILE} bytes; restore the ledger")
                     if line != b"\n":
                         yield line.rstrip(b"\n")
 
@@ -98,12 +111,41 @@ class Ledger:
         return [f for name in (layout.LEDGER, *self._run_folders()) for f in self._files_in(name)]
 
     def _run_folders(self) -> list[str]:
-        entries = safe_files.names(self._root, _ARRAYS)
+        entries = self._store.names(_ARRAYS)
         return [entry.path for entry in entries if entry.kind == "folder"]
 
     def _files_in(self, folder: str) -> list[str]:
-        entries = safe_files.names(self._root, folder)
+        entries = self._store.names(folder)
         return [e.path for e in entries if e.name.endswith(".jsonl") and e.kind in ("file", "link")]
+
+    def proves(self, entries: list[LedgerEntry]) -> bool:
+        """Whether one of a file's entries states its size and checksum.
+
+        Raises LinkError where the path leads through a symbolic link.
+        """
+        if not self.states_size(entries):
+            return False
+        try:
+            checksum = self._store.sha256(entries[0].path)
+        except OSError:
+            return False
+        return any(entry.checksum == checksum for entry in entries)
+
+    def states_size(self, entries: list[LedgerEntry]) -> bool:
+        """Whether the file of some entries exists and one of them states its size."""
+        try:
+            size = self._store.size(entries[0].path) if entries else None
+        except OSError:
+            return False
+        return any(entry.bytes == size for entry in entries)
+
+
+class Ledger(LedgerReader):
+    """The ledger of a store in a folder: reads all entries, adds those of this process."""
+
+    def __init__(self, root: Path) -> None:
+        super().__init__(LocalFiles(root))
+        self._root = root
 
     def add(self, key: str, files: list[tuple[str, int]]) -> None:
         """Record a unit whose files, given as (path inside the store, count), are complete.
@@ -132,27 +174,6 @@ class Ledger:
         lines = "".join(map(_line, entries))
         atomic_writes.append_lines(self._root, name, lines.encode())
         atomic_writes.sync(self._root, name)
-
-    def proves(self, entries: list[LedgerEntry]) -> bool:
-        """Whether one of a file's entries states its size and checksum.
-
-        Raises LinkError where the path leads through a symbolic link.
-        """
-        if not self.states_size(entries):
-            return False
-        try:
-            checksum = safe_files.sha256(self._root, entries[0].path)
-        except OSError:
-            return False
-        return any(entry.checksum == checksum for entry in entries)
-
-    def states_size(self, entries: list[LedgerEntry]) -> bool:
-        """Whether the file of some entries exists and one of them states its size."""
-        try:
-            size = safe_files.size(self._root, entries[0].path) if entries else None
-        except OSError:
-            return False
-        return any(entry.bytes == size for entry in entries)
 
     def remove_entries(self, removed: set[str]) -> None:
         """Remove the entries of removed files, given by their paths inside the store.

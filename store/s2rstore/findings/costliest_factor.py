@@ -184,5 +184,6 @@ def of_adjusted_runs(store: Store, runs: list[RunErrors]) -> Finding | None:
 
 
 def _interval(row: dict[str, Any], name: str) -> Interval:
-    low, value, high = (row.get(f"{name}{end}") for end in ("_low", "", "_high"))
-    return Interval(*(float("nan") if end is None else float(end) for end in (low, value, high)))
+    ends = (row.get(f"{name}{end}") for end in ("_low", "", "_high"))
+    low, value, high = (float("nan") if end is None else float(end) for end in ends)
+    return Interval(low, value, high)

@@ -19,10 +19,11 @@ def gap_drift(store: Store, run: str, history: Path | None = None) -> Finding | 
     so that the half widths of their intervals add in squares. None where fewer than two nights
     were measured. Raises RequestError for a file that is no history.
     """
-    path = history or reader.history_path(store.path)
-    if reader.file_stamp(path) is None:
+    if history is None and (stored := store.gap_history()) is not None:
+        history = stored[0]
+    if history is None or reader.file_stamp(history) is None:
         return None
-    nights = reader.read(path).of_run(run, store.dataset.name)
+    nights = reader.read(history).of_run(run, store.dataset.name)
     judged = [night for night in nights if math.isfinite(night.gap.value)]
     measured = list({night.measured: night for night in judged}.values())
     if len(measured) < 2:

@@ -12,7 +12,8 @@ from typing import Any
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files import layout, safe_files
+from s2rstore.files import input_files, layout, safe_files
+from s2rstore.files.store_files import Stamp
 from s2rstore.gap_history import schema
 from s2rstore.index import locked_connection
 from s2rstore.index.table_definition import Table
@@ -20,7 +21,6 @@ from s2rstore.metrics.bootstrap import Interval
 from s2rstore.security.printable_text import printable_values
 
 _MEMORY = "64MB"
-Stamp = tuple[int, int, int]
 Row = dict[str, Any]
 
 
@@ -129,7 +129,7 @@ class History:
 
 def history_path(store: Path) -> Path:
     """The path of the history inside a store."""
-    return store / layout.HISTORY / "gap.duckdb"
+    return store / layout.GAP_HISTORY
 
 
 def refuse_link(path: Path) -> None:
@@ -144,11 +144,7 @@ def refuse_link(path: Path) -> None:
 
 def file_stamp(path: Path) -> Stamp | None:
     """A value that changes when the file is replaced; None where it is missing."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_ino, status.st_mtime_ns, status.st_size
+    return input_files.stamp(path)
 
 
 def read(path: Path) -> History:
@@ -256,7 +252,8 @@ def _estimate(row: Row) -> NightlyEstimate:
 
 
 def _interval(row: Row, name: str) -> Interval:
-    return Interval(*(_number(row[f"{name}{end}"]) for end in ("_low", "", "_high")))
+    low, value, high = (_number(row[f"{name}{end}"]) for end in ("_low", "", "_high"))
+    return Interval(low, value, high)
 
 
 def _number(value: float | None) -> float:

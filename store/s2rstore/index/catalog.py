@@ -10,6 +10,7 @@ from typing import Any
 
 from s2rstore.errors import RequestError
 from s2rstore.files.input_files import parse_object
+from s2rstore.files.store_files import StoreFiles
 from s2rstore.geometry.camera_offset import RigOffset
 from s2rstore.index import row_check, schema
 from s2rstore.index.open_index import OpenIndex
@@ -39,7 +40,7 @@ class IndexCatalog(OpenIndex):
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | StoreFiles,
         memory: str = "",
         generation: int | None = None,
         left_out: Collection[str] = (),

@@ -9,10 +9,13 @@ nothing is remembered, and every file is compared.
 from __future__ import annotations
 
 import hashlib
-import os
 import stat
 from contextlib import suppress
 from pathlib import Path
+
+from s2rstore.files import user_cache
+
+_NAME = "checked-indexes"
 
 MAX_BYTES = 16 << 20
 """Bytes; larger files are not hashed, because opening them takes far longer than the comparison."""
@@ -33,38 +36,22 @@ def key(path: Path, expected: str) -> str | None:
 
 def contains(key: str) -> bool:
     """Whether a file with this key has passed the check before."""
-    folder = _folder()
+    folder = user_cache.folder(_NAME)
     try:
-        return _private(folder) and stat.S_ISREG((folder / key).lstat().st_mode)
+        return user_cache.is_private(folder) and stat.S_ISREG((folder / key).lstat().st_mode)
     except OSError:
         return False
 
 
 def add(key: str) -> None:
     """Remember a key; do nothing where the folder cannot be written."""
-    folder = _folder()
+    folder = user_cache.folder(_NAME)
     with suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not _private(folder):
+        if not user_cache.is_private(folder):
             return
         entries = list(folder.iterdir())
         if len(entries) >= MAX_ENTRIES:
             for entry in entries:
                 entry.unlink(missing_ok=True)
         (folder / key).touch(mode=0o600)
-
-
-def _folder() -> Path:
-    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    base = named if named.is_absolute() else Path(os.path.expanduser("~")) / ".cache"
-    return base / "s2rtui" / "checked-indexes"
-
-
-def _private(folder: Path) -> bool:
-    """Whether nobody but the user can add entries."""
-    status = folder.lstat()
-    return (
-        stat.S_ISDIR(status.st_mode)
-        and status.st_uid == os.geteuid()
-        and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    )

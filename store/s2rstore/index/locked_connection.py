@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,7 +22,7 @@ import duckdb
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import safe_files
 from s2rstore.index import catalog_check, catalog_check_cache, pair_view, row_files, schema
-from s2rstore.index.row_files import RowFiles
+from s2rstore.index.row_files import RowFile, RowFiles
 from s2rstore.index.table_definition import Table
 
 DEFAULT_MEMORY = "2GB"
@@ -53,13 +53,15 @@ def connect(
     views: Sequence[str] = pair_view.VIEWS,
     with_row_files: bool = True,
     left_out: Collection[str] = (),
+    place: Callable[[RowFile], None] = lambda file: None,
 ) -> duckdb.DuckDBPyConnection:
     """A locked read-only connection to a file that holds `tables`, `views` and no other code.
 
     `memory`, in DuckDB's notation (128MB), limits its cache of the file and the memory of queries;
     the first connection of a process to a file decides. Without `with_row_files`, tables whose rows
     are in files cannot be read, and these files may be missing. The rows of the files `left_out`,
-    by their paths relative to the index, are missing from their tables. Where there are files of
+    by their paths relative to the index, are missing from their tables. `place` is called for the
+    other ones before they are opened, to bring them beside the index. Where there are files of
     rows, callers must check that statements only read (`reading_statements`). Raises RequestError
     where the file or a file of rows is missing, is not a database, or does not hold the expected
     tables and views.
@@ -86,6 +88,8 @@ def connect(
         table: [file for file in group if file.path not in left_out]
         for table, group in files.items()
     }
+    for file in (file for group in present.values() for file in group):
+        place(file)
     return _connect_with_files(path, memory, [name for (name,) in stored], present, views)
 
 

@@ -12,8 +12,10 @@ from typing import Any
 import duckdb
 
 from s2rstore.errors import DamagedStoreError, RequestError, first_line
-from s2rstore.files import layout, safe_files
+from s2rstore.files import layout
+from s2rstore.files.store_files import StoreFiles
 from s2rstore.index import locked_connection, pair_view, reading_statements, row_files, schema
+from s2rstore.remote.open_files import open_files
 from s2rstore.security.printable_text import printable, printable_lines
 
 _JSON = ("sim_adjustments", "real_adjustments", "shape", "axes", "source", "convention", "reasons",
@@ -26,18 +28,19 @@ class OpenIndex:
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | StoreFiles,
         memory: str = "",
         generation: int | None = None,
         left_out: Collection[str] = (),
     ) -> None:
         """Open the published generation, or an earlier one.
 
-        For `memory` and `left_out` see `locked_connection.connect`. Raises RequestError where
-        `path` holds no store that this version can read.
+        `path` is a folder or a URL. For `memory` and `left_out` see `locked_connection.connect`.
+        Raises RequestError where `path` holds no store that this version can read.
         """
-        self.path = Path(path)
-        current = layout.read_current(self.path)
+        self.files = open_files(path)
+        self.path = self.files.path
+        current = layout.current_of(self.files)
         if current.schema not in schema.VERSIONS:
             known = " and ".join(map(str, schema.VERSIONS))
             raise RequestError(
@@ -46,16 +49,25 @@ class OpenIndex:
             )
         self.generation = current.generation if generation is None else generation
         name = layout.index_name(self.generation)
-        self._index = safe_files.checked_path(self.path, name)
+        is_published = name == current.index
+        self._index = self.files.index_file(
+            name,
+            current.sha256 if is_published else None,
+            current.bytes if is_published else None,
+        )
         self._lock = RLock()
         self._opened: duckdb.DuckDBPyConnection | None = locked_connection.connect(
-            self._index, memory, left_out=left_out
+            self._index, memory, left_out=left_out, place=self._place_rows
         )
         try:
             self.row_files = row_files.listed(self._opened, self._index)
         except BaseException:
             self._opened.close()
             raise
+
+    def _place_rows(self, file: row_files.RowFile) -> None:
+        """Make sure that a file of rows lies beside the index, if the store has it."""
+        self.files.local_file(f"{layout.INDEX}/{file.path}", file.sha256, file.bytes)
 
     def close(self) -> None:
         """Close the index."""
@@ -73,7 +85,7 @@ class OpenIndex:
 
     def latest_generation(self) -> int:
         """The generation that is published now; this store stays at its own."""
-        return layout.read_current(self.path).generation
+        return layout.current_of(self.files).generation
 
     def connection(self) -> duckdb.DuckDBPyConnection:
         """A new read-only connection to this generation's index, for use in another thread.

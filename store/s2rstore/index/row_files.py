@@ -22,7 +22,8 @@ from pathlib import Path
 import duckdb
 
 from s2rstore.errors import RequestError, first_line
-from s2rstore.files import layout, safe_files
+from s2rstore.files import layout
+from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.index import schema
 
 MAX_ROWS = 1_000_000
@@ -159,13 +160,13 @@ def check_types(connection: duckdb.DuckDBPyConnection, tables: Iterable[str], pa
             )
 
 
-def problem(root: Path, folder: str, file: RowFile) -> str:
+def problem(files: StoreFiles, folder: str, file: RowFile) -> str:
     """What is wrong with the presence and size of a file; an empty text where nothing is.
 
-    `folder` is that of the index, relative to `root`. The content is not read.
+    `folder` is that of the index in the store. The content is not read.
     """
     try:
-        size = safe_files.size(root, f"{folder}/{file.path}")
+        size = files.size(f"{folder}/{file.path}")
     except (FileNotFoundError, NotADirectoryError):
         return "missing"
     except (RequestError, OSError) as error:
@@ -176,7 +177,7 @@ def problem(root: Path, folder: str, file: RowFile) -> str:
 def check_present(index: Path, files: RowFiles) -> None:
     """Raise RequestError that names a listed file that is missing, a link, or of another size."""
     for file in (file for group in files.values() for file in group):
-        reason = problem(index.parent.parent, index.parent.name, file)
+        reason = problem(LocalFiles(index.parent.parent), index.parent.name, file)
         if reason:
             path = index.parent / file.path
             reason = reason.removeprefix(f"{path}: ")

@@ -24,7 +24,8 @@ from s2rstore.errors import RequestError, counted, first_line
 from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import appending_folders, building_folders
-from s2rstore.files.ledger import Ledger
+from s2rstore.files.ledger import LedgerReader
+from s2rstore.files.store_files import StoreFiles
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.maintenance.table_rules import (
@@ -34,6 +35,7 @@ from s2rstore.maintenance.table_rules import (
     uncomputed_parts,
 )
 from s2rstore.reader import Store
+from s2rstore.remote.open_files import open_files
 
 _FAILURES = (
     RequestError, duckdb.Error, OSError, ValueError, TypeError, KeyError, AttributeError,
@@ -60,26 +62,29 @@ def verify(root: Path) -> list[Damage]:
     return list(check(root).damages)
 
 
-def check(root: Path) -> VerifyReport:
+def check(path: str | Path) -> VerifyReport:
     """The damage in the published generation, with notes on unfinished and unchecked files.
 
-    Raises RequestError where there is no store at all, or none that DuckDB can open.
+    `path` is a folder or a URL. Raises RequestError where there is no store at all, or none that
+    DuckDB can open, UnreachableStoreError where a server does not give a file.
     """
-    locked_connection.literal_path(root)
+    files = open_files(path)
+    if not files.is_remote:
+        locked_connection.literal_path(files.path)
     try:
-        current = layout.read_current(root)
+        current = layout.current_of(files)
     except RequestError as error:
-        if safe_files.kind(root, layout.CURRENT) is None:
+        if files.kind(layout.CURRENT) is None:
             raise
         return VerifyReport((Damage(layout.CURRENT, str(error)),))
-    foreign, notes = list(_foreign_files(root)), list(_leftovers(root))
+    foreign, notes = list(_foreign_files(files)), list(_leftovers(files))
     try:
-        damage = _index_damage(root, current)
+        damage = _index_damage(files, current)
         if damage is not None:
             return VerifyReport((*foreign, damage), tuple(notes))
-        damaged = _damaged_row_files(root, current)
-        with Store(root, left_out=damaged) as store:
-            verification = _Verification(root, store, current)
+        damaged = _damaged_row_files(files, current)
+        with Store(files, left_out=damaged) as store:
+            verification = _Verification(files, store, current)
             verification.damages += damaged.values()
             verification.run()
     except _FAILURES as error:
@@ -87,16 +92,20 @@ def check(root: Path) -> VerifyReport:
     return VerifyReport((*foreign, *verification.damages), (*notes, *verification.all_notes()))
 
 
-def _foreign_files(root: Path) -> Iterator[Damage]:
-    """Links, pipes and devices: a store holds files and folders alone."""
-    for entry in safe_files.walk(root):
+def _foreign_files(files: StoreFiles) -> Iterator[Damage]:
+    """Links, pipes and devices: a store holds files and folders alone. A server has only files."""
+    for entry in () if files.is_remote else files.walk():
         if entry.kind == "link":
             yield Damage(entry.path, "a symbolic link, which is never followed; remove it")
         elif entry.kind == "other":
             yield Damage(entry.path, "a pipe or a device; remove it")
 
 
-def _leftovers(root: Path) -> Iterator[str]:
+def _leftovers(files: StoreFiles) -> Iterator[str]:
+    """Notes on what unfinished commands have left, which happens in folders only."""
+    if files.is_remote:
+        return
+    root = files.path
     appending = appending_folders(root)
     for entry in atomic_writes.partial_files(root):
         if any(entry.path.startswith(f"{folder.path.name}/") for folder in appending):
@@ -115,26 +124,26 @@ def _leftovers(root: Path) -> Iterator[str]:
             yield f"{folder.path}: left by an ingest that was killed; `s2r prune` removes it"
 
 
-def _index_damage(root: Path, current: layout.Current) -> Damage | None:
+def _index_damage(files: StoreFiles, current: layout.Current) -> Damage | None:
     try:
-        size = safe_files.size(root, current.index)
-        if size == current.bytes and safe_files.sha256(root, current.index) == current.sha256:
+        size = files.size(current.index)
+        if size == current.bytes and files.sha256(current.index) == current.sha256:
             return None
     except FileNotFoundError:
         return Damage(current.index, "missing")
     return Damage(current.index, "its size or checksum is not the published one")
 
 
-def _damaged_row_files(root: Path, current: layout.Current) -> dict[str, Damage]:
+def _damaged_row_files(files: StoreFiles, current: layout.Current) -> dict[str, Damage]:
     """The listed files of rows that are not as published, by their paths beside the index."""
-    index = safe_files.checked_path(root, current.index)
+    index = files.index_file(current.index, current.sha256, current.bytes)
     with locked_connection.connect(index, with_row_files=False) as connection:
         listed = row_files.listed(connection, index)
     damaged = {}
     for file in (file for files in listed.values() for file in files):
         path = f"{layout.INDEX}/{file.path}"
-        what = row_files.problem(root, layout.INDEX, file)
-        if not what and safe_files.sha256(root, path) != file.sha256:
+        what = row_files.problem(files, layout.INDEX, file)
+        if not what and files.sha256(path) != file.sha256:
             what = "its checksum is not the published one"
         if what:
             damaged[file.path] = Damage(path, what)
@@ -145,18 +154,20 @@ def _damaged_row_files(root: Path, current: layout.Current) -> dict[str, Damage]
 class _Verification:
     """The checks of an open store; they add to `damages` and `notes`.
 
-    `uncovered` names the kinds of files without a checksum.
+    `uncovered` names the kinds of files without a checksum, `uncompared` counts the shards whose
+    checksum is not known because the server lists no files.
     """
 
-    root: Path
+    files: StoreFiles
     store: Store
     current: layout.Current
     damages: list[Damage] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     uncovered: dict[str, None] = field(default_factory=dict)
+    uncompared: int = 0
 
     def run(self) -> None:
-        self._ledger = Ledger(self.root)
+        self._ledger = LedgerReader(self.files)
         self._entries = self._ledger.by_path()
         for where, check_part in (
             (self.current.index, self._check_tables), (self.current.index, self._check_runs),
@@ -173,13 +184,21 @@ class _Verification:
                 self._add(where, first_line(error))
 
     def all_notes(self) -> list[str]:
-        if not self.uncovered:
-            return self.notes
-        return [
-            f"the store carries no checksums of {', '.join(self.uncovered)} "
-            "(version 0.1.0 wrote none); damage in them is found only where it breaks a format",
-            *self.notes,
-        ]
+        notes = list(self.notes)
+        if self.uncovered:
+            notes.insert(
+                0,
+                f"the store carries no checksums of {', '.join(self.uncovered)} "
+                "(version 0.1.0 wrote none); damage in them is found only where it breaks a format",
+            )
+        if self.uncompared:
+            notes.insert(
+                0,
+                f"the server lists no files, so the checksums of {self.uncompared} shards are not "
+                "known; damage in them is found only where it breaks a format. `s2r push` writes "
+                "a list",
+            )
+        return notes
 
     def _add(self, where: str, what: str) -> None:
         self.damages.append(Damage(where, what))
@@ -193,7 +212,7 @@ class _Verification:
 
     def _check_weights(self) -> None:
         """Compare each model's file with the checksum of the index, or else of the ledger."""
-        files = {e.path for e in safe_files.names(self.root, layout.MODELS) if e.kind == "file"}
+        files = {e.path for e in self.files.names(layout.MODELS) if e.kind == "file"}
         known = files | self._entries.keys() | self.store.checksums.keys()
         for model in self.store.models.values():
             start = f"{layout.MODELS}/{model.sha256}."
@@ -217,17 +236,15 @@ class _Verification:
             return
         self.uncovered["weights"] = None
         entries = self._entries.get(path, [])
-        if safe_files.kind(self.root, path) is None:
+        if self.files.kind(path) is None:
             self._add(path, "missing")
-        elif not self._ledger.proves(entries) and (
-            entries or safe_files.sha256(self.root, path) != sha256
-        ):
+        elif not self._ledger.proves(entries) and (entries or self.files.sha256(path) != sha256):
             self._add(path, "not the registered weights")
 
     def _check_file(self, path: str, expected: str, difference: str) -> None:
         """Compare a file with its checksum; links are reported among the foreign files, too."""
         try:
-            if safe_files.sha256(self.root, path) != expected:
+            if self.files.sha256(path) != expected:
                 self._add(path, difference)
         except FileNotFoundError:
             self._add(path, "missing")
@@ -297,8 +314,11 @@ class _Verification:
         for shard in range(array.layout.shards):
             path, rows = array.file(shard), array.rows_in(shard)
             entries = self._entries.get(path)
-            if safe_files.kind(self.root, path) is None:
+            if self.files.kind(path) is None:
                 self._add(path, "missing")
+            elif entries is None and not self.files.lists_files:
+                self.uncompared += 1
+                self._check_structure(array, shard)
             elif entries is None:
                 self._add(path, "no ledger entry proves it")
             elif not self._ledger.proves(entries):
@@ -308,10 +328,13 @@ class _Verification:
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
             elif not is_covered:
-                try:
-                    array.check(shard)
-                except RequestError as error:
-                    self._add(path, first_line(error))
+                self._check_structure(array, shard)
+
+    def _check_structure(self, array: StoredArray, shard: int) -> None:
+        try:
+            array.check(shard)
+        except RequestError as error:
+            self._add(array.file(shard), first_line(error))
 
     def _check_floor_plan(self) -> None:
         """Check the format of a floor plan that has no checksum."""
@@ -319,7 +342,7 @@ class _Verification:
         if name is None or name in self.store.checksums:
             return
         self.uncovered["the floor plan"] = None
-        path = safe_files.checked_path(self.root, name)
+        path = self.files.local_file(name)
         if not path.exists():
             self._add(name, "the floor plan is missing")
             return
@@ -346,7 +369,7 @@ class _Verification:
 
     def _check_drives(self) -> None:
         """Note the drives that no checksum covers; the others are checked as listed files."""
-        files = [e.path for e in safe_files.walk(self.root, layout.DRIVES) if e.kind == "file"]
+        files = [e.path for e in self.files.walk(layout.DRIVES) if e.kind == "file"]
         unlisted = [path for path in files if path not in self.store.checksums]
         if unlisted and len(unlisted) == len(files):
             self.uncovered["drives"] = None
@@ -362,13 +385,11 @@ class _Verification:
                 self._check_file(path, expected, "its checksum is not the published one")
 
     def _check_history(self) -> None:
-        path = reader.history_path(self.root)
-        relative = path.relative_to(self.root)
-        if safe_files.kind(self.root, relative) is not None:
+        if self.files.kind(layout.GAP_HISTORY) is not None:
             try:
-                reader.check(path)
+                reader.check(self.files.local_file(layout.GAP_HISTORY))
             except RequestError as error:
-                self._add(relative.as_posix(), first_line(error))
+                self._add(layout.GAP_HISTORY, first_line(error))
 
     def _check_ledger_lines(self) -> None:
         count = self._ledger.unreadable_lines()

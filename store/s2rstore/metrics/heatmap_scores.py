@@ -54,7 +54,7 @@ def own_scores(store: Store, run: str) -> list[HeatmapScore]:
             HeatmapScore(
                 printable(row["kind"]),
                 row["mode"],
-                Interval(*(float(row[name]) for name in ("auroc_low", "auroc", "auroc_high"))),
+                Interval(float(row["auroc_low"]), float(row["auroc"]), float(row["auroc_high"])),
                 float(row["precision"]),
                 float(row["base_rate"]),
             )

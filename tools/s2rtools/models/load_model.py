@@ -75,11 +75,11 @@ def _stored_weights(store: Store, sha256: str, max_bytes: int) -> tuple[Path, by
     """Path and content of a model's weights file, which must not be a link."""
     start = f"{layout.MODELS}/{sha256}."
     try:
-        entries = safe_files.names(store.path, layout.MODELS)
-        file = next((entry.path for entry in entries if entry.path.startswith(start)), None)
+        names = (*store.checksums, *(entry.path for entry in store.files.names(layout.MODELS)))
+        file = next((name for name in names if name.startswith(start)), None)
         if file is None:
             raise RequestError(f"{store.path / start}*: missing; add the model again")
-        return store.path / file, safe_files.read(store.path, file, max_bytes)
+        return store.path / file, store.files.read(file, max_bytes)
     except OSError as error:
         reason = safe_files.error_text(error)
         where = error.filename or store.path / layout.MODELS

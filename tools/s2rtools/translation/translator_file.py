@@ -20,6 +20,7 @@ import s2rstore
 from s2rstore.errors import RequestError, first_line
 from s2rstore.files import layout, safe_files
 from s2rstore.files.input_files import decode_json, read_bytes
+from s2rstore.remote.open_files import open_files
 from s2rtools.translation import METHODS
 from s2rtools.translation.depth_noise import DepthNoise
 from s2rtools.translation.image_set import ImageSet
@@ -185,7 +186,7 @@ def open_stored(root: Path, sha256: str) -> StoredTranslator:
     """The translator of a store by its hash. Raises RequestError if it is missing or damaged."""
     file = stored_path(sha256)
     try:
-        content = safe_files.read(root, file, MAX_BYTES)
+        content = open_files(root).read(file, MAX_BYTES)
     except OSError as error:
         reason = safe_files.error_text(error)
         raise RequestError(f"{root / file}: cannot be read ({reason}); fit it again") from error

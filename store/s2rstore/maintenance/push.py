@@ -1,0 +1,193 @@
+"""Copy the published generation of a store to object storage, so that others can read it there.
+
+Files that never change go first, `CURRENT.json` last: readers see the old generation or the new.
+An object is skipped where its size and checksum are those of the file, so that an interrupted copy
+is resumed. Nothing is deleted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from s2rstore.errors import CheckFailedError, RequestError
+from s2rstore.files import layout, safe_files
+from s2rstore.files.ledger import LedgerEntry, generation_file
+from s2rstore.files.store_files import LocalFiles
+from s2rstore.maintenance.generation_files import GenerationFile, generation_files
+from s2rstore.reader import Store
+from s2rstore.remote.object_client import ObjectClient
+from s2rstore.remote.remote_files import RemoteFiles
+from s2rstore.remote.store_url import StoreUrl
+
+CHECKSUM = "sha256"
+"""The value of an object that states the SHA-256 of its content."""
+
+_THREADS = 8
+_WAITING = 64
+"""Files that are compared or sent, or wait for it, at a time."""
+_AT_ONCE_BYTES = 16 * 2**20
+"""Files up to this size are read once, to be compared and sent."""
+_CHANGING = {"Cache-Control": "no-cache"}
+"""For objects that are replaced: a cache must ask whether its copy is the present one."""
+_FIXED = {"Cache-Control": "max-age=31536000, immutable"}
+
+
+class Progress(Protocol):
+    """Receives the number of files, and how many were dealt with."""
+
+    def begin(self, stage: str, total: int) -> None: ...
+    def advance(self, steps: int) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class PushResult:
+    """The generation, how many objects and bytes were sent, and how many objects were there."""
+
+    generation: int
+    sent: int
+    bytes: int
+    skipped: int
+
+
+def push(root: Path, url: StoreUrl, progress: Progress, force: bool = False) -> PushResult:
+    """Copy the published generation of the store in the folder `root` to a URL.
+
+    With `force` a newer generation, or another data set, that is published there is replaced.
+    Raises RequestError where that is refused, CheckFailedError where a file of the store is not as
+    published, UnreachableStoreError where the server does not take a file.
+    """
+    if url.scheme != "s3":
+        raise RequestError(f"{url}: push needs a URL that begins with s3://")
+    current = layout.read_current(root)
+    there = RemoteFiles(url)
+    if not force:
+        _refuse_replacing(root, current, there)
+    with Store(root) as store:
+        if store.generation != current.generation:
+            raise RequestError(f"{root}: a generation was published meanwhile; run it again")
+        files = generation_files(store, current)
+        history = store.files.stamp(layout.GAP_HISTORY) is not None
+    progress.begin("push", len(files) + 2 + history)
+    transfer = _Transfer(LocalFiles(root), there.client, progress)
+    transfer.send_all(files)
+    transfer.send_content(generation_file(current.generation), transfer.ledger(), _FIXED)
+    if history:
+        content = safe_files.read(root, layout.GAP_HISTORY)
+        transfer.send_content(layout.GAP_HISTORY, content, _CHANGING)
+    if not force:
+        _refuse_replacing(root, current, there)
+    content = safe_files.read(root, layout.CURRENT)
+    if msgspec.json.decode(content, type=layout.Current) != current:
+        content = msgspec.json.encode(current)
+    transfer.send_content(layout.CURRENT, content, _CHANGING)
+    return PushResult(current.generation, transfer.sent, transfer.bytes, transfer.skipped)
+
+
+def _refuse_replacing(root: Path, current: layout.Current, there: RemoteFiles) -> None:
+    """Raise RequestError where the published state of the target must not be replaced."""
+    if there.kind(layout.CURRENT) is None:
+        return
+    published = layout.current_of(there)
+    told = "; --force replaces it"
+    if published.dataset_hash != current.dataset_hash:
+        with Store(there) as other, Store(root) as store:
+            if other.identity != store.identity:
+                name = other.dataset.name
+                raise RequestError(f"{there.path}: holds another data set ({name}){told}")
+    if published.generation > current.generation:
+        raise RequestError(
+            f"{there.path}: generation {published.generation} is newer than that of {root}, "
+            f"{current.generation}{told}"
+        )
+    if published.generation == current.generation and published.sha256 != current.sha256:
+        raise RequestError(
+            f"{there.path}: generation {published.generation} is not that of {root}: both were "
+            f"changed independently{told}"
+        )
+
+
+class _Transfer:
+    """Sends files that are not there, several at a time, and counts them."""
+
+    def __init__(self, files: LocalFiles, client: ObjectClient, progress: Progress) -> None:
+        self._files, self._client, self._progress = files, client, progress
+        self._entries: list[LedgerEntry] = []
+        self.sent = self.bytes = self.skipped = 0
+
+    def send_all(self, files: list[GenerationFile]) -> None:
+        """Compare all files with their objects and send what differs; the first error ends it."""
+        waiting: set[Future[tuple[LedgerEntry, bool]]] = set()
+        remaining = iter(files)
+        with ThreadPoolExecutor(_THREADS, "push") as pool:
+            try:
+                while True:
+                    for file in islice(remaining, _WAITING - len(waiting)):
+                        waiting.add(pool.submit(self._send, file))
+                    if not waiting:
+                        return
+                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        entry, was_sent = future.result()
+                        self._entries.append(entry)
+                        self._count(entry.bytes, was_sent)
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+    def ledger(self) -> bytes:
+        """The lines of all files that are there, by path."""
+        entries = sorted(self._entries, key=lambda entry: entry.path)
+        return b"".join(msgspec.json.encode(entry) + b"\n" for entry in entries)
+
+    def send_content(self, name: str, content: bytes, attributes: dict[str, str]) -> None:
+        """Send a small file whose content is known, unless it is there."""
+        sha256 = hashlib.sha256(content).hexdigest()
+        is_there = self._is_there(name, len(content), sha256, _md5(content))
+        if not is_there:
+            self._client.put(name, content, {CHECKSUM: sha256, **attributes})
+        self._count(len(content), not is_there)
+
+    def _count(self, size: int, was_sent: bool) -> None:
+        self.sent += was_sent
+        self.skipped += not was_sent
+        self.bytes += size * was_sent
+        self._progress.advance(1)
+
+    def _send(self, file: GenerationFile) -> tuple[LedgerEntry, bool]:
+        """Send a file unless it is there; runs in a thread."""
+        content: bytes | Path
+        if file.bytes <= _AT_ONCE_BYTES:
+            content = safe_files.read(self._files.path, file.path)
+            sha256, md5 = hashlib.sha256(content).hexdigest(), _md5(content)
+        else:
+            content = safe_files.checked_path(self._files.path, file.path)
+            sha256, md5 = self._files.sha256(file.path), ""
+        if file.checksums and sha256 not in file.checksums:
+            where = self._files.path / file.path
+            raise CheckFailedError(f"{where}: not as published; run `s2r verify`, nothing was sent")
+        entry = LedgerEntry(file.key, file.path, file.bytes, sha256, file.count)
+        if self._is_there(file.path, file.bytes, sha256, md5):
+            return entry, False
+        self._client.put(file.path, content, {CHECKSUM: sha256, **_FIXED})
+        return entry, True
+
+    def _is_there(self, name: str, size: int, sha256: str, md5: str) -> bool:
+        """Whether the object of a file has its size and its SHA-256, or else its MD5."""
+        with suppress(FileNotFoundError):
+            facts, attributes = self._client.attributes(name)
+            if facts.bytes == size:
+                stated = attributes.get(CHECKSUM)
+                return stated == sha256 if stated else bool(md5) and facts.etag.strip('"') == md5
+        return False
+
+
+def _md5(content: bytes) -> str:
+    return hashlib.md5(content, usedforsecurity=False).hexdigest()

