@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-import numpy as np
-
 from s2rstore.errors import RequestError
-from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.compare.change import ALL, Change, evidence
 from s2rtui.charts.compare.model import CompareInput
@@ -47,7 +44,7 @@ class CompareView(PointsView):
         text = f"{scene.state.side} errors of {scene.state.run} and {other} (k: other run, d: side)"
         if not pending_target.run_is_loaded(scene.store, other):
             return text
-        return "; ".join(part for part in (text, self._left_out(scene, other)) if part)
+        return "; ".join(part for part in (text, scene.other_trained_note(other)) if part)
 
     def pair_input(self, scene: Scene, other: str) -> CompareInput:
         """The errors of the current and of another run."""
@@ -60,23 +57,8 @@ class CompareView(PointsView):
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
             trajectory=store.instances.trajectory, room=store.instances.room,
-            room_list=store.instances.room_names, trained=self._trained(scene, other),
+            room_list=store.instances.room_names, trained=scene.common_marked(other),
         )  # fmt: skip
-
-    def _trained(self, scene: Scene, other: str) -> Bools | None:
-        """The shown instances that the model of either run was trained on; None without any."""
-        state, columns = scene.state, scene.store.run_columns(other)
-        if not state.with_trained:
-            return None
-        return _either(state.trained, columns.trained, scene.common_base(other))
-
-    def _left_out(self, scene: Scene, other: str) -> str:
-        """How many instances of the base population the model of the other run was trained on."""
-        state, columns = scene.state, scene.store.run_columns(other)
-        count = np.count_nonzero(state.base & columns.valid & columns.trained)
-        if not count:
-            return ""
-        return f"{count} trained on by {other} {'included' if state.with_trained else 'left out'}"
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_comparison.other_run(scene.state)
@@ -135,7 +117,7 @@ class CompareView(PointsView):
         store, state = scene.store, scene.state
         runs = (state.run, other)
         errors = [store.run_columns(run).side(state.side).error for run in runs]
-        base, trained = scene.common_base(other), self._trained(scene, other)
+        base, trained = scene.common_base(other), scene.common_marked(other)
         upper = max(value_range(column, base)[1] for column in errors)
         first, second = (
             replace(
@@ -156,7 +138,7 @@ class CompareView(PointsView):
         other = run_comparison.other_run(scene.state)
         if other is None:
             return "There is only one run."
-        left_out = self._left_out(scene, other)
+        left_out = scene.other_trained_note(other)
         return self.pair_input(scene, other).words + (f" {left_out}." if left_out else "")
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
@@ -166,7 +148,7 @@ class CompareView(PointsView):
         if other is None:
             raise RequestError("--view compare: there is only one run")
         notes = (
-            self._left_out(scene, other),
+            scene.other_trained_note(other),
             *run_comparison.differences(scene.store, scene.state.run, other),
         )
         return paper.compare_figure(
@@ -211,10 +193,3 @@ def _numbers(part: Change) -> tuple[object, ...]:
         part.better_run or evidence(part), part.better, part.worse, part.equal, part.large,
         part.first_mean, part.second_mean,
     )  # fmt: skip
-
-
-@cached_by_identity(2)
-def _either(first: Bools, second: Bools, base: Bools) -> Bools | None:
-    """The instances of `base` (N,) in either mask; None without any."""
-    marked = (first | second) & base
-    return marked if marked.any() else None
