@@ -250,6 +250,22 @@ class Scene:
         context = evaluation.context(self.store, state.run, with_trained=state.with_trained)
         return _both(state.base, base_population(context, other))
 
+    def common_marked(self, other: str) -> NDArray[np.bool_] | None:
+        """(N,) the instances of `common_base` that the model of either run was trained on, for
+        views to mark; None without any.
+        """
+        trained = self.store.run_columns(other).trained
+        return _either(self.state.trained, trained, self.common_base(other))
+
+    def other_trained_note(self, other: str) -> str:
+        """`3 trained on by dataaug left out`: of the base population, by another run's model."""
+        columns = self.store.run_columns(other)
+        count = np.count_nonzero(self.state.base & columns.valid & columns.trained)
+        if not count:
+            return ""
+        verb = "left out" if self.state.population.leaves_out_trained(columns) else "included"
+        return f"{count} trained on by {other} {verb}"
+
     def splits(self, iids: NDArray[np.intp]) -> list[str | None]:
         """The split of each instance in the present run; None where unknown."""
         codes = self.store.run_columns(self.state.run).split[iids].tolist()
@@ -259,3 +275,12 @@ class Scene:
         """The brush mark that is being drawn in a view."""
         brush = self.state.brush
         return brush.mark if brush is not None and brush.view == view else None
+
+
+@cached_by_identity(2)
+def _either(
+    first: NDArray[np.bool_], second: NDArray[np.bool_], base: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
+    """The instances of `base` (N,) in either mask; None without any."""
+    marked = (first | second) & base
+    return marked if marked.any() else None

@@ -99,9 +99,9 @@ def read_lines(store: Store, state: State, context: LoadContext) -> Fields:
     values, marked = {}, np.zeros(len(store.instances), dtype=np.bool_)
     for run in state.runs:
         accuracies, trained = store.accuracies(run, state.side), store.trained_instances(run)
-        if state.with_trained:
+        if state.population.with_trained:
             marked |= trained
-        elif trained.any():
+        else:
             accuracies[trained] = np.nan
         values[run] = accuracies
     return {"lines": RunAccuracies(state.side, values, marked if marked.any() else None)}

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.language import fields
-from s2rstore.metrics import pose_metrics
 from s2rstore.reader import Store
 from s2rtui.analysis.identity_cache import ArrayKey, cached_by_identity
 from s2rtui.session.context import SessionContext
+from s2rtui.session.counted_values import counted_ranks
 from s2rtui.session.state import State
 from s2rtui.user_data.notebook import Notes
 
@@ -106,18 +106,12 @@ def column(store: Store, state: State, name: str) -> NDArray[np.float64]:
     if name in _TRUTH_COLUMNS:
         owner = truth
     values = np.asarray(getattr(owner, rest if dot else name), dtype=np.float64)
-    if rest == "rank" and not state.with_trained and state.trained.any():
-        error = run.side("sim" if side == "sim" else "real").error
-        values = np.asarray(ranks_of_new(error, run.trained), dtype=np.float64)
+    if rest == "rank":
+        ranks = counted_ranks(state.population, run, "sim" if side == "sim" else "real")
+        values = ranks.astype(np.float64)
     if name in COUNTS:
         return np.where(values < (rest == "rank"), np.nan, values)
     return values
-
-
-@cached_by_identity(4)
-def ranks_of_new(error: NDArray[np.float64], trained: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """(N,) ranks by error among the instances that are new to the run; 0 for the others."""
-    return np.asarray(pose_metrics.rank(np.where(trained, np.nan, error)), dtype=np.int32)
 
 
 def _alphabetical_ranks(

@@ -12,6 +12,7 @@ import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.verify import verify
+from s2rtools.datasets.appending.instance_agreement import Renumbered
 from tests.datasets.helpers import add, ingest, kinds, scan_of
 from tests.support import pairs
 
@@ -108,7 +109,9 @@ def test_a_store_that_counts_its_instances_goes_on_counting(tmp_path: Path) -> N
     path.write_text(whole)
     lines: list[str] = []
     added = add(scan_of("csv", path), store, strict=True, lines=lines)
-    assert any("another seq" in line for line in lines)
+    (line,) = (line for line in lines if "another seq" in line and "trajectory a" in line)
+    assert "2 rows have another seq in the store: seq 3 of the source is 0; seq 13 of" in line
+    assert line.endswith("added ones are numbered on from the last stored one")
     rows, expected = stored(store), of_manifest(path)
     assert rows["a"] == [(n, file) for n, (_, file) in enumerate(expected["a"])]
     assert rows["b"] == expected["b"]
@@ -122,3 +125,28 @@ def test_a_column_that_exists_twice_is_rejected(tmp_path: Path) -> None:
     path.write_text("\n".join([f"{head},seq", *(f"{row},7" for row in rows)]))
     with pytest.raises(RequestError, match="column seq exists more than once"):
         ingest("csv", path, tmp_path / "s.s2r")
+
+
+def test_rows_of_stored_images_under_another_seq_are_named(tmp_path: Path) -> None:
+    path, store = pairs.manifest(tmp_path / "data"), tmp_path / "s.s2r"
+    ingest("csv", path, store)
+    before, count = stored(store), len(stored(store)["a"])
+    renumber(path, lambda seq: seq + 100)
+    lines: list[str] = []
+    assert add(scan_of("csv", path), store, lines=lines) == {}
+    assert lines[:2] == [
+        "trajectory a: already in the store",
+        f"trajectory a: {count} rows have another seq in the store: seq 100..{99 + count} of the "
+        f"source is 0..{count - 1}",
+    ]
+    assert stored(store) == before
+
+
+def test_many_ranges_of_other_numbers_are_cut() -> None:
+    found = Renumbered()
+    for seq, number in ((5, 0), (6, 1), (9, 2), (20, 3), (30, 4), (40, 5)):
+        found.add(seq, number)
+    assert found.text == (
+        "6 rows have another seq in the store: seq 5..6 of the source is 0..1; seq 9 of the source "
+        "is 2; seq 20 of the source is 3; and 2 further ranges"
+    )

@@ -85,6 +85,30 @@ def test_the_best_run_is_compared_on_instances_new_to_all(marked: Path) -> None:
     assert finding.values["difference_to_next_m"] == pytest.approx(difference)
 
 
+def test_the_best_run_is_evident_only_against_every_other_run(plain: Path) -> None:
+    """The next run differs reliably, the one behind it by more, but not reliably."""
+    with s2rstore.open(plain) as store:
+        rows = np.arange(len(store.instances))
+        new = np.ones(rows.size, dtype=np.bool_)
+        noise = np.where(rows % 60 < 30, 6.0, -5.0)
+        best, near, far = (
+            run_differences.RunErrors(name, errors, new)
+            for name, errors in (
+                ("best", np.ones(rows.size)),
+                ("near", np.full(rows.size, 1.2) + rows % 2 * 0.01),
+                ("far", 1.4 + noise),
+            )
+        )
+        alone = run_differences.best_run(store, [best, near])
+        finding = run_differences.best_run(store, [best, near, far])
+    assert alone is not None
+    assert alone.evident
+    assert finding is not None
+    assert (finding.run, finding.other, finding.comparisons) == ("best", "near", 2)
+    assert not finding.evident
+    assert "not evident against far" in finding.evidence
+
+
 def test_a_mean_error_has_no_bounds_below_zero(
     marked: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -199,6 +223,29 @@ def test_factor_and_heatmap_come_from_the_score_of_the_run(plain: Path, tmp_path
     assert factor.expression is None
     assert heatmap.heat == ("harmonised_distance", None)
     assert heatmap.evident
+
+
+@pytest.mark.parametrize(("kinds", "evident"), [(1, True), (6, False)])
+def test_the_best_heatmap_is_compared_with_all_other_kinds(
+    plain: Path, tmp_path: Path, kinds: int, evident: bool
+) -> None:
+    """Intervals that just do not overlap are evident for two kinds, not for the best of seven."""
+    report = json.loads(score("key0"))
+    row = report["heatmaps"][0]
+    row |= {"kind": "harmonised_distance", "auroc": 0.9, "auroc_low": 0.86, "auroc_high": 0.94}
+    others = [
+        {**row, "kind": f"kind{n}", "auroc": 0.8, "auroc_low": 0.75, "auroc_high": 0.85}
+        for n in range(kinds)
+    ]
+    report["heatmaps"] = [row, *others]
+    path = copy_store(plain, tmp_path / "s.s2r")
+    with edit(path) as draft:
+        draft.set_provenance("score", {"report": json.dumps(report)})
+    with s2rstore.open(path) as store:
+        found = by_kind(find_all(store, "vanilla"))["best heatmap"]
+    assert found.evident == evident
+    assert found.comparisons == kinds
+    assert ("corrected for 6 comparisons" in found.evidence) == (kinds == 6)
 
 
 def test_a_score_of_an_earlier_computation_does_not_count(plain: Path, tmp_path: Path) -> None:

@@ -132,6 +132,25 @@ def test_the_nearest_instance_decides_how_far_a_term_is_widened(
     assert found[change].count == count
 
 
+@pytest.mark.parametrize("limit", ["9.5", "1000", "1e9"])
+def test_a_bound_beyond_all_values_becomes_that_of_about_the_worst_15_percent(limit: str) -> None:
+    errors = np.random.default_rng(2).gamma(2, 1, 200)
+    columns = mask_context(200, sim_error=errors, real_error=errors)
+    for text, own in ((f"real.error > {limit}", errors), (f"real.error < -{limit}", -errors)):
+        (widening, *_) = widenings(parse(text), columns)
+        (bound,) = (abs(leaf.value) for leaf in n.leaves(widening.node))
+        assert 30 <= widening.count <= 36
+        assert bound == pytest.approx(abs(np.sort(own)[-30]), abs=0.1)
+        assert len(f"{bound:g}") <= 4  # two digits of the range of the values
+
+
+def test_a_bound_of_equal_values_is_near_them() -> None:
+    errors = np.full(20, 4.0)
+    columns = mask_context(20, sim_error=errors, real_error=errors)
+    (widening, *_) = widenings(parse("real.error > 1000"), columns)
+    assert (widening.change, widening.count) == ("real.error > 3.9", 20)
+
+
 def test_a_term_under_a_negation_is_left_out_as_a_whole() -> None:
     columns = context()
     found = widenings(parse("worst(20%, sim.error) & !worst(30%, sim.error)"), columns, most=9)

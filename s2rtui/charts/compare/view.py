@@ -11,10 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-import numpy as np
-
 from s2rtui.analysis.binning import Bools
-from s2rtui.analysis.identity_cache import cached_by_identity, identity_key
+from s2rtui.analysis.identity_cache import identity_key
 from s2rtui.canvas import Canvas, Panel, RenderOptions, Size, Theme
 from s2rtui.charts.compare.change import ALL, Change, evidence
 from s2rtui.charts.compare.model import CompareInput, constant_errors
@@ -62,7 +60,7 @@ class CompareView(PointsView):
         text = f"{state.side} errors of {state.run} and {other} (k: other run, d: side)"
         if not pending_target.run_is_loaded(scene.store, other):
             return text
-        return "; ".join(part for part in (text, self._left_out(scene, other)) if part)
+        return "; ".join(part for part in (text, scene.other_trained_note(other)) if part)
 
     def pair_input(self, scene: Scene, other: str | None) -> CompareInput:
         """The errors of the current run, and of another one or (None) of its baseline."""
@@ -75,7 +73,7 @@ class CompareView(PointsView):
             floor_plan=scene.resources.floor_plan, rooms=store.rooms,
             room_names=state.room_names, mark=scene.mark(self.name),
             trajectory=store.instances.trajectory, room=store.instances.room,
-            room_list=store.instances.room_names, trained=self._trained(scene, other),
+            room_list=store.instances.room_names, trained=_marked(scene, other),
             first_room=state.first_row(self.name) or 0,
         )  # fmt: skip
 
@@ -89,24 +87,6 @@ class CompareView(PointsView):
         own = own_positions(store, store.run(state.run).domain(state.side))
         points = true_positions(store) if own is None else own
         return first, constant_errors(points, columns.valid, columns.trained)
-
-    def _trained(self, scene: Scene, other: str | None) -> Bools | None:
-        """The shown instances that the model of either run was trained on; None without any."""
-        state = scene.state
-        if other is None or not state.with_trained:
-            return state.marked
-        trained = scene.store.run_columns(other).trained
-        return _either(state.trained, trained, scene.common_base(other))
-
-    def _left_out(self, scene: Scene, other: str | None) -> str:
-        """How many instances of the base population the model of the other run was trained on."""
-        if other is None:
-            return ""
-        state, columns = scene.state, scene.store.run_columns(other)
-        count = np.count_nonzero(state.base & columns.valid & columns.trained)
-        if not count:
-            return ""
-        return f"{count} trained on by {other} {'included' if state.with_trained else 'left out'}"
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         state, other = scene.state, run_comparison.other_run(scene.state)
@@ -187,7 +167,7 @@ class CompareView(PointsView):
         """The maps of both runs, coloured by their errors on a common scale."""
         store, state = scene.store, scene.state
         errors = self._errors(scene, other)
-        base, trained = _base(scene, other), self._trained(scene, other)
+        base, trained = _base(scene, other), _marked(scene, other)
         upper = max(value_range(column, base)[1] for column in errors)
         first, second = (
             replace(
@@ -208,14 +188,15 @@ class CompareView(PointsView):
 
     def summary(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
-        left_out = self._left_out(scene, other)
+        left_out = "" if other is None else scene.other_trained_note(other)
         return self.pair_input(scene, other).words + (f" {left_out}." if left_out else "")
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.compare import paper
 
         other = run_comparison.other_run(scene.state)
-        notes = (self._left_out(scene, other), *_camera_notes(scene, other))
+        left_out = "" if other is None else scene.other_trained_note(other)
+        notes = (left_out, *_camera_notes(scene, other))
         return paper.compare_figure(
             self.maps(scene, other), self.pair_input(scene, other), size, theme,
             subtitle=scene.caption, notes=notes, viewport=scene.state.viewport,
@@ -248,6 +229,11 @@ class CompareView(PointsView):
 VIEW = CompareView()
 
 
+def _marked(scene: Scene, other: str | None) -> Bools | None:
+    """The shown instances that the model of either run was trained on; None without any."""
+    return scene.state.marked if other is None else scene.common_marked(other)
+
+
 def _base(scene: Scene, other: str | None) -> Bools:
     """(N,) the instances that are compared: those of the base population in both runs."""
     return scene.state.base if other is None else scene.common_base(other)
@@ -272,10 +258,3 @@ def _numbers(part: Change) -> tuple[object, ...]:
         part.better_run or evidence(part), part.better, part.worse, part.equal, part.large,
         part.first_mean, part.second_mean,
     )  # fmt: skip
-
-
-@cached_by_identity(2)
-def _either(first: Bools, second: Bools, base: Bools) -> Bools | None:
-    """The instances of `base` (N,) in either mask; None without any."""
-    marked = (first | second) & base
-    return marked if marked.any() else None

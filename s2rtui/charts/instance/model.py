@@ -22,7 +22,7 @@ from s2rtui.charts.shared.image_pair_model import (
     heat_fields,
     truth_fields,
 )
-from s2rtui.session import instance_list
+from s2rtui.session.counted_values import counted_ranks
 from s2rtui.session.model_input import ModelInput, model_input, stored_image
 from s2rtui.session.state import HeatChoice
 
@@ -139,9 +139,8 @@ def _gap(columns: RunColumns, iid: int) -> str:
 def _ranks(store: Store, run: str, iid: int, population: Population) -> str:
     """Ranks among the new instances; among all of them where these are included."""
     columns = store.run_columns(run)
-    if columns.trained.any() and not population.with_trained and not columns.trained[iid]:
-        sides = (columns.side(side) for side in SIDES)
-        places = [instance_list.ranks_of_new(side.error, columns.trained) for side in sides]
+    if population.leaves_out_trained(columns) and not columns.trained[iid]:
+        places = [counted_ranks(population, columns, side) for side in SIDES]
         sim, real = (int(column[iid]) or "none" for column in places)
         return f"sim {sim}, real {real} of {int(places[1].max())} new instances by error"
     totals = {side: int(np.isfinite(columns.side(side).error).sum()) for side in SIDES}

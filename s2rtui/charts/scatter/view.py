@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from s2rstore.index.columns import FloatColumn
-from s2rtui.analysis.binning import Bools
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.canvas import Canvas, Mark, Panel, Point, RenderOptions, Size, Theme
 from s2rtui.charts.scatter.axis import WHOLE, ErrorAxis
@@ -18,6 +16,7 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.points import known_point, nearest_iid, stacked_points
 from s2rtui.charts.view import Pixels, PointsView, Table
+from s2rtui.session.counted_values import counted_values
 from s2rtui.session.view_settings import ZoomPlane
 
 
@@ -36,9 +35,10 @@ class ScatterView(PointsView):
     def input(self, scene: Scene) -> ScatterInput:
         state = scene.state
         columns = scene.store.run_columns(state.run)
-        sim, real = columns.sim.error, columns.real.error
-        if not state.with_trained and columns.trained.any():
-            sim, real = _new_errors(sim, columns.trained), _new_errors(real, columns.trained)
+        sim, real = (
+            counted_values(state.population, columns, side.error)
+            for side in (columns.sim, columns.real)
+        )
         return ScatterInput(
             sim, real, state.selected, state.base, cursor=state.cursor,
             mark=scene.mark(self.name), trained=state.marked,
@@ -117,12 +117,6 @@ class ScatterView(PointsView):
 
 
 VIEW = ScatterView()
-
-
-@cached_by_identity(8)
-def _new_errors(errors: FloatColumn, trained: Bools) -> FloatColumn:
-    """The errors (N,) with NaN for trained instances, which then count in no scale."""
-    return np.where(trained, np.nan, errors)
 
 
 @cached_by_identity(2)

@@ -24,6 +24,7 @@ from s2rtui.analysis.map_frame import MapFrame, fit_frame
 from s2rtui.canvas import Mark
 from s2rtui.charts.shared.axis_scale import Floats, Interval, percentile_range, scale_fraction
 from s2rtui.charts.shared.points import point_cells, point_dots, stacked_points, valid_cursor
+from s2rtui.session.counted_values import counted_values
 from s2rtui.session.state import State
 
 LEVELS = 20
@@ -204,9 +205,10 @@ def umap_input(
 ) -> UmapInput:
     """The embeddings of the state's run in the plane."""
     columns = store.run_columns(state.run)
-    sim, real = (stacked_points(side.u, side.v) for side in (columns.sim, columns.real))
-    if not state.with_trained and columns.trained.any():
-        sim, real = (_new_points(points, columns.trained) for points in (sim, real))
+    sim, real = (
+        counted_values(state.population, columns, stacked_points(side.u, side.v))
+        for side in (columns.sim, columns.real)
+    )
     return UmapInput(
         sim,
         real,
@@ -218,11 +220,3 @@ def umap_input(
         viewport=viewport,
         trained=state.marked,
     )
-
-
-@cached_by_identity(4)
-def _new_points(points: NDArray[np.float64], trained: Bools) -> NDArray[np.float64]:
-    """The points (N, 2) with NaN for trained instances, which then count in no scale."""
-    shown = np.array(points)
-    shown[trained] = np.nan
-    return shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 from s2rstore.findings.finding import Finding
 from s2rstore.heatmap_kinds import SHIPPED_PLACE, heatmap_facts
 from s2rstore.metrics import heatmap_scores
+from s2rstore.metrics.bootstrap import simultaneous
 from s2rstore.reader import Store
 
 KIND = "best heatmap"
@@ -13,20 +14,27 @@ KIND = "best heatmap"
 def best_heatmap(store: Store, run: str) -> Finding | None:
     """The best heatmap of a run. Raises RequestError for a score that cannot be read.
 
-    It is evident where its interval lies above that of the next kind, which is stricter than an
-    interval of the difference. Shipped scores were measured elsewhere, so they are never evident
+    It is evident where its interval lies above those of all heatmaps of other kinds, which is
+    stricter than intervals of the differences. The intervals hold for all of these comparisons at
+    once. Shipped scores were measured elsewhere, so they are never evident
     here. None where the run has no heatmap with a score.
     """
     scores = heatmap_scores.own_scores(store, run)
     if not scores:
         return _shipped(store, run)
     best = scores[0]
-    other = next((score for score in scores[1:] if score.kind != best.kind), None)
-    evident = other is None or best.auroc.low > other.auroc.high
+    others = [score for score in scores[1:] if score.kind != best.kind]
+    other = others[0] if others else None
+    level = simultaneous(len(others)).level
+    low = best.auroc.at_level(level).low
+    evident = all(low > score.auroc.at_level(level).high for score in others)
+    corrected = f", corrected for {len(others)} comparisons" if len(others) > 1 else ""
     label = _label(best.kind, best.mode)
     subject = f"{label}: {best.text} for changed objects"
     right = f"{100 * best.precision:.0f} % of its top cells are right, chance {_percent(best)}"
-    next_best = f"; next kind: {_label(other.kind, other.mode)}, {other.text}" if other else ""
+    next_best = (
+        f"; next kind: {_label(other.kind, other.mode)}, {other.text}{corrected}" if other else ""
+    )
     kinds = len({score.kind for score in scores})
     return Finding(
         kind=KIND,
@@ -44,6 +52,7 @@ def best_heatmap(store: Store, run: str) -> Finding | None:
         },
         interval=best.auroc,
         interval_of="auroc",
+        comparisons=max(1, len(others)),
         n_of="heatmap kinds",
         view="map",
         heat=(best.kind, best.mode),

@@ -45,10 +45,12 @@ def read_runs(store: Store, run: str) -> list[RunErrors]:
 
 
 def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
-    """The run with the smallest mean real error, compared with the next one.
+    """The run with the smallest mean real error, compared with every other one.
 
-    Runs are compared on the instances that are new to all of them. Runs with fewer than
-    `MIN_INSTANCES` new instances are left out. None where fewer than two runs can be compared.
+    It is evident where its mean is below that of each other run, by intervals that hold for all of
+    these comparisons at once. Runs are compared on the instances that are new to all of them. Runs
+    with fewer than `MIN_INSTANCES` new instances are left out. None where fewer than two runs can
+    be compared.
     """
     present = runs[0].run
     compared = [run for run in runs if np.count_nonzero(run.new) >= MIN_INSTANCES]
@@ -64,16 +66,24 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     best, next_run = ordered[:2]
     mean = mean_interval(best.real[rows], trajectory).clipped(0.0, np.inf)
     comparisons = len(compared) - 1
-    difference = mean_interval(
-        next_run.real[rows] - best.real[rows], trajectory, simultaneous(comparisons)
-    )
-    evident = difference.is_positive
+    settings = simultaneous(comparisons)
+    differences = {
+        run.run: mean_interval(run.real[rows] - best.real[rows], trajectory, settings)
+        for run in ordered[1:]
+    }
+    difference = differences[next_run.run]
+    open_runs = [name for name, interval in differences.items() if not interval.is_positive]
+    evident = not open_runs
     figures = f"mean real error {mean.value:.2f} m ({bounds_text(mean)}), n {rows.size} new to all"
     text = f"{best.run}: {figures}"
     evidence = (
         f"next is {next_run.run}, {difference.value:+.2f} m "
         f"({evidence_text(difference, comparisons, 'comparisons')})"
     )
+    if evident and comparisons > 1:
+        evidence += "; evident against each of them"
+    elif difference.is_positive:
+        evidence += f"; not evident against {', '.join(open_runs)}"
     if left_out:
         evidence += f"; without {', '.join(left_out)} (fewer than {MIN_INSTANCES} new instances)"
     others = {run.run: run.new for run in compared if run is not best}

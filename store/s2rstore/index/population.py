@@ -39,10 +39,13 @@ class Population:
         Read-only: for one run it may be a loaded column.
         """
         chosen = self.in_view(truth, *runs)
-        trained = [] if self.with_trained else [run.trained for run in runs if run.trained.any()]
-        for column in trained:
-            chosen = chosen & ~column
+        for run in filter(self.leaves_out_trained, runs):
+            chosen = chosen & ~run.trained
         return chosen
+
+    def leaves_out_trained(self, run: RunColumns) -> bool:
+        """Whether a run has trained instances, which do not count."""
+        return not self.with_trained and bool(run.trained.any())
 
     def in_view(self, truth: InstanceColumns, *runs: RunColumns) -> BoolColumn:
         """(N,) the same with the trained instances, whatever `with_trained` is."""

@@ -264,7 +264,12 @@ TABLES: tuple[Table, ...] = (
         ("heading_error", "DOUBLE", "smaller angle to the ground truth, rad"),
         ("loss", "DOUBLE", "0.7 error^2 + 0.3 heading_error"),
         ("accuracy", "DOUBLE", "max(0, 1 - error / accuracy_scale)"),
-        ("rank", "INTEGER", "by error among the run's side, 1 = smallest, ties by iid"),
+        (
+            "rank",
+            "INTEGER",
+            "by error among all instances of the run's side, trained ones included, 1 = smallest, "
+            "ties by iid",
+        ),
         ("split", "VARCHAR", "train, validation, test or unseen: what the model knew of it"),
         (
             "outlier",

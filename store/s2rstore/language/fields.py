@@ -47,7 +47,7 @@ _SIDE_NUMERIC: tuple[tuple[Any, ...], ...] = (
     ("heading_error", "degrees", "angle to the ground truth", _DEGREE),
     ("loss", "", "0.7 error^2 + 0.3 heading error in radians"),
     ("accuracy", "", "1 - error / accuracy scale, at least 0"),
-    ("rank", "", "by error among the run's side, 1 = smallest"),
+    ("rank", "", "by error among all instances, trained ones included, 1 = smallest"),
     ("outlier", "", "distance to its nearest embeddings, 1 = the side's median"),
     ("x", "m", "predicted position"),
     ("y", "m", "predicted position"),

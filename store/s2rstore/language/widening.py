@@ -2,7 +2,8 @@
 
 In an expression without negation around a term, an instance is selected where the term holds and
 the others allow it. So the expression with `all` in place of the term gives the instances that the
-term alone excludes, and the term is widened just far enough to hold the nearest of them.
+term alone excludes, and the term is widened just far enough to hold the nearest of them; a bound
+such as `real.error > 1000` to hold the nearest `NEAREST_PERCENT` %.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ MAX_TERMS = 12
 """Expressions with more terms are not widened."""
 MAX_WORK = 4_000_000
 """Expressions with more terms times instances are not widened: it would take over 50 ms."""
+NEAREST_PERCENT = 15
+"""Share of the instances that a term alone excludes that a wider bound holds, as `worst15`."""
 _PERCENT = (*range(1, 5), *range(5, 101, 5))
 """Percentages that `best` and `worst` are widened to."""
 
@@ -186,17 +189,25 @@ def _wider_extreme(term: tree.Extreme, excluded: Mask, context: MaskContext) -> 
 
 
 def _wider_comparison(term: tree.Compare, values: Values) -> tree.Node | None:
+    place = math.ceil(NEAREST_PERCENT * values.size / 100) - 1
     if term.operator in (">=", ">"):
-        nearest = float(values.max())
-        bound = _outwards(nearest, term.value, -1, term.operator == ">")
+        nearest = float(-np.partition(-values, place)[place])
+        limit = min(term.value, nearest + _spread(values, nearest))
+        bound = _outwards(nearest, limit, -1, term.operator == ">")
     elif term.operator in ("<=", "<"):
-        nearest = float(values.min())
-        bound = _outwards(nearest, term.value, 1, term.operator == "<")
+        nearest = float(np.partition(values, place)[place])
+        limit = max(term.value, nearest - _spread(values, nearest))
+        bound = _outwards(nearest, limit, 1, term.operator == "<")
     elif term.operator == "=":
         return _wider_tolerance(tree.Around(term.field, term.value, 0.0), values)
     else:
         return None
     return replace(term, value=bound)
+
+
+def _spread(values: Values, nearest: float) -> float:
+    """The range of the values, of equal ones their size: a bound has two digits of it."""
+    return float(np.ptp(values)) or abs(nearest) or math.inf
 
 
 def _wider_range(term: tree.Between, values: Values) -> tree.Between | None:

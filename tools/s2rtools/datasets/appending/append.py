@@ -114,10 +114,11 @@ def append(
         for name in found.rows:
             further = "; its further instances are added" if name in found.continued else ""
             report_line(f"trajectory {name}: already in the store{further}")
-            if name in found.renumbered & found.continued.keys():
+            if name in found.renumbered:
+                numbers = "; added ones are numbered on from the last stored one"
                 report_line(
-                    f"trajectory {name}: stored instances have another seq than the source; added "
-                    "ones are numbered on from the last stored one"
+                    f"trajectory {name}: {found.renumbered[name].text}"
+                    f"{numbers if name in found.continued else ''}"
                 )
         if found.unchanged and found.is_empty:
             if strict:

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.reader import Store
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.datasets.appending.store_agreement import is_close
@@ -23,6 +23,46 @@ from s2rtools.datasets.writing.frame_writing import depth_type
 _THREADS = 2
 _BLOCK = 4096
 """Stored instances that are read together."""
+_MOST_RANGES = 3
+"""Ranges of other numbers that a message lists."""
+
+
+@dataclass(slots=True)
+class Renumbered:
+    """Rows of a source whose images are stored under other numbers.
+
+    Each range has the first `seq` of the source, the first stored one, and the number of rows over
+    which both count on by one.
+    """
+
+    ranges: list[tuple[int, int, int]] = field(default_factory=list)
+    rows: int = 0
+
+    def add(self, seq: int, stored: int) -> None:
+        """Add a row with its `seq` in the source and in the store."""
+        self.rows += 1
+        if self.ranges:
+            first, first_stored, count = self.ranges[-1]
+            if (seq - first, stored - first_stored) == (count, count):
+                self.ranges[-1] = (first, first_stored, count + 1)
+                return
+        self.ranges.append((seq, stored, 1))
+
+    @property
+    def text(self) -> str:
+        """`40 rows have another seq in the store: seq 100..139 of the source is 0..39`."""
+        listed = "; ".join(
+            f"seq {_range_text(first, count)} of the source is {_range_text(stored, count)}"
+            for first, stored, count in self.ranges[:_MOST_RANGES]
+        )
+        more = len(self.ranges) - _MOST_RANGES
+        verb = "has" if self.rows == 1 else "have"
+        rest = f"; and {counted(more, 'further range')}" if more > 0 else ""
+        return f"{counted(self.rows, 'row')} {verb} another seq in the store: {listed}{rest}"
+
+
+def _range_text(first: int, count: int) -> str:
+    return str(first) if count == 1 else f"{first}..{first + count - 1}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +71,7 @@ class Additions:
 
     `new` and `unchanged` are names of trajectories. `continued` has the number of the first record
     behind the stored instances of a trajectory, `rows` the numbers of the records of these.
-    `renumbered` are the trajectories whose stored instances have another `seq` than their source.
+    `renumbered` has the trajectories whose stored instances have another `seq` than their source.
     `domains` are added to all stored instances.
     """
 
@@ -40,7 +80,7 @@ class Additions:
     unchanged: list[str] = field(default_factory=list)
     continued: dict[str, int] = field(default_factory=dict)
     rows: dict[str, array[int]] = field(default_factory=dict)
-    renumbered: set[str] = field(default_factory=set)
+    renumbered: dict[str, Renumbered] = field(default_factory=dict)
 
     @property
     def is_empty(self) -> bool:
@@ -156,8 +196,8 @@ def _compare(
                 if not all(map(is_close, pose, expected.pose)):
                     file = _file(scan, record, next(iter(checksums)), len(rows))
                     raise _DifferenceError(f"the pose of {file}")
-                if record.seq not in (None, expected.seq):
-                    found.renumbered.add(name)
+                if record.seq is not None and record.seq != expected.seq:
+                    found.renumbered.setdefault(name, Renumbered()).add(record.seq, expected.seq)
                 rows.append(number)
                 expected = next(stored, None)
             elif all(_is_usable(scan, record, domain, types) for domain in checksums):
