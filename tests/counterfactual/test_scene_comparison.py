@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from s2rtools.counterfactual.depth_tolerance import DepthTolerance
+from s2rtools.counterfactual.factor_composites import mix_sources
 from s2rtools.counterfactual.scene_comparison import (
     MAX_SEGMENTS,
     ImageArrays,
@@ -78,7 +79,11 @@ def test_changed_objects_of_a_world_are_found_by_other_rigs(view: str) -> None:
 def test_composites_begin_with_the_sim_and_end_with_the_real_image() -> None:
     image = rendered("sim", CAMERA)[2]
     real = with_box(dimmed(image))
-    rgb, depth = EQUAL.in_sim_view(image, real).contents.composites()
+    contents = EQUAL.in_sim_view(image, real).contents
+    colours, depths = contents.sources()
+    sources = np.concatenate([np.moveaxis(colours, 3, 1), depths[:, None]], axis=1)
+    mixed = mix_sources(sources, contents.changed, 3)
+    rgb, depth = np.moveaxis(mixed[:, :3], 1, 3), mixed[:, 3]
     assert rgb.shape == (16, *FRAME, 3)
     assert np.array_equal(rgb[0], image[0])
     assert np.abs(rgb[-1] - real[0])[2:-2, 2:-2].mean() < 0.5

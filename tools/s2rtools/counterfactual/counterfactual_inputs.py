@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtools.counterfactual.factor_composites import mix_sources
 from s2rtools.counterfactual.scene_comparison import SceneComparison
 from s2rtools.counterfactual.view_synthesis import DepthInRgbView
 from s2rtools.models.input_contract import InputContract
@@ -62,8 +63,8 @@ def counterfactual_inputs(
 ) -> CounterfactualInputs:
     """Inputs of a pair that was compared in the real view.
 
-    `real_x` (C, h, w) is the input of the real image,
-    `raw_depth` and `valid` (h, w) are those of the real depth camera.
+    `real_x` (C, h, w) is the input of the real image; `raw_depth` and `valid` (h, w) are those of
+    the real depth camera.
     """
     differs = scenes.depth != scenes.view.real_depth
     changed = registration.to_depth_pixels(differs.astype(np.float32)) > 0
@@ -88,14 +89,17 @@ def composite_inputs(
     """Inputs (32, C, h, w) of all combinations of `factor_composites.FACTORS`.
 
     `views` are the comparisons in the sim and in the real view, each with the registration of its
-    rig. `sim_x` and `real_x` (C, h, w) are the inputs of the images themselves,
-    which are the first and the last composite.
+    rig. `sim_x` and `real_x` (C, h, w) are the inputs of the images themselves, which are the
+    first and the last composite.
     """
     parts = []
     for scenes, registration in views:
-        rgb, metres = scenes.contents.composites()
+        contents = scenes.contents
+        rgb, metres = contents.sources()
         depth = np.stack([registration.to_depth_camera(each) for each in metres])
-        parts.append(preprocess(rgb, depth, 1.0, contract, depth > 0))
+        sources = preprocess(rgb, depth, 1.0, contract, depth > 0)
+        changed = _at_size(contents.changed.astype(np.float32), contract.size) > 0
+        parts.append(mix_sources(sources, changed, len(contract.rows("rgb"))))
     inputs = np.concatenate(parts)
     inputs[0], inputs[-1] = sim_x, real_x
     return inputs

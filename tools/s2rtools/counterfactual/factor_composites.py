@@ -7,7 +7,6 @@ sensor), objects (changed content), sensor (noise and blur of colours) and camer
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,27 +36,38 @@ class ViewContents:
     sensed_depth: NDArray[np.float32]
     real_depth: NDArray[np.float32]
 
-    def composites(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """RGB (16, h, w, 3) and depth (16, h, w) of all combinations of `VIEW_FACTORS`.
+    def sources(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """RGB (4, h, w, 3) and depth (4, h, w) that all composites are made of.
 
-        The index of a composite has the bit 1 << i set where factor i is that of reality. Composite
-        0 is the sim image, the last one the real image.
+        Colours: content of sim or real (bit 1) in the light of sim or real (bit 0). Depth: content
+        of sim or real (bit 1), as the sensor of sim or real (bit 0) returns it.
         """
-        lit = self.light.image
-        unlit_real = self.light.removed(self.real)
-        rgb, depth = [], []
-        changed = self.changed[..., None]
-        for sensor, objects, noisy_depth, lighting in product((False, True), repeat=4):
-            content = self.real if lighting else unlit_real
-            clean = lit if lighting else self.sim
-            kept = content if sensor else clean
-            rgb.append(np.where(changed, content if objects else clean, kept))
-            depth.append(self._depth(objects, noisy_depth))
-        return np.stack(rgb), np.stack(depth)
-
-    def _depth(self, objects: bool, sensed: bool) -> NDArray[np.float32]:
-        if sensed:
-            inside = self.real_depth if objects else self.sensed_depth
-            return np.where(self.changed, inside, self.real_depth)
+        rgb = np.stack([self.sim, self.light.image, self.light.removed(self.real), self.real])
         clean = np.where(self.real_depth > 0, self.real_depth, self.sim_depth)
-        return np.where(self.changed, clean, self.sim_depth) if objects else self.sim_depth
+        depth = [
+            self.sim_depth,
+            np.where(self.changed, self.sensed_depth, self.real_depth),
+            np.where(self.changed, clean, self.sim_depth),
+            self.real_depth,
+        ]
+        return rgb, np.stack(depth)
+
+
+def mix_sources(
+    sources: NDArray[np.float32], changed: NDArray[np.bool_], colours: int
+) -> NDArray[np.float32]:
+    """Composites (16, C, h, w) of all combinations of `VIEW_FACTORS`.
+
+    `sources` (4, C, h, w) are those of `ViewContents.sources`, of which the first `colours`
+    channels are colours; `changed` (h, w) marks changed content in them. The index of a composite
+    has the bit 1 << i set where factor i is that of reality: composite 0 is the sim image, the last
+    one the real image.
+    """
+    mixed = np.empty((16, *sources.shape[1:]), dtype=np.float32)
+    for index in range(len(mixed)):
+        lighting, depth, objects, sensor = (index >> bit & 1 for bit in range(4))
+        inside, outside = (sources[2 * content + lighting] for content in (objects, sensor))
+        np.copyto(mixed[index, :colours], outside[:colours])
+        np.copyto(mixed[index, :colours], inside[:colours], where=changed)
+        mixed[index, colours:] = sources[2 * objects + depth, colours:]
+    return mixed

@@ -17,7 +17,6 @@ from s2rstore.records import SIDES
 from s2rtools.counterfactual.attribution import integrated_gradients, repair_gains
 from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch
-from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 MAX_SIDE = 128
@@ -52,7 +51,7 @@ class _HarmKind(HeatmapKind):
 
     def compute(self, pair: PairBatch) -> HeatArrays:
         maps = [
-            self.attribute(pair.backend, inputs, truth)
+            self.attribute(pair, inputs, truth)
             for inputs, truth in zip(pair.counterfactuals, pair.real.truth, strict=True)
         ]
         size = _map_size(pair.model)
@@ -62,7 +61,7 @@ class _HarmKind(HeatmapKind):
 
     @abstractmethod
     def attribute(
-        self, backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64]
+        self, pair: PairBatch, inputs: CounterfactualInputs, truth: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """Maps (3, rows, columns) of one image, in RGB pixels; `truth` (3,) is its pose."""
 
@@ -76,12 +75,12 @@ class Harm(_HarmKind):
     name = "harm"
 
     def attribute(
-        self, backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64]
+        self, pair: PairBatch, inputs: CounterfactualInputs, truth: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         segments, change = inputs.scenes.segments, inputs.scenes.change
         maps = np.zeros((len(self.planes), *segments.shape), dtype=np.float32)
         if inputs.count:
-            gains = repair_gains(backend, inputs, truth)
+            gains = repair_gains(pair.pose_backend, inputs, truth)
             squares = change * change
             sums = np.bincount(segments.ravel(), squares.ravel(), inputs.count + 1)[1:]
             shares = np.zeros((len(self.planes), inputs.count + 1))
@@ -102,9 +101,9 @@ class HarmFine(_HarmKind):
     params = {"steps": STEPS}  # noqa: RUF012
 
     def attribute(
-        self, backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64]
+        self, pair: PairBatch, inputs: CounterfactualInputs, truth: NDArray[np.float64]
     ) -> NDArray[np.float32]:
-        return inputs.in_rgb_pixels(integrated_gradients(backend, inputs, truth, STEPS))
+        return inputs.in_rgb_pixels(integrated_gradients(pair.backend, inputs, truth, STEPS))
 
 
 def _map_size(model: LoadedModel) -> tuple[int, int]:

@@ -91,13 +91,22 @@ class ImageBatch(ImagePair):
 
 @dataclass(frozen=True, eq=False)
 class PairBatch(ImagePair):
-    """Both sides of a batch after the forward pass."""
+    """Both sides of a batch after the forward pass.
+
+    `predictor` computes poses of changed inputs in float32, by default `backend`.
+    """
 
     model: LoadedModel
     backend: Backend
     sim: SideBatch
     real: SideBatch
     alignment: ImageAlignment | None = None
+    predictor: Backend | None = None
+
+    @property
+    def pose_backend(self) -> Backend:
+        """The backend that computes poses of changed inputs."""
+        return self.predictor or self.backend
 
     @cached_property
     def counterfactuals(self) -> list[CounterfactualInputs]:

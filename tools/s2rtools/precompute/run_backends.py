@@ -8,6 +8,8 @@ from typing import Any, Literal
 import msgspec
 
 from s2rstore.errors import RequestError
+from s2rtools.counterfactual import gap_shares
+from s2rtools.heatmaps.harm import Harm
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.inference import Backend, open_backend
 from s2rtools.inference.calibration import BACKENDS
@@ -15,6 +17,8 @@ from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.pose_network import LoadedModel
 
 FLOAT32, BFLOAT16 = "float32", "bfloat16"
+_OF_CHANGED_INPUTS = (Harm.name, gap_shares.KIND)
+"""Kinds made of poses of changed inputs, which float32 backends of predictions compute, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +106,8 @@ class RunBackends:
         facts = self.heatmaps.facts()
         if kind == Occlusion.name and self.differences not in (None, FLOAT32):
             facts["differences"] = str(self.differences)
+        if kind in _OF_CHANGED_INPUTS and self.predictions.precision == FLOAT32:
+            facts["poses"] = self.predictions.name
         return facts
 
     def open(self, model: LoadedModel, threads: int) -> tuple[Backend, Backend]:

@@ -21,7 +21,7 @@ from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.run_backends import RunBackends
+from s2rtools.precompute.run_backends import FLOAT32, RunBackends
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
 DEPTH_MODES = ("depth", "rgbd")
@@ -164,7 +164,10 @@ def compute_outputs(
                 )
                 for side in SIDES
             )
-            pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment)
+            predictor = backend if backend.precision == FLOAT32 else None
+            pair = PairBatch(
+                heatmap_backend.model, heatmap_backend, sim, real, alignment, predictor
+            )
             heatmaps = {kind: HEATMAP_KINDS[kind].compute(pair) for kind in kinds}
             if is_shared:
                 heatmaps[gap_shares.KIND] = {(None, None): _gap_shares(pair)}
@@ -182,7 +185,7 @@ def compute_outputs(
 def _gap_shares(pair: PairBatch) -> NDArray[np.float64]:
     """Shares of the gap (B, 5) of a batch in metres."""
     return np.stack([
-        gap_shares.gap_shares(pair.backend, composites, truth)
+        gap_shares.gap_shares(pair.pose_backend, composites, truth)
         for composites, truth in zip(pair.composites(), pair.real.truth, strict=True)
     ])  # fmt: skip
 
