@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
+from s2rtools.common.shapley import shapley_values
 from s2rtools.counterfactual.attribution import (
     integrated_gradients,
     pose_errors,
@@ -20,7 +21,7 @@ from s2rtools.counterfactual.counterfactual_inputs import (
     composite_inputs,
     counterfactual_inputs,
 )
-from s2rtools.counterfactual.gap_shares import gap_shares, shapley_values
+from s2rtools.counterfactual.gap_shares import gap_shares
 from s2rtools.inference import Backend
 from s2rtools.models.preprocessing import preprocess
 from tests.counterfactual.test_scene_comparison import CAMERA, EQUAL, dimmed, with_box

@@ -1,49 +1,17 @@
-"""Shapley values compared with brute force, and scores of estimated shares."""
+"""Scores of estimated shares of the gap."""
 
 from __future__ import annotations
 
-from itertools import combinations, permutations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from s2rtools.scoring.factor_shares import (
     TrueShares,
     constant_answers,
     largest_share_named,
     score_shares,
-    shapley_values,
 )
 from s2rtools.synthetic_world.factors import FACTOR_GROUPS, FACTORS
-
-
-def random_game(seed: int, players: list[str]) -> dict[frozenset[str], np.ndarray]:
-    rng = np.random.default_rng(seed)
-    return {
-        frozenset(members): rng.normal(0, 1, 3)
-        for size in range(len(players) + 1)
-        for members in combinations(players, size)
-    }
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10_000), st.integers(1, 5))
-def test_shapley_values_are_the_mean_over_all_orders(seed: int, count: int) -> None:
-    players = list("abcde"[:count])
-    values = random_game(seed, players)
-    expected = np.zeros((3, count))
-    orders = list(permutations(range(count)))
-    for order in orders:
-        present: frozenset[str] = frozenset()
-        for player in order:
-            joined = present | {players[player]}
-            expected[:, player] += (values[joined] - values[present]) / len(orders)
-            present = joined
-    found = shapley_values(values, players)
-    assert np.allclose(found, expected, atol=1e-12)
-    assert np.allclose(found.sum(axis=1), values[frozenset(players)] - values[frozenset()])
 
 
 def test_every_factor_that_changes_images_has_a_group() -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
-from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.metrics import run_metrics
 from s2rstore.metrics.bootstrap import Interval, mean_interval
+from s2rtools.common.shapley import shapley_values
 from s2rtools.scoring.block_intervals import block_intervals, weighted_pearson
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, EvaluatedRuns, Factors
 from s2rtools.scoring.ground_truth import GroundTruth
@@ -22,7 +21,6 @@ LIGHTING = FACTOR_GROUPS.index("lighting")
 ALWAYS_LIGHTING, EVEN_SPLIT = "always lighting", "even split"
 
 Floats = NDArray[np.float64]
-Coalition = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,26 +57,6 @@ class ShareScore:
     left_out: int
 
 
-def shapley_values(values: Mapping[Coalition, Floats], players: Sequence[str]) -> Floats:
-    """Exact Shapley values (V, players) of `values` (V,) of all coalitions of the players.
-
-    They sum to the value of all players minus that of none. Source: Shapley, "A value for n-person
-    games", 1953.
-    """
-    n = len(players)
-    columns = []
-    for player in players:
-        others = [other for other in players if other != player]
-        total = np.zeros_like(values[frozenset()])
-        for size in range(n):
-            weight = factorial(size) * factorial(n - size - 1) / factorial(n)
-            for members in combinations(others, size):
-                without = frozenset(members)
-                total = total + weight * (values[without | {player}] - values[without])
-        columns.append(total)
-    return np.stack(columns, axis=1)
-
-
 def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int) -> TrueShares:
     """Render at most `instances` evenly spread real views with every coalition of the groups.
 
@@ -90,21 +68,23 @@ def measure_shares(truth: GroundTruth, evaluated: EvaluatedRuns, instances: int)
     spread = np.linspace(0, len(rows) - 1, min(len(rows), instances)).astype(int)
     iids = np.asarray(rows[np.unique(spread)] if len(rows) else rows, dtype=np.intp)
     members = _active_groups(errors.active)
-    coalitions: dict[Coalition, Factors] = {
-        frozenset(groups): {k: v for group in groups for k, v in members[group].items()}
-        for size in range(len(members) + 1) for groups in combinations(members, size)
+    coalitions: dict[str, Factors] = {
+        str(number): {
+            name: severity
+            for bit, factors in enumerate(members.values()) if number >> bit & 1
+            for name, severity in factors.items()
+        }
+        for number in range(1 << len(members))
     }  # fmt: skip
-    found = errors.of_instances(
-        iids, {",".join(sorted(names)): factors for names, factors in coalitions.items()}
-    )
+    found = errors.of_instances(iids, coalitions)
     shares, gap = {}, {}
     for run in errors.runs:
-        values = {names: found[",".join(sorted(names))][run] for names in coalitions}
-        gap[run] = values[frozenset(members)] - values[frozenset()]
+        values = np.stack([found[name][run] for name in coalitions])
+        gap[run] = values[-1] - values[0]
         shares[run] = np.zeros((len(iids), len(FACTOR_GROUPS)))
         if members:
             columns = [FACTOR_GROUPS.index(group) for group in members]
-            shares[run][:, columns] = shapley_values(values, list(members))
+            shares[run][:, columns] = shapley_values(values).T
     trajectory = store.instances.trajectory[iids].astype(np.intp)
     return TrueShares(
         iids, trajectory, shares, gap, {run: mask[iids] for run, mask in is_new.items()}

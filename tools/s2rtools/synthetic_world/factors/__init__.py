@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 
 from s2rstore.errors import RequestError
+from s2rstore.records import GAP_FACTORS
 from s2rtools.synthetic_world.factors.camera import CameraMount, Exposure
 from s2rtools.synthetic_world.factors.factor import Factor
 from s2rtools.synthetic_world.factors.robot import Latency, Wheels
@@ -31,7 +32,7 @@ __all__ = [
 
 Severities = Mapping[str, float]
 
-FACTOR_GROUPS = ("lighting", "depth", "objects", "sensor", "camera")
+FACTOR_GROUPS = GAP_FACTORS
 """Groups of factors, in the order of the shares of the gap."""
 
 FACTORS: dict[str, Factor] = {
