@@ -28,6 +28,7 @@ from bench import (
     precompute_memory,
     scale,
     startup,
+    suggest,
     terminal_bytes,
     time_delay,
     true_pixels,
@@ -50,6 +51,7 @@ _MEASUREMENTS = (
     "live_prediction",
     "precompute_memory",
     "time_delay",
+    "suggest",
     "end_to_end",
 )
 
@@ -69,6 +71,10 @@ def main() -> int:
     parser.add_argument(
         "--commit", default=end_to_end.COMMIT,
         help="revision or working tree to compare end_to_end with (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seeds", type=int, default=suggest.SEEDS,
+        help="worlds of each factor for suggest (default %(default)s)",
     )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
@@ -115,6 +121,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from precompute_memory.figures((1_000, 100_000))
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "suggest" in selected:
+        yield from suggest.figures(options.seeds)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 
