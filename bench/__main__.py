@@ -30,6 +30,7 @@ from bench import (
     precompute_memory,
     scale,
     startup,
+    suggest,
     terminal_bytes,
     time_delay,
     true_pixels,
@@ -54,7 +55,7 @@ _MEASUREMENTS = (
     "time_delay",
     "end_to_end",
 )
-_ON_REQUEST = ("harm", "collect")
+_ON_REQUEST = ("harm", "suggest", "collect")
 """Measurements of more than ten minutes, which run only where --only names them."""
 
 
@@ -77,8 +78,10 @@ def main() -> int:
         help="revision or working tree to compare end_to_end with (default %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--seeds", type=int, default=collect.SEEDS, help="seeds of collect (default %(default)s)"
-    )
+        "--seeds", type=int,
+        help=f"seeds of collect (default {collect.SEEDS}), worlds of each factor for suggest "
+        f"(default {suggest.SEEDS})",
+    )  # fmt: skip
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
     selected = options.only or list(_MEASUREMENTS)
@@ -127,7 +130,9 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
     if "harm" in selected:
         yield from harm.figures(folder)
     if "collect" in selected:
-        yield from collect.figures(options.seeds)
+        yield from collect.figures(options.seeds or collect.SEEDS)
+    if "suggest" in selected:
+        yield from suggest.figures(options.seeds or suggest.SEEDS)
     if "end_to_end" in selected:
         yield from _end_to_end(options)
 

@@ -30,7 +30,7 @@ SEEDS = 10
 _NULL_SEEDS = 20
 _INSTANCES = 24
 """Instances of each of the two trajectories."""
-_FRAMES, _EVALUATIONS = 12, 30
+_FRAMES, _EVALUATIONS = 12, 40
 _PIXELS = 64
 _RUN = "measured"
 

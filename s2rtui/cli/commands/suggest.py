@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("search").add_argument
     add("--budget", default="5m", metavar="TIME",
         help="wall time of search and judgement, such as 90s or 5m (default 5m)")  # fmt: skip
-    add("--evaluations", type=int, default=80,
-        help="most evaluations of each joint search by CMA-ES (default 80)")  # fmt: skip
+    add("--evaluations", type=int, default=100,
+        help="most evaluations of each joint search by CMA-ES (default 100)")  # fmt: skip
     add("--frames", type=int, default=48, help="instances of the fit (default 48)")
     add("--changes", type=int, default=4, help="most adjustments that change (default 4)")
     add("--price", default="2%", metavar="SHARE",

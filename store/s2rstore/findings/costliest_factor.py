@@ -72,8 +72,9 @@ def of_shares(store: Store, run: str, new: NDArray[np.bool_]) -> Finding | None:
     others = ", ".join(
         f"{share.factor} {share.mean.value:+.2f} m" for share in found.shares if share != worst
     )
-    part = f"{worst.factor} causes {worst.mean.value:.2f} m ({bounds_text(worst.mean)})"
     columns = SHARED_FACTORS[worst.factor]
+    verb = "causes" if len(columns) == 1 else "cause"
+    part = f"{worst.factor} {verb} {worst.mean.value:.2f} m ({bounds_text(worst.mean)})"
     node = None
     if len(columns) == 1:
         field = Field(f"share.{columns[0]}")

@@ -1,9 +1,12 @@
 """Search of the changes that lower the mean cost of the fit, for each number of changes.
 
-Every slider is screened alone. From the best single change, the slider that helps most beside the
-present ones is added and CMA-ES fits all values together, up to one more than the largest number
-of changes; then the change that costs least is removed again, so that a change which later ones
-replace does not stay. The best set of each number is a candidate.
+Every slider is screened alone, and the sliders of each factor are fitted one after another. Those
+of the best factor are then fitted together, because sliders may make up for one another, as the
+height and the pitch of a camera do, so that each alone seems useless. From the best single change,
+the slider that helps most beside the present ones is added and CMA-ES fits all values together, up
+to one more than the largest number of changes. From both sets the change that costs least is
+removed again and again, so that a change which others replace does not stay. The best set of each
+number is a candidate.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ MOST_SCREENED = 6
 _REFINED, _REFINED_BASE = 7, 4
 """Evaluations by which the best screened value is refined; fewer where it is that of the run."""
 _LEAST_ALONE = 0.25
-"""Share of the price that a slider must gain alone to be taken into joint searches."""
+"""Share of the price that a factor must gain alone, or joint searches leave out its sliders."""
 _SPREAD = 0.05
 """First deviation of CMA-ES, as a share of a slider's range."""
 _LEAST_GAIN = 0.1
@@ -103,6 +106,7 @@ class Search:
             if result.start > 0:
                 self._screen()
                 self._fit_factors()
+                self._shrink(self._fit_best_factor())
                 self._shrink(self._grow())
         except _OutOfTimeError:
             result.complete = False
@@ -113,9 +117,7 @@ class Search:
 
     def _cost(self, values: Values) -> float:
         """Mean cost of values, of which those of the run count as no change."""
-        changed = {
-            name: value for name, value in values.items() if value != self._sliders[name].base
-        }
+        changed = self._changed(values)
         key = tuple(sorted(changed.items()))
         if key not in self._known:
             if self._known and time.monotonic() > self._deadline:
@@ -124,18 +126,15 @@ class Search:
             self._advance(1)
         return self._known[key]
 
-    def _note(self, values: Values) -> Candidate | None:
-        """Keep a set of values as candidate of its size if it is the best; return that one."""
-        changed = {
-            name: value for name, value in values.items() if value != self._sliders[name].base
-        }
+    def _note(self, values: Values) -> None:
+        """Keep a set of values as candidate of its size if it is the best."""
+        changed = self._changed(values)
         size = len(changed)
         if 0 < size <= self._most:
             made = Candidate(changed, self._cost(changed))
             known = self._result.candidates.get(size)
             if known is None or made.cost < known.cost:
                 self._result.candidates[size] = made
-        return self._result.candidates.get(size)
 
     def _screen(self) -> None:
         for slider in self._sliders.values():
@@ -156,6 +155,23 @@ class Search:
                     values[each.slider.name] = value
             if values:
                 self._result.factors.append(FactorFit(factor, values, self._cost(values)))
+
+    def _fit_best_factor(self) -> dict[str, float]:
+        """Fit all sliders of the factor that gains most together; return their values."""
+        best = min(self._result.factors, key=lambda fitted: fitted.cost, default=None)
+        if best is None or best.factor == TRANSLATOR:
+            return {}
+        own = [slider for slider in self._sliders.values() if slider.factor == best.factor]
+        values = {slider.name: best.values.get(slider.name, slider.base) for slider in own}
+        values = self._changed(self._fit_together(values))
+        self._result.factors.remove(best)
+        self._result.factors.append(FactorFit(best.factor, values, self._cost(values)))
+        self._note(values)
+        return values
+
+    def _changed(self, values: Values) -> dict[str, float]:
+        """The values that are not those of the run."""
+        return {name: value for name, value in values.items() if value != self._sliders[name].base}
 
     def _best_value(
         self, slider: Slider, beside: Values, refine: bool = True
@@ -191,8 +207,9 @@ class Search:
         """Add changes one by one, from the best single one; return the largest set."""
         start, ranked = self._result.start, sorted(self._result.screening, key=lambda s: s.cost)
         needed = start * (1 - _LEAST_ALONE * self._price)
-        useful = [each for each in ranked[:MOST_SCREENED] if each.cost < needed]
-        if not useful:
+        factors = {each.factor for each in self._result.factors if each.cost < needed}
+        useful = [each for each in ranked if each.slider.factor in factors][:MOST_SCREENED]
+        if not useful or useful[0].value == useful[0].slider.base:
             return {}
         present = {useful[0].slider.name: useful[0].value}
         reached = useful[0].cost

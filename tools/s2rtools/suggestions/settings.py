@@ -25,7 +25,7 @@ class SuggestSettings:
 
     side: Side
     budget: float = 300.0
-    evaluations: int = 80
+    evaluations: int = 100
     seed: int = 1
     price: float = 0.02
     changes: int = 4
