@@ -11,6 +11,7 @@ import s2rstore
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.scoring.counterfactual_errors import CounterfactualErrors, open_runs
 from s2rtools.scoring.ground_truth import GroundTruth
+from s2rtools.scoring.report import ScoreSettings, score
 from s2rtools.training import pretrained
 from s2rtui.cli import main
 from tests.support.silent_reporter import SilentReporter
@@ -22,8 +23,9 @@ def test_counterfactuals_use_the_constants_of_the_store(tmp_path: Path) -> None:
     """Rendered again with all factors, the errors are the stored ones; the world is found again."""
     path = tmp_path / "other.s2r"
     constants = "exposure.vignette=0.5,depth.farthest=4,sensor.noise=9,camera.height=-0.05"
-    arguments = ["ingest", "world", "--instances", "2", "--constants", constants]
-    assert main([*arguments, "--store", str(path)]) == 0
+    factors = "lights,exposure,sensor,depth,camera"
+    arguments = ["ingest", "world", "--instances", "2", "--factors", factors]
+    assert main([*arguments, "--constants", constants, "--store", str(path)]) == 0
     pretrained.add_pretrained_models(path)
     precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(()))
     with s2rstore.open(path) as store:
@@ -35,6 +37,17 @@ def test_counterfactuals_use_the_constants_of_the_store(tmp_path: Path) -> None:
             stored = store.run_columns("vanilla").side(side).error
             assert np.allclose(found[label]["vanilla"], stored, atol=1e-4)
         assert store.frames("real", 0, 4)["depth"].max() < 4400
+    assert_scored_without_objects(path)
+
+
+def assert_scored_without_objects(path: Path) -> None:
+    """Where no object was changed there are no pairs, and the objects have no share."""
+    settings = ScoreSettings(("vanilla",), instances=2, harm=True, views=4)
+    harm = score(path, settings, SilentReporter())["harm"]
+    assert {(row["n"], row["auroc"]) for row in harm["kinds"]} == {(0, None)}
+    assert harm["repairs"] == []
+    means = {row["group"]: row["mean"] for row in harm["shares"]}
+    assert means["objects"] == 0 != means["lighting"]
 
 
 def test_unknown_constants_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

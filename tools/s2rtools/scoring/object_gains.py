@@ -192,13 +192,14 @@ def _packed_masks(
     view: NDArray[np.intp], item: NDArray[np.intp],
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The pixels of each pair's object in either scene, in a side's view, as packed bits (K, n)."""
-    parts = [np.zeros((0, -(-(truth.data.recipe.frame**2) // 8)), dtype=np.uint8)]
+    pixels = truth.data.recipe.frame**2
+    parts = [np.zeros((0, -(-pixels // 8)), dtype=np.uint8)]
     for start in range(0, len(iids), BATCH):
         sim, real = _identities(truth, side, move, iids[start : start + BATCH])
         pairs = np.flatnonzero((view >= start) & (view < start + BATCH))
         row, number = view[pairs] - start, item[pairs][:, None, None]
         mask = (sim[row] == number) | (real[row] == number)
-        parts.append(np.packbits(mask.reshape(len(pairs), -1), axis=1))
+        parts.append(np.packbits(mask.reshape(len(pairs), pixels), axis=1))
     return np.concatenate(parts)
 
 
