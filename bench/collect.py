@@ -12,16 +12,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import cast, get_args
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-
 import numpy as np
+import torch
 
 from bench.budget import BudgetRow
 from bench.support.collection_trial import Trial, TrialSettings
@@ -56,6 +54,7 @@ def measure(
     known: Sequence[Result] = (),
 ) -> Iterator[Result]:
     """Fine-tune for each seed, method and number of poses that is not `known`."""
+    torch.set_num_threads(1)
     done = {(r["seed"], r["method"], r["poses"]) for r in known}
     for seed in seeds:
         trial = Trial(seed, settings)
@@ -130,6 +129,9 @@ def main() -> int:
     parser.add_argument("--methods", default=",".join(COMPARED))
     parser.add_argument("--sizes", default=",".join(map(str, SIZES)))
     parser.add_argument("--model", default="dataaug", help="shipped model (default dataaug)")
+    parser.add_argument("--layers", choices=("all", "head"), default="all",
+                        help="layers that are trained: all, or in seconds those after the "
+                        "embedding (default all)")  # fmt: skip
     parser.add_argument("--steps", type=int, default=TrialSettings().steps)
     parser.add_argument("--log", type=Path, help="JSON lines to continue and to append to")
     parser.add_argument("--report", action="store_true", help="only report the log")
@@ -142,7 +144,7 @@ def main() -> int:
     if options.log is not None and options.log.exists():
         known = [json.loads(line) for line in options.log.read_text().splitlines()]
     if not options.report:
-        settings = TrialSettings(options.model, options.steps)
+        settings = TrialSettings(options.model, options.steps, layers=options.layers)
         seeds = range(options.first, options.first + options.seeds)
         for result in measure(seeds, methods, sizes, settings, tuple(known)):
             known.append(result)

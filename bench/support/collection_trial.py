@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
+from bench.support.head_training import embeddings, trained_head_poses
 from s2rstore.geometry.rooms import room_codes
 from s2rstore.records import SPLITS, Room, Side
 from s2rtools.common.weights_file import read_state
@@ -29,9 +32,9 @@ from s2rtools.training.pretrained import FOLDER, WORLD_SEED, model_description
 
 Poses = NDArray[np.float64]
 Floats = NDArray[np.float64]
-EVIDENCE = 240
-"""Instances of the drive whose errors are known, as many as the demo store has."""
-HELD_OUT = 400
+EVIDENCE = 120
+"""Instances of the drive whose errors are known, about as many as the demo store has."""
+HELD_OUT = 300
 SIM_IMAGES = 120
 """Sim images that are mixed with the real ones, as recipe `finetune` does."""
 _TRAIN, _TEST = SPLITS.index("train"), SPLITS.index("test")
@@ -50,11 +53,15 @@ def shipped_model(name: str) -> LoadedModel:
 
 @dataclass(frozen=True, slots=True)
 class TrialSettings:
-    """Fine-tuning of all methods of a trial."""
+    """Fine-tuning of all methods of a trial.
+
+    `layers`: all by recipe `finetune` for a number of steps, or those after the embedding alone.
+    """
 
     model: str = "dataaug"
     steps: int = 60
     held_out: int = HELD_OUT
+    layers: Literal["all", "head"] = "all"
 
 
 class Trial:
@@ -122,6 +129,10 @@ class Trial:
         return self.frames("real", self.held_out, 0)
 
     @cached_property
+    def held_out_embeddings(self) -> Tensor:
+        return embeddings(self.model, self.held_out_frames)
+
+    @cached_property
     def sim_frames(self) -> CopiedFrames:
         return self.frames("sim", self.sim_poses, 10_000)
 
@@ -151,15 +162,7 @@ class Trial:
 
     def _novelty(self, frames: CopiedFrames) -> Floats:
         """Outlier scores (n,) of the embeddings."""
-        import torch
-
-        network, rows = self.model.network, np.arange(len(frames.rgb))
-        parts = []
-        with torch.inference_mode():
-            for start in range(0, len(rows), _BATCH):
-                x = torch.from_numpy(frames.inputs(rows[start : start + _BATCH]))
-                parts.append(network.embed(network.trunk(x)).numpy())
-        points = np.concatenate(parts)
+        points, rows = embeddings(self.model, frames).numpy(), np.arange(len(frames.rgb))
         return outlier_scores(neighbour_distance(points, rows, points, rows))
 
     def _room_codes(self, poses: Poses) -> NDArray[np.int32]:
@@ -185,6 +188,10 @@ class Trial:
     def errors_after(self, chosen: Poses) -> Floats:
         """The same after fine-tuning on real images at the chosen poses (n, 3)."""
         real = self.frames("real", chosen, 30_000)
+        if self.settings.layers == "head":
+            sources = [(self.sim_frames, self.sim_poses), (real, chosen)]
+            poses = trained_head_poses(self.model, sources, self.held_out_embeddings, self.seed)
+            return pose_errors(poses, self.held_out)[0]
         count = max(len(chosen), SIM_IMAGES)
         splits = {}
         for name, frames in (("sim", self.sim_frames), ("real", real)):
