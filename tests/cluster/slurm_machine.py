@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-PROGRAMS = ("slurmctld", "slurmd", "sbatch", "squeue", "scancel", "munged", "unshare")
+PROGRAMS = ("slurmctld", "slurmd", "sbatch", "squeue", "scancel", "munged", "unshare", "setpriv")
 NODES = ("n1", "n2")
 _SEARCHED = os.pathsep.join((os.environ.get("PATH", ""), "/usr/sbin", "/sbin"))
 _START_SECONDS = 60.0
@@ -142,9 +142,10 @@ def _start(machine: SlurmMachine, *command: str) -> None:
     with log.open("wb") as out:
         machine.processes.append(
             subprocess.Popen(
-                command, env=machine.environment, stdout=out, stderr=out, stdin=subprocess.DEVNULL
+                ["setpriv", "--pdeathsig", "TERM", *command],  # it ends with this process
+                env=machine.environment, stdout=out, stderr=out, stdin=subprocess.DEVNULL,
             )
-        )
+        )  # fmt: skip
 
 
 def _idle_nodes(machine: SlurmMachine) -> int:
@@ -196,6 +197,7 @@ def _free_ports(count: int) -> list[int]:
 
 
 def main() -> None:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with slurm_machine(Path(sys.argv[1]).resolve()) as machine:
         print(f"export SLURM_CONF={machine.environment['SLURM_CONF']}", flush=True)
         with suppress(KeyboardInterrupt):

@@ -15,7 +15,7 @@ from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
 from s2rtools.precompute.executors.executor import Executor
 from s2rtools.precompute.executors.local_executors import usual_threads
-from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings
+from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings, with_worker
 
 ReportLine = Callable[[str], None]
 
@@ -69,13 +69,27 @@ def open_cluster(
 def job_script(cluster: str) -> str:
     """The script of one job that `cluster`, a file of SLURM settings, would submit."""
     _require_extra()
-    from dask_jobqueue.slurm import SLURMJob
-
     if _LOCAL.fullmatch(cluster):
         raise RequestError(f"--cluster {cluster}: has no job script; name a file of SLURM settings")
     settings = read_settings(Path(cluster))
-    job = SLURMJob("tls://SCHEDULER:PORT", name="NAME", **settings.job_options())
+    job = _job_class(settings)("tls://SCHEDULER:PORT", name="NAME", **settings.job_options())
     return str(job.job_script())
+
+
+def _job_class(settings: SlurmSettings) -> Any:
+    from dask_jobqueue.slurm import SLURMJob
+
+    script = settings.own_script()
+    if script is None:
+        return SLURMJob
+
+    class ScriptedJob(SLURMJob):  # type: ignore[misc]
+        """A job with the user's script."""
+
+        def job_script(self) -> str:
+            return with_worker(script, self._command_template)
+
+    return ScriptedJob
 
 
 @contextmanager
@@ -128,6 +142,7 @@ def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executo
                 SLURMCluster(
                     security=Security.temporary(), protocol="tls://", silence_logs="critical",
                     shared_temp_directory=stack.enter_context(folder), scheduler_options=options,
+                    job_cls=_job_class(settings),
                     **settings.job_options(),
                 )
             )  # fmt: skip

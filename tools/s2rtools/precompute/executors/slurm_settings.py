@@ -25,9 +25,11 @@ class SlurmSettings(
 
     `walltime` is as `sbatch --time` takes it. `directives` are further lines `#SBATCH`, `skip`
     drops lines that contain one of its texts, `prologue` are lines of shell before the worker
-    starts. `store` is the folder of the store on the nodes, if it is another one than here,
-    `shared_folder` one that all of them see, for the certificates. `host` and `port` are where the
-    scheduler listens on this machine, `interface` the network that both sides use.
+    starts. `script` is a file that replaces the whole job script; its line with the command of a
+    Dask worker is replaced by that of each worker. `store` is the folder of the store on the nodes,
+    if it is another one than here, `shared_folder` one that all of them see, for the certificates.
+    `host` and `port` are where the scheduler listens on this machine, `interface` the network that
+    both sides use.
     """
 
     jobs: _Positive
@@ -39,6 +41,7 @@ class SlurmSettings(
     directives: list[str] = []
     skip: list[str] = []
     prologue: list[str] = []
+    script: str | None = None
     python: str = sys.executable
     log_folder: str | None = None
     local_folder: str | None = None
@@ -51,7 +54,9 @@ class SlurmSettings(
 
     def job_options(self) -> dict[str, Any]:
         """The options of `dask_jobqueue.SLURMCluster` that describe a job."""
-        seconds = self.seconds()
+        seconds, log_folder = self.seconds(), self.log_folder
+        if self.log_folder is not None:
+            log_folder = str(Path(self.log_folder).expanduser())
         return {
             "cores": self.cores,
             "processes": 1,
@@ -64,7 +69,7 @@ class SlurmSettings(
             "job_extra_directives": list(self.directives),
             "job_directives_skip": list(self.skip),
             "job_script_prologue": [*_ENVIRONMENT, *self.prologue],
-            "log_directory": self.log_folder,
+            "log_directory": log_folder,
             "local_directory": self.local_folder or "${TMPDIR:-/tmp}",
             "interface": self.interface,
             "death_timeout": 60,
@@ -75,6 +80,22 @@ class SlurmSettings(
                 "--lifetime-stagger", f"{int(0.06 * seconds)}s",
             ],
         }  # fmt: skip
+
+    def own_script(self) -> str | None:
+        """The job script of the user; None where there is none.
+
+        Raises RequestError for a file that cannot be read or has no line for the worker.
+        """
+        if self.script is None:
+            return None
+        path = Path(self.file).parent / Path(self.script).expanduser()
+        try:
+            text = path.read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            raise RequestError(f"{self.file}: script {path} cannot be read ({error})") from error
+        if sum(WORKER_MODULE in line for line in text.splitlines()) != 1:
+            raise RequestError(f"{path}: needs one line with {WORKER_MODULE}, as printed")
+        return text
 
     def scheduler_options(self) -> dict[str, Any]:
         options: dict[str, Any] = {"port": self.port}
@@ -92,6 +113,8 @@ class SlurmSettings(
         days, hours, minutes, seconds = (int(part or 0) for part in match.groups())
         return ((24 * days + hours) * 60 + minutes) * 60 + seconds
 
+
+WORKER_MODULE = "distributed.cli.dask_worker"
 
 _ENVIRONMENT = (
     "export DASK_DISTRIBUTED__WORKER__MEMORY__TARGET=False",
@@ -126,4 +149,11 @@ def read_settings(path: Path) -> SlurmSettings:
     expanded = str(Path(settings.shared_folder).expanduser())
     settings = msgspec.structs.replace(settings, file=str(path), shared_folder=expanded)
     settings.seconds()
+    settings.own_script()
     return settings
+
+
+def with_worker(script: str, command: str) -> str:
+    """A job script of the user with the command of a worker in the place of the printed one."""
+    lines = (command if WORKER_MODULE in line else line for line in script.splitlines())
+    return "\n".join([*lines, ""])
