@@ -17,6 +17,7 @@ os.environ.setdefault("GOMP_SPINCOUNT", "0")
 
 from bench import (
     back_projection,
+    cluster,
     collect,
     contrast,
     end_to_end,
@@ -46,6 +47,7 @@ _MEASUREMENTS = (
     "scale",
     "growth",
     "planning",
+    "cluster",
     "back_projection",
     "map_grids",
     "occlusion_speed",
@@ -113,6 +115,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from growth.figures(folder)
     if "planning" in selected:
         yield from planning.figures(folder)
+    if "cluster" in selected:
+        yield from cluster.figures(folder)
     if "back_projection" in selected:
         yield from back_projection.figures()
     if "map_grids" in selected:

@@ -1,0 +1,133 @@
+"""Executors of a Dask cluster on this machine: overhead per unit, efficiency, equal results."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.budget import BudgetRow
+from bench.measured_stores import QUIET, frames_store, lively
+from s2rstore.files import layout
+from s2rstore.files.compute_environment import ComputeEnvironment
+from s2rstore.files.ledger import Ledger
+from s2rtools.precompute import unit_results
+from s2rtools.precompute.executors.clusters import open_cluster
+from s2rtools.precompute.executors.executor import Executor, Task
+from s2rtools.precompute.executors.local_executors import SerialExecutor
+from s2rtools.precompute.machine import Machine
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.receipts import Receipt
+from s2rtools.precompute.unit_computer import encoded
+from s2rtools.precompute.unit_plan import UnitPlan
+from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+
+_KINDS = ("feature_distance", "occlusion")
+_PAIRS = 192
+_SHORT, _LONG = 400, 0.1
+
+
+@dataclass(frozen=True)
+class _Sleep:
+    """Computes small arrays in some seconds, without a processor."""
+
+    root: Path
+    seconds: float
+    durable: bool = False
+
+    def open(self, threads: int) -> Callable[[WorkUnit], Receipt]:
+        def compute(unit: WorkUnit) -> Receipt:
+            time.sleep(self.seconds)
+            rows = np.zeros((len(unit.instances), 6, 6), np.float32)
+            layouts = {s.path("run"): s.open_array(self.root, "run").layout for s in unit.missing}
+            chunks = encoded(unit, dict.fromkeys(unit.missing, rows), layouts.__getitem__)
+            environment = self.environment(unit.stage, Machine("", "", ()), threads)
+            attempt = unit_results.write_attempt(self.root, unit, chunks, environment, self.durable)
+            name = unit_results.file_name(unit.stage, unit.number)
+            return Receipt(name, *attempt, self.seconds, "", environment)
+
+        return compute
+
+    def uses_gpu(self, stage: Stage) -> bool:
+        return False
+
+    def environment(self, stage: Stage, machine: Machine, threads: int) -> ComputeEnvironment:
+        return ComputeEnvironment("none", "float32", threads, {})
+
+
+class _Timed:
+    """An executor that adds up how long its tasks took, and what their receipts state."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor, self.is_remote = executor, executor.is_remote
+        self.wall = self.computed = 0.0
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        began = time.perf_counter()
+        for receipt in self._executor.run(tasks):
+            self.computed += receipt.seconds
+            yield receipt
+        self.wall += time.perf_counter() - began
+
+
+def figures(folder: Path) -> Iterator[BudgetRow]:
+    """Workers are started and have computed a unit before anything is measured."""
+    for workers in (2, 4):
+        with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
+            _sleep(executor, folder / f"warm{workers}", 4 * workers, 0.0)
+            if workers == 2:
+                taken = _sleep(executor, folder / "short", _SHORT, 0.0)
+                yield BudgetRow("overhead of an executor", 1000 * taken / _SHORT, "ms/unit", 5.0)
+            count = 50 * workers
+            taken = _sleep(executor, folder / f"long{workers}", count, _LONG)
+            name = f"efficiency of {workers} workers, units of {1000 * _LONG:.0f} ms"
+            yield BudgetRow(name, count * _LONG / workers / taken, "ratio", 0.95, "at least")
+    yield from _real(folder)
+
+
+def _sleep(executor: Executor, root: Path, count: int, seconds: float) -> float:
+    """Seconds in which an executor computes and this process accepts `count` units."""
+    root.mkdir()
+    index = layout.index_name(1)
+    layout.write_current(root, layout.Current(1, index, "0" * 64, 1, 2, "1" * 64))
+    axes = ("iid", "row", "column")
+    spec = ArraySpec("heat", "sim", None, (6, 6), "float32", axes, "m", "0" * 16, 64 * count)
+    plan = UnitPlan(root, [Stage("heat", "run", (spec,), 64)], (), dict)
+    computation = _Sleep(root, seconds)
+    began = time.perf_counter()
+    for receipt in executor.run([Task(computation, unit) for unit in plan.units]):  # type: ignore[arg-type]
+        plan.finish(receipt, is_checked=True)
+    return time.perf_counter() - began
+
+
+def _real(folder: Path) -> Iterator[BudgetRow]:
+    """Real units with one thread each; with as many workers as there are processors, at most 4."""
+    store = frames_store(folder / "frames.s2r", _PAIRS, 128, lively("resposenet"))
+    serial = _Timed(SerialExecutor(1))
+    expected = _computed(store, folder / "serial.s2r", serial)
+    for workers in (2, 4):
+        if workers > (os.cpu_count() or 1):
+            continue
+        with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
+            _computed(store, folder / f"first{workers}.s2r", executor)
+            timed = _Timed(executor)
+            shards = _computed(store, folder / f"real{workers}.s2r", timed)
+        name = f"{workers} workers, real units"
+        efficiency = serial.computed / workers / timed.wall
+        yield BudgetRow(f"efficiency of {name}", efficiency, "ratio", 0.8, "at least")
+        differing = sum(expected[path] != shards.get(path) for path in expected)
+        yield BudgetRow(f"shards that differ from the serial ones, {name}", differing, "files", 0)
+
+
+def _computed(store: Path, path: Path, executor: Executor) -> dict[str, str]:
+    """Compute a copy of a store; the checksums of its shards."""
+    shutil.copytree(store, path)
+    options = PrecomputeOptions(_KINDS, backend="torch", threads=1, executor=executor)
+    precompute(path, QUIET, [], options)
+    entries = (entry for found in Ledger(path).by_path().values() for entry in found)
+    return {entry.path: entry.checksum for entry in entries if entry.path.startswith(layout.RUNS)}

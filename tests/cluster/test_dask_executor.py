@@ -1,0 +1,224 @@
+"""The executor of Dask clusters: lost workers, mixed workers, failing units, a lost scheduler."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from s2rstore.errors import RequestError
+from s2rstore.files.ledger import Ledger
+from s2rtools.precompute.executors.executor import Task
+from tests.cluster import counted_units
+from tests.cluster.counted_units import CountedComputation, assert_complete, plan_of, stage_of
+
+distributed = pytest.importorskip("distributed")
+from s2rtools.precompute.executors import dask_executor  # noqa: E402
+from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
+
+pytestmark = pytest.mark.xdist_group("cluster")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_executor, "_POLL_SECONDS", 0.02)
+    monkeypatch.setattr(dask_executor, "NO_WORKERS_SECONDS", 0.1)
+    counted_units.started.clear()
+    counted_units.hold.set()
+
+
+@contextmanager
+def cluster(*threads: int) -> Iterator[tuple[Any, Any]]:
+    """Dask's scheduler and workers with some threads each, all in this process; and a client."""
+    spec = {
+        str(number): {"cls": distributed.Worker, "options": {"nthreads": count}}
+        for number, count in enumerate(threads)
+    }
+    scheduler = {"cls": distributed.Scheduler, "options": {"dashboard_address": "127.0.0.1:0"}}
+    for options in (scheduler, *spec.values()):
+        options["options"]["protocol"] = "inproc://"  # type: ignore[index]
+    with (
+        distributed.SpecCluster(spec, scheduler, silence_logs=logging.CRITICAL) as started,
+        distributed.Client(started, set_as_default=False) as client,
+    ):
+        yield started, client
+
+
+def run(
+    client: Any,
+    computation: CountedComputation,
+    *names: str,
+    lines: list[str] | None = None,
+    on_receipt: Callable[[int], None] = lambda count: None,
+) -> None:
+    """Compute stages as precompute does."""
+    stages = [stage_of(name) for name in names or ("x",)]
+    plan = plan_of(computation.root, *stages)
+    tasks = [Task(computation, unit, plan.environment(unit)) for unit in plan.units]
+    report = (lines if lines is not None else []).append
+    for count, receipt in enumerate(DaskExecutor(client, report).run(tasks)):
+        plan.finish(receipt, is_checked=True)
+        on_receipt(count)
+    plan.close()
+    assert_complete(computation.root, *stages)
+
+
+def close(started: Any, worker: Any) -> None:
+    """End a worker as a lost connection does."""
+    started.sync(worker.close, timeout=0, executor_wait=False)
+
+
+def test_every_task_is_computed_once(tmp_path: Path) -> None:
+    with cluster(1, 1) as (_, client):
+        run(client, CountedComputation(tmp_path), "x", "y")
+    assert sorted(counted_units.started) == sorted(2 * [*range(16)])
+    assert not list((tmp_path / "units").iterdir())
+
+
+@pytest.mark.parametrize("reason", ["threads 2 instead of 1", "threads 1 instead of 2"])
+def test_workers_of_another_kind_are_left_out_of_an_array(tmp_path: Path, reason: str) -> None:
+    lines: list[str] = []
+    threads = (1, 2, 1) if reason.startswith("threads 2") else (2, 1, 2)
+    with cluster(*threads) as (_, client):
+        run(client, CountedComputation(tmp_path), "x", "y", lines=lines)
+    assert sum(f"is left out of run: x: {reason}" in line for line in lines) == 1
+    assert sum(f"is left out of run: y: {reason}" in line for line in lines) == 1
+    entries = Ledger(tmp_path).by_path().values()
+    assert {e.environment.threads for found in entries for e in found} == {threads[0]}
+
+
+def test_an_array_that_is_begun_refuses_all_workers_of_another_kind(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, stage_of("x"))
+    plan.finish(CountedComputation(tmp_path).open(3)(plan.units[0]))
+    with (
+        cluster(1) as (_, client),
+        pytest.raises(RequestError, match=r"run: x: threads 1 instead of 3.*--restart"),
+    ):
+        run(client, CountedComputation(tmp_path))
+
+
+def test_units_of_a_gpu_go_to_workers_with_one(tmp_path: Path) -> None:
+    with (
+        cluster(1) as (_, client),
+        pytest.raises(RequestError, match="run: x: no GPU that torch can use"),
+    ):
+        run(client, CountedComputation(tmp_path, gpu_stage="x"))
+
+
+def test_tasks_of_a_lost_worker_go_to_others(tmp_path: Path) -> None:
+    lines: list[str] = []
+
+    def lose(count: int) -> None:
+        if count == 2:
+            close(started, next(iter(started.workers.values())))
+
+    with cluster(1, 1) as (started, client):
+        run(client, CountedComputation(tmp_path, 0.01), lines=lines, on_receipt=lose)
+    assert any("was lost" in line for line in lines)
+
+
+def test_a_unit_that_ends_its_workers_is_told_after_all_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers are replaced as SLURM and nannies do; the one that computes unit 3 is ended."""
+    fatal = 3
+    counted_units.hold.clear()
+    ended: list[object] = []
+    stop = threading.Event()
+
+    def end_workers() -> None:
+        while not stop.is_set():
+            if counted_units.started[-1:] == [fatal]:
+                counted_units.started.append(-1)
+                worker = next(iter(started.workers.values()))
+                ended.append(worker)
+                close(started, worker)
+                if len(ended) < dask_executor.MOST_DEATHS + 1:
+                    started.scale(0)
+                    started.scale(1)
+            elif counted_units.started and counted_units.started[-1] != -1:
+                counted_units.hold.set()
+                counted_units.hold.clear()
+            time.sleep(0.005)
+
+    with cluster(1) as (started, client):
+        thread = threading.Thread(target=end_workers)
+        thread.start()
+        try:
+            with pytest.raises(RequestError, match=r"4 workers were lost .* instances 12 to 15"):
+                run(client, CountedComputation(tmp_path))
+        finally:
+            stop.set()
+            counted_units.hold.set()
+            thread.join()
+    assert len(ended) == dask_executor.MOST_DEATHS
+    assert len(plan_of(tmp_path, stage_of("x")).units) == 1
+
+
+def test_an_error_of_a_unit_names_its_worker(tmp_path: Path) -> None:
+    with (
+        cluster(1) as (_, client),
+        pytest.raises(RequestError, match=r"No space left.*\(worker .* on "),
+    ):
+        run(client, CountedComputation(tmp_path, fails=5))
+    assert len(plan_of(tmp_path, stage_of("x")).units) <= 16
+
+
+def test_a_scheduler_without_workers_is_told(tmp_path: Path) -> None:
+    lines: list[str] = []
+    with (
+        cluster() as (_, client),
+        pytest.raises(RequestError, match="the scheduler has no workers"),
+    ):
+        run(client, CountedComputation(tmp_path), lines=lines)
+    assert lines == ["waiting for a worker(s) to start"]
+
+
+def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:
+    root = tmp_path / "s.s2r"
+    stage = stage_of("x")
+    plan = plan_of(root, stage)
+    plan_of(tmp_path / "other.s2r", stage)
+    tasks = [Task(CountedComputation(root), unit) for unit in plan.units]
+    with cluster(1) as (_, client):
+        for folder, reason in (("missing.s2r", "no such folder"), ("other.s2r", "another store")):
+            current = tmp_path / "other.s2r" / "CURRENT.json"
+            current.write_text(current.read_text().replace("1" * 64, "2" * 64))
+            executor = DaskExecutor(client, print, worker_root=tmp_path / folder)
+            with pytest.raises(RequestError, match=rf"no worker can compute .*{reason}"):
+                list(executor.run(tasks))
+
+
+def test_a_lost_scheduler_is_told_and_the_rerun_computes_the_rest(tmp_path: Path) -> None:
+    def lose(count: int) -> None:
+        if count == 4:
+            started.sync(started.scheduler.close)
+
+    with (
+        cluster(1) as (started, client),
+        pytest.raises(RequestError, match=r"connection to the scheduler was lost; .* units"),
+    ):
+        run(client, CountedComputation(tmp_path, 0.01), on_receipt=lose)
+    left = len(plan_of(tmp_path, stage_of("x")).units)
+    assert 0 < left <= 11
+    counted_units.started.clear()
+    with cluster(1) as (_, client):
+        run(client, CountedComputation(tmp_path))
+    assert len(counted_units.started) == left
+
+
+def test_leaving_the_iterator_cancels_what_is_assigned(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, stage_of("x"))
+    tasks = [Task(CountedComputation(tmp_path, 0.02), unit) for unit in plan.units]
+    with cluster(1) as (started, client):
+        for _ in DaskExecutor(client, print).run(tasks):
+            break
+        time.sleep(0.3)
+        assert len(counted_units.started) <= 3
+        assert not started.scheduler.tasks

@@ -1,0 +1,211 @@
+"""Precompute in the jobs of a real SLURM with two nodes, each with its own mount of the store."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from bench.support.processes import wait_until
+from s2rstore.files.ledger import Ledger
+from s2rstore.maintenance.verify import verify
+from tests.cluster.slurm_machine import SlurmMachine, missing_program, slurm_machine
+
+pytest.importorskip("dask_jobqueue")
+_MISSING = missing_program()
+pytestmark = [
+    pytest.mark.xdist_group("cluster"),
+    pytest.mark.skipif(_MISSING is not None, reason=f"SLURM cannot be started: no {_MISSING}"),
+]
+_SETTINGS = """
+[slurm]
+jobs = 2
+memory = "2GB"
+walltime = "00:20:00"
+host = "127.0.0.1"
+shared_folder = "{folder}"
+log_folder = "{folder}/logs"
+store = "{mount}/{store}"
+prologue = [
+    "export DASK_DISTRIBUTED__WORKER__PRELOAD='[\\"tests.cluster.worker_preload\\"]'",
+    "export S2R_TEST_UNIT_SECONDS={seconds} S2R_TEST_FATAL_UNIT={fatal}",
+]
+"""
+_SECONDS = 240
+
+
+@pytest.fixture(scope="module")
+def stores(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of all stores; on the nodes it has another path."""
+    return tmp_path_factory.mktemp("slurm")
+
+
+@pytest.fixture(scope="module")
+def slurm(stores: Path) -> Iterator[SlurmMachine]:
+    mount = stores / "mount"
+    mount.mkdir()
+    with slurm_machine(stores / "slurm", lambda node: f"mount --bind {stores} {mount}") as machine:
+        yield machine
+
+
+@pytest.fixture(scope="module")
+def serial(stores: Path, trained_store: Path) -> Path:
+    """The run as one process computes it."""
+    path = Path(shutil.copytree(trained_store, stores / "serial.s2r"))
+    subprocess.run(_command(path, "--workers", "1", "--threads", "1"), check=True, timeout=_SECONDS)
+    return path
+
+
+def _command(path: Path, *arguments: str) -> list[str]:
+    command = [sys.executable, "-m", "tests.cluster.small_units", "precompute", str(path)]
+    return [*command, "--kinds", "feature_distance", "--backend", "torch", *arguments]
+
+
+class Precompute:
+    """A precompute of a copy of the store in SLURM jobs."""
+
+    def __init__(self, slurm: SlurmMachine, stores: Path, store: Path) -> None:
+        self.path, self._folder, self._slurm = store, stores, slurm
+        self.log = stores / f"{store.stem}.log"
+
+    def start(self, seconds: float = 0.0, fatal: int = -1) -> subprocess.Popen[bytes]:
+        settings = self._folder / f"{self.path.stem}.toml"
+        text = _SETTINGS.format(
+            folder=self._folder, mount=self._folder / "mount", store=self.path.name,
+            seconds=seconds, fatal=fatal,
+        )  # fmt: skip
+        settings.write_text(text)
+        return self.start_with(["--cluster", str(settings)], self._slurm.environment)
+
+    def start_with(
+        self, arguments: list[str], environment: Mapping[str, str]
+    ) -> subprocess.Popen[bytes]:
+        with self.log.open("wb") as log:
+            return subprocess.Popen(
+                _command(self.path, *arguments), env=environment, stdout=log, stderr=log
+            )
+
+    def finish(self, process: subprocess.Popen[bytes]) -> tuple[int, str]:
+        return process.wait(_SECONDS), self.log.read_text()
+
+    def received(self) -> set[Path]:
+        return {path for path in (self.path / "units").rglob("*") if path.name.isdigit()}
+
+    def wait_for_units(self, count: int, process: subprocess.Popen[bytes]) -> None:
+        def is_there() -> bool:
+            return len(self.received()) >= count or process.poll() is not None
+
+        assert wait_until(is_there, _SECONDS), self.log.read_text()
+        assert process.poll() is None, self.log.read_text()
+
+
+@pytest.fixture
+def precompute(
+    slurm: SlurmMachine, stores: Path, trained_store: Path, request: pytest.FixtureRequest
+) -> Precompute:
+    name = request.node.name.removeprefix("test_")[:24]
+    path = Path(shutil.copytree(trained_store, stores / f"{name}.s2r"))
+    return Precompute(slurm, stores, path)
+
+
+def _assert_complete(path: Path, serial: Path) -> None:
+    assert verify(path) == []
+    assert _shards(path) == _shards(serial)
+    assert not list((path / "units").iterdir())
+
+
+def _shards(path: Path) -> dict[str, str]:
+    """The checksum of every computed file, as the ledger states it."""
+    ledger = Ledger(path).by_path()
+    return {
+        name: entry.checksum
+        for name, entries in ledger.items() for entry in entries
+        if name.startswith("runs.zarr")
+    }  # fmt: skip
+
+
+def test_a_cancelled_job(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
+    process = precompute.start(seconds=0.3)
+    precompute.wait_for_units(2, process)
+    jobs = slurm.jobs()
+    assert sorted(jobs.values()) in (["n1", "n1"], ["n1", "n2"], ["n2", "n2"])
+    slurm.call("scancel", "--signal=KILL", "--full", next(iter(jobs)))
+    code, log = precompute.finish(process)
+    assert code == 0, log
+    assert "was lost; " in log
+    assert "published" in log
+    _assert_complete(precompute.path, serial)
+    assert wait_until(lambda: not slurm.jobs(), 30)
+
+
+def test_a_killed_driver(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
+    process = precompute.start(seconds=0.3)
+    precompute.wait_for_units(3, process)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    received = {path: path.stat().st_mtime_ns for path in precompute.received()}
+    assert len(received) >= 3
+    assert verify(precompute.path) == []
+    code, log = precompute.finish(precompute.start())
+    assert code == 0, log
+    left = 40 - 4 * len(received)
+    assert f"vanilla: forward: {left}/{left}, " in log
+    _assert_complete(precompute.path, serial)
+
+
+def test_a_fatal_unit(precompute: Precompute, serial: Path) -> None:
+    code, log = precompute.finish(precompute.start(fatal=3))
+    assert code == 2, log
+    last = log.splitlines()[-1]
+    assert "4 workers were lost while they computed vanilla: forward, instances 12 to 15" in last
+    assert len(precompute.received()) == 9
+    assert verify(precompute.path) == []
+    code, log = precompute.finish(precompute.start())
+    assert code == 0, log
+    _assert_complete(precompute.path, serial)
+
+
+def test_a_lost_scheduler(precompute: Precompute, slurm: SlurmMachine, serial: Path) -> None:
+    """Its workers are jobs that the user has submitted."""
+    address = precompute.path.with_suffix(".json")
+    preload = {
+        **slurm.environment,
+        "DASK_DISTRIBUTED__WORKER__PRELOAD": '["tests.cluster.worker_preload"]',
+        "S2R_TEST_UNIT_SECONDS": "0.3",
+        "S2R_TEST_FATAL_UNIT": "-1",
+    }
+    python = f"{sys.executable} -m distributed.cli"
+    scheduler = subprocess.Popen(
+        [*f"{python}.dask_scheduler --host 127.0.0.1 --port 0 --no-dashboard".split(),
+         "--dashboard-address", "127.0.0.1:0", "--scheduler-file", str(address)],
+        env=preload, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        worker = f"{python}.dask_worker --scheduler-file {address} --nthreads 1 --no-dashboard"
+        worker += " --death-timeout 60 --dashboard-address 127.0.0.1:0"
+        for _ in range(2):
+            subprocess.run(
+                ["sbatch", "--mem=2G", "--output=/dev/null", f"--wrap={worker}"],
+                env=preload, check=True, stdout=subprocess.DEVNULL,
+            )  # fmt: skip
+        assert wait_until(address.exists, _SECONDS)
+        arguments = ["--scheduler", json.loads(address.read_text())["address"]]
+        process = precompute.start_with(arguments, preload)
+        precompute.wait_for_units(2, process)
+        scheduler.kill()
+        code, log = precompute.finish(process)
+    finally:
+        scheduler.kill()
+        scheduler.wait()
+    assert code == 2, log
+    assert "the connection to the scheduler was lost; " in log.splitlines()[-1]
+    assert verify(precompute.path) == []
+    code, log = precompute.finish(precompute.start())
+    assert code == 0, log
+    _assert_complete(precompute.path, serial)
