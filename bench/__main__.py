@@ -29,6 +29,7 @@ from bench import (
     occlusion_speed,
     planning,
     precompute_memory,
+    remote,
     scale,
     startup,
     suggest,
@@ -43,6 +44,7 @@ _MEASUREMENTS = (
     "startup",
     "terminal_bytes",
     "true_pixels",
+    "remote",
     "contrast",
     "scale",
     "growth",
@@ -70,7 +72,7 @@ def main() -> int:
     parser.add_argument(
         "--store",
         type=Path,
-        help="a computed store for startup, terminal_bytes, true_pixels and contrast",
+        help="a computed store for startup, terminal_bytes, true_pixels, remote and contrast",
     )
     parser.add_argument(
         "--pairs", type=int, help="real pairs for end_to_end, evenly spread (default: all)"
@@ -99,7 +101,7 @@ def main() -> int:
 
 
 def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Iterator[BudgetRow]:
-    if {"startup", "terminal_bytes", "true_pixels"} & set(selected):
+    if {"startup", "terminal_bytes", "true_pixels", "remote"} & set(selected):
         store = options.store or _computed(folder)
         if "startup" in selected:
             yield from startup.figures(store)
@@ -107,6 +109,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
             yield from terminal_bytes.figures(store)
         if "true_pixels" in selected:
             yield from true_pixels.figures(store)
+        if "remote" in selected:
+            yield from remote.figures(store, folder / "remote")
     if "contrast" in selected:
         yield from contrast.figures(options.store)
     if "scale" in selected:

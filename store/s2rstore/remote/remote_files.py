@@ -169,6 +169,9 @@ class RemoteFiles(StoreFiles):
             return self.client.piece(*key)
         return self._pieces.get(key, lambda: self.client.piece(*key))
 
+    def forget_pieces(self) -> None:
+        self._pieces.clear()
+
     def _require_same(self, name: str, known: ObjectFacts, facts: ObjectFacts) -> None:
         """Raise RequestError where two answers are those of different contents."""
         if (facts.bytes, facts.etag) != (known.bytes, known.etag):

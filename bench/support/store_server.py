@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -89,14 +90,16 @@ def store_server(folder: Path) -> Iterator[StoreServer]:
             if fault in codes or ".." in path or not file.is_file():
                 self.send_error(codes.get(str(fault), 404))
                 return
-            content, status = file.read_bytes(), file.stat()
-            size = len(content)
+            status = file.stat()
+            size = status.st_size
             start, stop = self._range(size) if fault != "whole" else (0, size)
             is_part = "Range" in self.headers and fault != "whole"
             if is_part and start >= size:
                 self.send_error(416)
                 return
-            body = content[start:stop]
+            with file.open("rb") as content:
+                content.seek(start)
+                body = content.read(stop - start)
             self.send_response(206 if is_part else 200)
             if is_part:
                 self.send_header("Content-Range", f"bytes {start}-{stop - 1}/{size}")
@@ -139,3 +142,14 @@ def wait_for(condition: object, seconds: float = 10.0) -> bool:
     while not condition() and time.monotonic() < limit:  # type: ignore[operator]
         time.sleep(0.01)
     return bool(condition())  # type: ignore[operator]
+
+
+def main() -> None:
+    """Serve a folder until the standard input ends, and print its address first."""
+    with store_server(Path(sys.argv[1])) as server:
+        print(server.url, flush=True)
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    main()
