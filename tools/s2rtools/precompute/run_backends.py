@@ -14,7 +14,9 @@ from s2rtools.inference.calibration import BACKENDS
 from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.pose_network import LoadedModel
 
-FLOAT32, BFLOAT16 = "float32", "bfloat16"
+FLOAT32 = "float32"
+REDUCED_DIFFERENCES = ("bfloat16-broad", "bfloat16")
+"""Precisions of differences below float32, the fastest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class _Record(msgspec.Struct, frozen=True):
     name: str
     precision: str
     heatmaps: BackendIdentity | None = None
-    differences: Literal["float32", "bfloat16"] | None = None
+    differences: Literal["float32", "bfloat16", "bfloat16-broad"] | None = None
 
 
 @dataclass(frozen=True, slots=True)
