@@ -20,14 +20,14 @@ from s2rtools.models.pose_network import LoadedModel
 from tests.support import networks
 
 
-def poses_by_differences(model: LoadedModel, dtype: torch.dtype) -> tuple[np.ndarray, ...]:
+def poses_by_differences(model: LoadedModel, precision: str) -> tuple[np.ndarray, ...]:
     """Poses of changed inputs by differences and in full, and those of the unchanged."""
     generator = torch.Generator().manual_seed(1)
     x = torch.rand(2, 4, *model.network.input_size, generator=generator) * 2 - 1
     other = x.flip(0).contiguous()
     backend = Backend(model)
     patches = cut_patches(*model.network.input_size)
-    graph = DifferenceGraph(LocalGraph(backend.trunk), dtype)
+    graph = DifferenceGraph(LocalGraph(backend.trunk), precision)
     with torch.inference_mode():
         before, changed = occlusion._recompute_differences(backend, x, other, patches, graph)
         _, full = occlusion._recompute_fully(backend, x, other, patches)
@@ -38,14 +38,14 @@ def poses_by_differences(model: LoadedModel, dtype: torch.dtype) -> tuple[np.nda
 @pytest.mark.parametrize("size", [(36, 36), (37, 45)])
 def test_differences_in_float32_equal_full_inference(name: str, size: tuple[int, int]) -> None:
     model = networks.small_model(*networks.local_trunks()[name], size)
-    changed, full, before = poses_by_differences(model, torch.float32)
+    changed, full, before = poses_by_differences(model, "float32")
     effect = np.abs(full - before[:, None, None]).max()
     assert np.abs(changed - full).max() <= 1e-4 * max(effect, 1)
 
 
 def test_differences_in_bfloat16_have_errors_relative_to_the_effect() -> None:
     model = networks.build_model("resposenet")
-    changed, full, before = poses_by_differences(model, torch.bfloat16)
+    changed, full, before = poses_by_differences(model, "bfloat16")
     effect, error = full - before[:, None, None], changed - full
     assert np.sqrt(np.square(error).mean()) <= 0.02 * np.sqrt(np.square(effect).mean())
     assert np.abs(error).max() > 0
@@ -98,6 +98,6 @@ def test_differences_of_wide_convolutions_equal_full_inference() -> None:
     ]  # fmt: skip
     model = networks.small_model(nn.Sequential(*layers), 128, (48, 48))
     assert winograd.WinogradConvolution(layers[3].weight).tile((12, 12)) is not None
-    changed, full, before = poses_by_differences(model, torch.float32)
+    changed, full, before = poses_by_differences(model, "float32")
     effect, error = full - before[:, None, None], changed - full
     assert np.sqrt(np.square(error).mean()) <= 1e-3 * np.sqrt(np.square(effect).mean())

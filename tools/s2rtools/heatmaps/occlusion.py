@@ -138,7 +138,7 @@ def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
             local = LocalGraph(backend.trunk)
             recompute = partial(_recompute_locally, graph=local)
             if key != "float32" or (backend.device.type == "cpu" and local.has_dense_3x3):
-                differences = DifferenceGraph(local, getattr(torch, key))
+                differences = DifferenceGraph(local, key)
                 recompute = partial(_recompute_differences, graph=differences)
         _METHODS[backend] = key, recompute
     return _METHODS[backend][1]

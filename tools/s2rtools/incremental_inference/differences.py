@@ -5,16 +5,22 @@ difference, which is zero outside the affected region. Only the difference is co
 reduced precision rounds the difference and not the values: its error is relative to the effect of
 the change. Sums, activations and pooling stay in float32. On the processor, 3 x 3 convolutions in
 float32 use Winograd's algorithm where it saves time: its rounding, too, is relative to the effect.
+A rectifier and a pooling that follow a convolution are computed with its sums in one pass
+(`fused_update`).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from s2rtools.incremental_inference.fused_update import Placement, RectifiedPool, update
 from s2rtools.incremental_inference.graph import (
     BaseOutputs,
     LocalGraph,
@@ -24,8 +30,9 @@ from s2rtools.incremental_inference.graph import (
 from s2rtools.incremental_inference.regions import PixelRegion
 from s2rtools.incremental_inference.winograd import KERNEL, WinogradConvolution
 
-SHARE = 0.25
-"""Convolutions with at least this share of the multiply-adds are computed in reduced precision."""
+SHARES = {"float32": 2.0, "bfloat16": 0.25, "bfloat16-broad": 0.1}
+"""By precision of differences: the share of a network's multiply-adds from which one of its
+convolutions is computed in bfloat16."""
 
 Regions = Sequence[dict[str, PixelRegion]]
 
@@ -33,10 +40,19 @@ Regions = Sequence[dict[str, PixelRegion]]
 class DifferenceGraph:
     """A `LocalGraph` that is recomputed by differences, large convolutions in reduced precision."""
 
-    def __init__(self, graph: LocalGraph, precision: torch.dtype) -> None:
-        self.graph, self._precision = graph, precision
+    def __init__(self, graph: LocalGraph, precision: str) -> None:
+        """`precision` is one of `SHARES`."""
+        self.graph, self._share = graph, SHARES[precision]
         self._weights: dict[str, Tensor] = {}
+        self._packed: dict[str, Tensor] = {}
         self._winograd: dict[str, WinogradConvolution] = {}
+        self._pools = {
+            step.name: pool
+            for step in graph.steps
+            if step.convolution is not None
+            and (pool := RectifiedPool.of(step.convolution.merged)) is not None
+        }
+        self._readers = _only_readers(graph)
 
     def compute_base(self, x: Tensor) -> BaseOutputs:
         """Run the trunk on unchanged images in float32, as the base of later calls."""
@@ -61,9 +77,9 @@ class DifferenceGraph:
             name: part.weight.numel() * base.sums[name][0, 0].numel()
             for name, part in parts.items()
         }
-        limit = SHARE * sum(additions.values())
+        limit = self._share * sum(additions.values())
         return {
-            name: part.weight.to(self._precision if additions[name] >= limit else torch.float32)
+            name: part.weight.to(torch.bfloat16 if additions[name] >= limit else torch.float32)
             for name, part in parts.items()
         }
 
@@ -75,34 +91,70 @@ class DifferenceGraph:
         """
         lead = differences.shape[:3]
         parts = {self.graph.input: differences.flatten(0, 2)}
+        canvases: dict[str, Tensor] = {}
         for step in self.graph.steps:
             if regions[0][step.name].empty:
                 channels = base.outputs[step.name].shape[1]
                 parts[step.name] = differences.new_empty((len(differences), channels, 0, 0))
                 continue
             if step.convolution is not None:
-                parts[step.name] = self._convolved(step, base, parts, regions, lead)
+                canvas = canvases.pop(step.name, None)
+                if canvas is None:
+                    name, dtype = step.inputs[0], self._weights[step.name].dtype
+                    canvas = self._canvas(step, name, parts[name], regions, dtype)
+                change = self._linear(step, canvas, self._weights[step.name])
+                reader = self._readers.get(step.name)
+                if step.name not in self._pools or differences.device.type != "cpu":
+                    parts[step.name] = self._minus_base(step, change, base, regions, lead)
+                elif reader is None or regions[0][reader.name].empty:
+                    parts[step.name] = self._update(step, change, base, regions)
+                else:
+                    canvases[reader.name] = self._update(step, change, base, regions, reader)
             elif step.kind in ("add", "concatenate"):
-                canvases = [self._canvas(step, name, parts[name], regions) for name in step.inputs]
-                parts[step.name] = step.call(*canvases)
+                inputs = [self._canvas(step, name, parts[name], regions) for name in step.inputs]
+                parts[step.name] = step.call(*inputs)
             else:
                 parts[step.name] = self._pointwise(step, base, parts, regions, lead)
         return parts[self.graph.output].unflatten(0, lead)
 
-    def _convolved(
-        self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,
-        lead: tuple[int, ...],
+    def _update(
+        self, step: Operation, change: Tensor, base: BaseOutputs, regions: Regions,
+        reader: Operation | None = None,
     ) -> Tensor:  # fmt: skip
-        part, weight = step.convolution, self._weights[step.name]
-        canvas = self._canvas(step, step.inputs[0], parts[step.inputs[0]], regions, weight.dtype)
+        """The difference of a step's output, for `reader` with the zeros around it that it reads.
+
+        `change` (N P M, C, h, w) is the difference of the convolution.
+        """
+        part, size, offset = step.convolution, regions[0][step.name].shape, (0, 0)
         assert part is not None
         assert step.windows is not None
-        change = self._linear(step, canvas, weight).float()
+        shape, dtype = size, torch.float32
+        if reader is not None:
+            offset = self.graph.offset(reader, regions[0], step.name)
+            shape, dtype = _input_size(reader, regions), self._weights[reader.name].dtype
+        rows, cols = (w.stride // s for w, s in zip(step.windows, part.strides, strict=True))
+        corners = [(r[step.name].r0, r[step.name].c0) for r in regions]
+        starts = np.array([(r * rows, c * cols, r, c) for r, c in corners], dtype=np.int64)
+        target = torch.empty(len(change), *shape, change.shape[1], dtype=dtype)
+        update(
+            change, base.sums[step.name], base.outputs[step.name], self._pools[step.name],
+            Placement(starts, size, offset), _channels_second(target),
+        )  # fmt: skip
+        return _channels_second(target)
+
+    def _minus_base(
+        self, step: Operation, change: Tensor, base: BaseOutputs, regions: Regions,
+        lead: tuple[int, ...],
+    ) -> Tensor:  # fmt: skip
+        """Like `_update` without a reader, for any operations merged into the convolution."""
+        part = step.convolution
+        assert part is not None
+        assert step.windows is not None
         strides = [w.stride // s for w, s in zip(step.windows, part.strides, strict=True)]
         height, width = change.shape[-2:]
         corners = [(r[step.name].r0 * strides[0], r[step.name].c0 * strides[1]) for r in regions]
         needed = [PixelRegion(r, r + height, c, c + width) for r, c in corners]
-        changed = _rows_last(change).unflatten(0, lead)
+        changed = _rows_last(change.float()).unflatten(0, lead)
         changed = changed + _crops(base.sums[step.name], needed)[:, :, None]
         after = part.after(_channels_second(changed.flatten(0, 2)))
         return _minus(after, base.outputs[step.name], [r[step.name] for r in regions], lead)
@@ -115,12 +167,28 @@ class DifferenceGraph:
     def _linear(self, step: Operation, x: Tensor, weight: Tensor) -> Tensor:
         """A convolution without padding and bias, in the precision of `weight`."""
         assert step.convolution is not None
+        if weight.dtype == torch.bfloat16 and x.device.type == "cpu" and _can_pack():
+            return self._packed_convolution(step, x, weight)
         winograd = self._winograd.get(step.name)
         if winograd is not None and weight.dtype == torch.float32:
             height, width = (side - KERNEL + 1 for side in x.shape[-2:])
             if (tile := winograd.tile((height, width))) is not None:
                 return winograd(x, tile)
         return step.convolution.linear(x, weight)
+
+    def _packed_convolution(self, step: Operation, x: Tensor, weight: Tensor) -> Tensor:
+        """A convolution whose weights are brought into the order of oneDNN once."""
+        assert step.convolution is not None
+        options = step.convolution.linear.keywords
+        how = [0, 0], options["stride"], options["dilation"], options["groups"]
+        if step.name not in self._packed:
+            self._packed[step.name] = torch.ops.mkldnn._reorder_convolution_weight(
+                weight, *how, list(x.shape)
+            )
+        convolved: Tensor = torch.ops.mkldnn._convolution_pointwise(
+            x, self._packed[step.name], None, *how, "none", [], ""
+        )
+        return convolved
 
     def _pointwise(
         self, step: Operation, base: BaseOutputs, parts: dict[str, Tensor], regions: Regions,
@@ -147,15 +215,8 @@ class DifferenceGraph:
         dtype: torch.dtype = torch.float32,
     ) -> Tensor:  # fmt: skip
         """An input's difference with the zeros around it that the step reads."""
-        target = regions[0][step.name]
         row, col = self.graph.offset(step, regions[0], name)
-        size = target.shape
-        if step.windows is not None:
-            rows, cols = (
-                window.required_inputs(0, length)
-                for window, length in zip(step.windows, size, strict=True)
-            )
-            size = rows[1], cols[1]
+        size = _input_size(step, regions)
         if (row, col, *size) == (0, 0, *part.shape[-2:]) and dtype == part.dtype:
             return part
         canvas = _channels_second(
@@ -165,6 +226,37 @@ class DifferenceGraph:
         pasted = part[..., top - row : size[0] - row, left - col : size[1] - col]
         canvas[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
         return canvas
+
+
+def _only_readers(graph: LocalGraph) -> dict[str, Operation]:
+    """By operation: the convolution that alone reads its output."""
+    users = Counter([graph.output, *(name for step in graph.steps for name in step.inputs)])
+    return {
+        name: step
+        for step in graph.steps
+        if step.convolution is not None
+        for name in step.inputs
+        if users[name] == 1
+    }
+
+
+def _input_size(step: Operation, regions: Regions) -> tuple[int, int]:
+    """Rows and columns that a step reads to compute its regions."""
+    size = regions[0][step.name].shape
+    if step.windows is None:
+        return size
+    rows, cols = (
+        window.required_inputs(0, length) for window, length in zip(step.windows, size, strict=True)
+    )
+    return rows[1], cols[1]
+
+
+@cache
+def _can_pack() -> bool:
+    """Whether oneDNN convolves in bfloat16 on this processor."""
+    return torch.backends.mkldnn.is_available() and bool(
+        torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    )
 
 
 def _rows_last(x: Tensor) -> Tensor:

@@ -56,15 +56,17 @@ class Convolution:
     """The linear part of an operation and what follows: `after(linear(x, weight) + bias)`.
 
     `linear` slides with the given strides along rows and columns, without padding. `is_dense` tells
-    that it takes every value of all channels: strides of 1, no dilation, one group.
+    that it takes every value of all channels: strides of 1, no dilation, one group. `merged` are
+    the functions of which `after` consists.
     """
 
-    linear: Callable[..., Tensor]
+    linear: partial[Tensor]
     weight: Tensor
     bias: Tensor | None
     strides: Pair
     after: Callable[[Tensor], Tensor]
     is_dense: bool
+    merged: tuple[Callable[..., Tensor], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +285,8 @@ def _fuse_operations(steps: list[Operation], output: str) -> tuple[list[Operatio
             renamed[step.name] = before.name
             part = before.convolution
             if part is not None:
-                part = replace(part, after=_composed(part.after, step.call))
+                after = _composed(part.after, step.call)
+                part = replace(part, after=after, merged=(*part.merged, step.call))
             fused[before.name] = replace(
                 before, windows=(rows, cols), call=_composed(before.call, step.call),
                 convolution=part,

@@ -37,6 +37,10 @@ _VALUES_AT_ONCE = 1 << 22
 """Transformed inputs and outputs that are computed together, 16 MB."""
 
 
+_WEIGHTS_AT_ONCE = 1 << 13
+"""Pairs of channels whose weights are transformed together in float64, so that caches hold them."""
+
+
 class WinogradConvolution:
     """Convolution with a weight (O, C, 3, 3), stride 1 and no padding, on the processor.
 
@@ -88,11 +92,17 @@ class WinogradConvolution:
     def _weights(self, tile: int) -> Tensor:
         """The transformed weights (side^2, C, O)."""
         if tile not in self._transformed:
-            kernels = transform_matrices(tile)[1]
-            weight = self._weight.detach().double().numpy()
-            product = np.einsum("ia,jb,ocab->ijco", kernels, kernels, weight, optimize=True)
-            flat = np.ascontiguousarray(product.reshape(-1, *product.shape[2:]), dtype=np.float32)
-            self._transformed[tile] = torch.from_numpy(flat)
+            side = tile + KERNEL - 1
+            kernels = torch.from_numpy(transform_matrices(tile)[1])
+            flat = self._weight.detach().permute(2, 3, 1, 0).reshape(KERNEL * KERNEL, -1)
+            product = torch.kron(kernels, kernels)
+            transformed = torch.empty(side * side, flat.shape[1])
+            for part, target in zip(
+                flat.split(_WEIGHTS_AT_ONCE, 1), transformed.split(_WEIGHTS_AT_ONCE, 1), strict=True
+            ):
+                target.copy_(product @ part.double())
+            outputs, channels = self._weight.shape[:2]
+            self._transformed[tile] = transformed.view(side * side, channels, outputs)
         return self._transformed[tile]
 
 

@@ -6,6 +6,7 @@ import importlib.util
 import sys
 from types import ModuleType
 from typing import Any, ClassVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -16,6 +17,8 @@ from s2rtools.inference.backend import Backend
 from s2rtools.models.pose_network import LoadedModel
 
 _TELEMETRY = "openvino_telemetry"
+_CONVERTED: WeakKeyDictionary[Any, dict[tuple[int, ...], Any]] = WeakKeyDictionary()
+"""Converted trunks by network and shape of its input; each precision compiles the same one."""
 
 
 class OpenVinoBackend(Backend):
@@ -32,12 +35,15 @@ class OpenVinoBackend(Backend):
             raise RequestError(
                 f"model {self.model.name!r}: a network without features runs on torch only"
             )
-        example = torch.zeros(1, *model.contract.shape)
-        converted = openvino.convert_model(self.trunk, example_input=example)
+        converted = _CONVERTED.setdefault(model.network, {})
+        shape = model.contract.shape
+        if shape not in converted:
+            example = torch.zeros(1, *shape)
+            converted[shape] = openvino.convert_model(self.trunk, example_input=example)
         options: dict[str, Any] = {"INFERENCE_NUM_THREADS": threads} if threads else {}
         if self.hint is not None:
             options["INFERENCE_PRECISION_HINT"] = self.hint
-        self._compiled = openvino.compile_model(converted, "CPU", options)
+        self._compiled = openvino.compile_model(converted[shape], "CPU", options)
         kind = self._compiled.get_property("INFERENCE_PRECISION_HINT")
         self.precision = f"openvino {kind.get_type_name()}"
 

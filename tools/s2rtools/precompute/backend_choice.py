@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from importlib import metadata
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from s2rstore.files.input_files import parse_object
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Run
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch
+from s2rtools.heatmaps.heatmap_method import HeatArrays
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.incremental_inference.winograd import WinogradConvolution
 from s2rtools.inference import Backend, MeasuredBackend, choose_backend, open_backend, open_float32
@@ -30,7 +31,12 @@ from s2rtools.models.load_model import load_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.frame_reader import PairFrames, read_pairs
-from s2rtools.precompute.run_backends import BFLOAT16, FLOAT32, BackendIdentity, RunBackends
+from s2rtools.precompute.run_backends import (
+    FLOAT32,
+    REDUCED_DIFFERENCES,
+    BackendIdentity,
+    RunBackends,
+)
 from s2rtools.precompute.tasks.network_outputs import side_batch
 
 DEFAULT_VARIABLE = "S2R_BACKEND"
@@ -41,7 +47,7 @@ _WORTHWHILE = 1.5
 """Speed-up of one convolution in bfloat16 from which that of occlusion is measured."""
 _CHOICE_BYTES = 65_536
 _PLACES, _PAIRS_PER_PLACE = 8, 2
-_OCCLUSION_PLACES, _OCCLUSION_ROUNDS = 1, 2
+_OCCLUSION_PLACES = 2
 _FEWEST_INSTANCES = 64
 """In smaller stores, measuring reduced precision of occlusion costs more than it saves."""
 
@@ -148,10 +154,10 @@ class _Sample:
         """Network inputs of both sides, (B, C, h, w)."""
         return np.concatenate([frames[side].x for _, frames in self.frames() for side in SIDES])
 
-    def pairs(self, backend: Backend) -> Iterator[PairBatch]:
-        """The calibration batch after the forward pass of a backend."""
+    def pairs(self, backend: Backend, places: int = _PLACES) -> Iterator[PairBatch]:
+        """The pairs at some of the places after the forward pass of a backend."""
         truth = {side: self._store.poses(self._run.domain(side)) for side in SIDES}
-        for iid, frames in self.frames():
+        for iid, frames in self.frames()[:: max(1, _PLACES // places)]:
             rows = slice(iid, iid + len(frames["sim"].x))
             sim, real = (side_batch(backend, frames[side], truth[side][rows]) for side in SIDES)
             yield PairBatch(backend.model, backend, sim, real)
@@ -243,38 +249,49 @@ def _with_differences(backends: RunBackends, sample: _Sample, requested: str) ->
     kind, model = Occlusion(), sample.model
     enough = sample.instances >= _FEWEST_INSTANCES
     if requested == AUTO and enough and kind.suits(model) and kind.is_local(model):
-        error, speed = _reduced_differences(
-            kind, sample, backends.heatmaps.open(model, sample.threads)
-        )
-        if error <= HEATMAP_ERROR and speed > SPEED_MARGIN:
-            precision = BFLOAT16
+        reduced = _reduced_differences(kind, sample, backends.heatmaps.open(model, sample.threads))
+        if reduced is not None:
+            precision, error = reduced
             facts["occlusion_error"] = f"{error:.2g}"
     return replace(backends, differences=precision, facts=facts)
 
 
-def _reduced_differences(kind: Occlusion, sample: _Sample, backend: Backend) -> tuple[float, float]:
-    """Error of occlusion by differences in bfloat16, in deviations of the values, and speed-up.
+def _reduced_differences(
+    kind: Occlusion, sample: _Sample, backend: Backend
+) -> tuple[str, float] | None:
+    """The fastest accurate precision of differences, and the error of occlusion by it.
 
-    The speed-up is 0 on a GPU, where it was measured to be little, and on a processor that does not
-    convolve faster in bfloat16.
+    The error is the largest RMS error in deviations of the values. None where float32 is as fast:
+    on a GPU, where reduced precision was measured to save little, and on a processor that does not
+    convolve faster in bfloat16. Times are those of the processor, which other programs change
+    little; those of the first pairs, which prepare weights, do not count.
     """
     if backend.device.type != "cpu" or not _bfloat16_is_faster():
-        return 0.0, 0.0
-    pairs = list(sample.pairs(backend))[:: max(1, _PLACES // _OCCLUSION_PLACES)]
-    maps, seconds = {}, {FLOAT32: np.inf, BFLOAT16: np.inf}
-    for precision in (FLOAT32, BFLOAT16) * _OCCLUSION_ROUNDS:
+        return None
+    pairs = list(sample.pairs(backend, _OCCLUSION_PLACES))
+
+    def compute(precision: str) -> tuple[list[HeatArrays], float]:
         backend.differences = precision
-        began = perf_counter()
-        maps[precision] = [kind.compute(pair) for pair in pairs]
-        seconds[precision] = min(seconds[precision], perf_counter() - began)
-    errors = []
-    for key in maps[FLOAT32][0]:
-        exact, reduced = (
-            np.concatenate([each[key] for each in maps[precision]])
-            for precision in (FLOAT32, BFLOAT16)
+        maps, seconds = [], 0.0
+        for pair in pairs:
+            began = process_time()
+            maps.append(kind.compute(pair))
+            seconds = process_time() - began
+        return maps, seconds
+
+    exact, exact_seconds = compute(FLOAT32)
+    for precision in REDUCED_DIFFERENCES:
+        maps, seconds = compute(precision)
+        error = max(
+            value
+            for key in exact[0]
+            for value in _relative_errors(
+                *(np.concatenate([each[key] for each in part]) for part in (maps, exact))
+            )
         )
-        errors += _relative_errors(reduced, exact)
-    return max(errors), seconds[FLOAT32] / seconds[BFLOAT16]
+        if error <= HEATMAP_ERROR and SPEED_MARGIN * seconds < exact_seconds:
+            return precision, error
+    return None
 
 
 def _bfloat16_is_faster() -> bool:
@@ -321,6 +338,6 @@ def _summary(backends: RunBackends) -> str:
         text += f"; heatmaps in {backends.heatmaps.label}"
     elif "heatmap_error" in facts:
         text += f"; heatmaps {float(facts['heatmap_error']):.1%} off"
-    if backends.differences == BFLOAT16:
+    if backends.differences in REDUCED_DIFFERENCES:
         text += f"; occlusion in bfloat16 differences, {float(facts['occlusion_error']):.1%} off"
     return text

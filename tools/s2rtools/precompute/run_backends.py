@@ -16,7 +16,9 @@ from s2rtools.inference.calibration import BACKENDS
 from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.pose_network import LoadedModel
 
-FLOAT32, BFLOAT16 = "float32", "bfloat16"
+FLOAT32 = "float32"
+REDUCED_DIFFERENCES = ("bfloat16-broad", "bfloat16")
+"""Precisions of differences below float32, the fastest first."""
 _OF_CHANGED_INPUTS = (Harm.name, gap_shares.KIND)
 """Kinds made of poses of changed inputs, which float32 backends of predictions compute, too."""
 
@@ -61,7 +63,7 @@ class _Record(msgspec.Struct, frozen=True):
     name: str
     precision: str
     heatmaps: BackendIdentity | None = None
-    differences: Literal["float32", "bfloat16"] | None = None
+    differences: Literal["float32", "bfloat16", "bfloat16-broad"] | None = None
 
 
 @dataclass(frozen=True, slots=True)

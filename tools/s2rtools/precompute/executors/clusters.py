@@ -83,11 +83,11 @@ def _job_class(settings: SlurmSettings) -> Any:
     if script is None:
         return SLURMJob
 
-    class ScriptedJob(SLURMJob):  # type: ignore[misc]
+    class ScriptedJob(SLURMJob):
         """A job with the user's script."""
 
         def job_script(self) -> str:
-            return with_worker(script, self._command_template)
+            return with_worker(str(script), self._command_template)
 
     return ScriptedJob
 
