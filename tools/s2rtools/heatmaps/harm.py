@@ -39,6 +39,7 @@ class _HarmKind(HeatmapKind):
     compares_depth = True
     cost = "many"
     stage = STAGE
+    sums_to_metres = True
     planes = ("position", "heading", "loss")
     unit: ClassVar[str] = "m rad loss"
 

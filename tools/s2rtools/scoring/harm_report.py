@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.index.schema import GAP_SHARES
 from s2rstore.metrics.bootstrap import Interval
+from s2rstore.metrics.gap_shares import has_shares
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -35,7 +37,16 @@ Floats = NDArray[np.float64]
 ShareEstimator = Callable[[Store, str, NDArray[np.intp]], Floats | None]
 """Shares (n, groups) in metres of some instances for a run; None where they are not computed."""
 
-SHARE_ESTIMATORS: dict[str, ShareEstimator] = {}
+
+def _stored_shares(store: Store, run: str, iids: NDArray[np.intp]) -> Floats | None:
+    """The published shares of the gap."""
+    if not has_shares(store, run):
+        return None
+    real = store.run_columns(run).real
+    return np.stack([getattr(real, name)[iids] for name in GAP_SHARES], axis=1)
+
+
+SHARE_ESTIMATORS: dict[str, ShareEstimator] = {"gap_shares": _stored_shares}
 """Estimators of the shares of the gap, by the name that the report prints."""
 
 
