@@ -29,7 +29,7 @@ GROUPS: dict[Group, str] = {group: group.capitalize() for group in get_args(Grou
 
 _TABLES = ("rooms", "compare")
 """Views whose tables are scrolled."""
-_OF_RUNS = ("alike", "other_run", "map_mode", "clip")
+_OF_RUNS = ("alike", "other_run", "map_mode", "map_value", "clip")
 """Actions outside of the groups adjust and heat that need a computed run."""
 
 

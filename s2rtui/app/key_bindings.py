@@ -238,6 +238,8 @@ ACTIONS: tuple[Action, ...] = (
            _do(view_settings.change_side)),
     Action("map_mode", "m", "map", "map mode: colour, glyph or full",
            _do(view_settings.change_map_mode), "map"),
+    Action("map_value", "P", "map", "colour of the map: shift, errors, gap, shares of the gap",
+           _do(view_settings.change_map_value)),
     Action("zoom_in", "z,plus,equals_sign", "views",
            "zoom in at the instance (map, UMAP, scatter, comparison)", when="still",
            command=lambda app: app.navigation.zoom(1 / 0.6)),

@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 
 GROUPINGS = ("room", "heading", "curvature", "trajectory", "counts")
 """As `session.error_groups.GROUPINGS`, without importing the session for `--help`."""
+MAP_VALUES = (
+    "shift", "real.error", "sim.error", "gap", "share.lighting", "share.depth", "share.objects",
+    "share.sensor", "share.camera",
+)  # fmt: skip
+"""As the names of `session.map_values.MAP_VALUES`, likewise."""
 
 if TYPE_CHECKING:
     from s2rtui.export.load_scene import SceneOptions
@@ -57,6 +62,8 @@ def add_drawing(parser: argparse.ArgumentParser) -> None:
     add("--mode", dest="map_mode", choices=("colour", "glyph", "full"), default="colour",
         help="map: colour by shift, glyph (direction and size of both errors), or full "
         "(sim, truth and real joined by lines) (default colour)")  # fmt: skip
+    add("--value", dest="map_value", choices=MAP_VALUES, default="shift",
+        help="map: what colours the instances (default shift)")  # fmt: skip
     add("--clip", action="store_true", help="dim map cells that no selected instance observed")
     add("--poses", type=Path, metavar="FILE",
         help="draw the planned poses of this CSV file of `s2r collect` on the map")  # fmt: skip

@@ -156,6 +156,7 @@ def figure(store: Store, view: str, **options: Any) -> Figure:
 
 _ALIASES = {
     "trajectory": "trajectories", "with_run": "other", "on": "overlay", "mode": "map_mode",
+    "value": "map_value",
 }  # fmt: skip
 
 

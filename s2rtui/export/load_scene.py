@@ -18,6 +18,7 @@ from s2rtui.charts.view import View
 from s2rtui.loaders import LOADERS, Fields, LoadContext
 from s2rtui.session import HeatChoice, Session, State, error_groups, instance_list
 from s2rtui.session.heatmaps import heatmap_choices, require_floor
+from s2rtui.session.map_values import SHIFT, require_available
 from s2rtui.session.state import Aggregate, MapMode, Overlay
 from s2rtui.user_data.notebook import ReadNotebook
 
@@ -43,6 +44,7 @@ class SceneOptions:
     overlay: Overlay | None = None
     aggregate: Aggregate = "mean"
     map_mode: MapMode = "colour"
+    map_value: str = SHIFT
     clip: bool = False
     room_names: bool = False
     sort: str | None = None
@@ -117,6 +119,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
     if other is not None and other not in others:
         names = ", ".join(others) or "there is none"
         raise RequestError(f"--with {other}: must be another run ({names})")
+    require_available(session.store, state.run, options.map_value)
     sort, group_sort = _sort_columns(session, state, options.sort, {view.name for view in views})
     if iid is None and state.selected.any():
         iid = state.cursor
@@ -127,6 +130,7 @@ def apply_options(session: Session, options: SceneOptions, *views: View) -> Stat
             overlay=overlay,
             aggregate=options.aggregate,
             map_mode=options.map_mode,
+            map_value=options.map_value,
             clip=options.clip,
             room_names=options.room_names,
             planned=read_planned_poses(options.poses) if options.poses else (),

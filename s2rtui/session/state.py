@@ -178,6 +178,7 @@ class State:
     pending: PendingTarget | None = None
     adjust: Adjust | None = None
     map_mode: MapMode = "colour"
+    map_value: str = "shift"
     overlay: Overlay = "off"
     aggregate: Aggregate = "mean"
     clip: bool = False

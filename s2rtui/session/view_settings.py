@@ -14,7 +14,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Bounds, Side
 from s2rtui.analysis.map_frame import centred_within, panned, zoomed
 from s2rtui.canvas.marks import Panel, Point
-from s2rtui.session import brush_geometry
+from s2rtui.session import brush_geometry, map_values
 from s2rtui.session.context import SessionContext
 from s2rtui.session.heatmaps import heatmap_choices, sample_note
 from s2rtui.session.run_comparison import other_run
@@ -103,11 +103,19 @@ def change_map_mode(context: SessionContext, state: State) -> State:
     """Show the next map mode: colour, glyph or full."""
     mode = _next(MAP_MODES, state.map_mode)
     messages = {
-        "colour": "truth coloured by the shift",
+        "colour": f"truth coloured by {state.map_value}",
         "glyph": "direction and size of both errors",
         "full": "sim, truth and real",
     }
     return state.updated(map_mode=mode, message=f"map: {messages[mode]}")
+
+
+def change_map_value(context: SessionContext, state: State) -> State:
+    """Colour the map by the next value of the run."""
+    names = map_values.available(context.store, state.run)
+    value = _next(names, state.map_value if state.map_value in names else names[-1])
+    phrase = map_values.MAP_VALUES[value].phrase
+    return state.updated(map_value=value, map_mode="colour", message=f"map: {phrase}, m")
 
 
 def toggle_clip(context: SessionContext, state: State) -> State:

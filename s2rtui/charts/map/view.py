@@ -19,16 +19,15 @@ from s2rtui.charts.scene import Scene
 from s2rtui.charts.shared.base_map_model import LivePose, MapInput, map_input
 from s2rtui.charts.shared.image_pair_model import InstanceInput, SideView
 from s2rtui.charts.view import Pane, Pixels, PointsView, Table
+from s2rtui.session import map_values
 from s2rtui.session.heatmaps import sample_note, trust_text
 from s2rtui.session.view_settings import ZoomPlane, map_plane
 
 _TITLES = {
-    "colour": "distance between the sim and the real prediction",
     "glyph": "direction and size of the errors",
     "full": "predicted and true positions",
 }
 _SUBTITLES = {
-    "colour": "truth, coloured by shift (sim to real prediction)",
     "glyph": "direction and size of both errors",
     "full": "predictions in sim and real, joined to the truth",
 }
@@ -60,7 +59,10 @@ class MapView(PointsView):
     )
 
     def subtitle(self, scene: Scene) -> str:
-        state, text = scene.state, _SUBTITLES[scene.state.map_mode]
+        state = scene.state
+        value = map_values.shown(scene.store, state.run, state.map_value)
+        by_mode = {"colour": f"truth, coloured by {value.name} ({value.phrase})"} | _SUBTITLES
+        text = by_mode[state.map_mode]
         if scene.store.missing_run:
             text = "true positions"
         if state.clip:
@@ -149,7 +151,8 @@ class MapView(PointsView):
         from s2rtui.charts.map import paper
 
         view, state = self.input(scene), scene.state
-        shown = _TITLES[state.map_mode] if state.run else "true positions"
+        phrase = map_values.shown(scene.store, state.run, state.map_value).phrase
+        shown = _TITLES.get(state.map_mode, phrase) if state.run else "true positions"
         title = f"{scene.title}: {shown}"
         title += f"; heat: {view.heat_label}" if view.heat is not None else ""
         caption = scene.caption

@@ -23,6 +23,7 @@ from s2rtui.charts.shared.points import (
     true_positions,
     valid_cursor,
 )
+from s2rtui.session import map_values
 from s2rtui.session.heatmaps import unit
 from s2rtui.session.state import HeatChoice, MapMode, State
 
@@ -177,13 +178,14 @@ def map_input(
     """The map of the state's run; `heat_note` names the source of outdated heat."""
     truth, columns = store.instances, store.run_columns(state.run)
     run = store.displayed_run(state.run)
+    value = map_values.shown(store, state.run, state.map_value).name
     choice = state.shown_heat
     has_heat = heat is not None and choice is not None
     return MapInput(
         truth=true_positions(store),
         sim=stacked_points(columns.sim.x, columns.sim.y),
         real=stacked_points(columns.real.x, columns.real.y),
-        values=columns.shift,
+        values=map_values.column(columns, value),
         selected=state.selected,
         valid=state.base,
         bounds=store.dataset.bounds,
@@ -193,7 +195,7 @@ def map_input(
         cursor=state.cursor,
         y_down=store.dataset.y_down,
         mode=state.map_mode,
-        value_label="shift" if state.run != NO_RUN else "",
+        value_label=value if state.run != NO_RUN else "",
         floor_plan=floor_plan,
         heat=heat if has_heat else None,
         heat_label=_heat_label(store, state, choice, heat_note) if has_heat and choice else "heat",

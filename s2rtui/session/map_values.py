@@ -1,0 +1,74 @@
+"""What colours the instances on the map: a column of the run, by its name in the language."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rstore.errors import RequestError
+from s2rstore.index.columns import RunColumns, SideColumns
+from s2rstore.metrics.gap_shares import has_shares
+from s2rstore.reader import Store
+from s2rstore.records import GAP_FACTORS, NO_RUN
+
+SHIFT = "shift"
+
+
+@dataclass(frozen=True, slots=True)
+class MapValue:
+    """A column in metres; `phrase` says what it is in titles."""
+
+    name: str
+    phrase: str
+
+
+MAP_VALUES: dict[str, MapValue] = {
+    value.name: value
+    for value in (
+        MapValue(SHIFT, "distance between the sim and the real prediction"),
+        MapValue("real.error", "real error"),
+        MapValue("sim.error", "sim error"),
+        MapValue("gap", "gap: real error - sim error"),
+        *(
+            MapValue(f"share.{factor}", f"part of the gap that {factor} causes")
+            for factor in GAP_FACTORS
+        ),
+    )
+}
+"""What the map can show, in the order of the key."""
+
+
+def available(store: Store, run: str) -> tuple[str, ...]:
+    """The names of the values that a run has."""
+    if run == NO_RUN:
+        return (SHIFT,)
+    shared = has_shares(store, run)
+    return tuple(name for name in MAP_VALUES if shared or not name.startswith("share."))
+
+
+def shown(store: Store, run: str, name: str) -> MapValue:
+    """The value of a name; the shift where the run does not have it."""
+    return MAP_VALUES[name if name in available(store, run) else SHIFT]
+
+
+def require_available(store: Store, run: str, name: str) -> None:
+    """Raise RequestError where a run does not have a value."""
+    if name not in available(store, run):
+        raise RequestError(
+            f"--value {name}: run {run} has no shares of the gap; "
+            "`s2r precompute --kinds harm` computes them"
+        )
+
+
+def column(columns: RunColumns, name: str) -> NDArray[np.float64]:
+    """The values (N,) of a run in metres; NaN where unknown."""
+    prefix, _, rest = name.rpartition(".")
+    owner: RunColumns | SideColumns = columns
+    if prefix == "share":
+        owner, rest = columns.real, f"share_{rest}"
+    elif prefix:
+        owner = columns.side("sim" if prefix == "sim" else "real")
+    values: NDArray[np.float64] = getattr(owner, rest)
+    return values

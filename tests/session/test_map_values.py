@@ -1,0 +1,60 @@
+"""What colours the instances on the map."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.index.transaction import edit
+from s2rtui.cli import main, scene_arguments
+from s2rtui.session import Session, map_values, view_settings
+from tests.support.copies import copy_store
+
+
+def test_the_command_line_and_the_session_know_the_same_values() -> None:
+    assert tuple(map_values.MAP_VALUES) == scene_arguments.MAP_VALUES
+
+
+def test_columns_are_those_of_the_language(tiny_store: Path, capsys) -> None:
+    names = [name for name in map_values.MAP_VALUES if name != "shift"]
+    command = ["query", str(tiny_store), "all", "--run", "vanilla", "--format", "csv"]
+    assert main([*command, "--columns", ",".join(["iid", "shift", *names])]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    with s2rstore.open(tiny_store) as store:
+        columns = store.run_columns("vanilla")
+        for name in ("shift", *names):
+            values = map_values.column(columns, name)
+            expected = [float(row[name]) for row in rows]
+            found = values[[int(row["iid"]) for row in rows]]
+            assert np.allclose(found, expected, rtol=1e-3, atol=1e-4), name
+
+
+def test_the_key_shows_every_value_and_begins_again(tiny_store: Path) -> None:
+    session = Session(tiny_store)
+    seen = []
+    for _ in map_values.MAP_VALUES:
+        session.dispatch(view_settings.change_map_value)
+        seen.append(session.state.map_value)
+    assert sorted(seen) == sorted(map_values.MAP_VALUES)
+    assert seen[-1] == "shift"
+
+
+def test_without_shares_they_are_left_out_and_refused(
+    tiny_store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = copy_store(tiny_store, tmp_path / "s.s2r")
+    with edit(path) as draft:
+        draft.rows("UPDATE prediction SET share_lighting = NULL")
+    with s2rstore.open(path) as store:
+        names = map_values.available(store, "vanilla")
+        assert names == ("shift", "real.error", "sim.error", "gap")
+        assert map_values.shown(store, "vanilla", "share.depth").name == "shift"
+    figure = str(tmp_path / "m.png")
+    command = ["export", str(path), "--view", "map", "--value", "share.depth", "--out", figure]
+    assert main(command) == 2
+    assert "--value share.depth" in capsys.readouterr().err
