@@ -32,7 +32,7 @@ MAP_VALUES: dict[str, MapValue] = {
         MapValue("sim.error", "sim error"),
         MapValue("gap", "gap: real error - sim error"),
         *(
-            MapValue(f"share.{factor}", f"part of the gap that {factor} causes")
+            MapValue(f"share.{factor}", f"part of the gap due to {factor}")
             for factor in GAP_FACTORS
         ),
     )

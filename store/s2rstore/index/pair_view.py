@@ -128,7 +128,7 @@ def column_comments() -> dict[str, str]:
     comments["gap"] = "real error - sim error, m"
     comments["shift"] = "distance between the sim and the real prediction, m"
     for name in GAP_SHARES:
-        comments[f"{name}_m"] = f"share of the gap that {name.removeprefix('share_')} causes, m"
+        comments[f"{name}_m"] = f"share of the gap due to {name.removeprefix('share_')}, m"
     renamed = {name: column_name(name) for name in comments if column_name(name) != name}
     comments |= {new: comments[name] for name, new in renamed.items()}
     return comments | {name: f"deprecated: use {new}" for name, new in renamed.items()}

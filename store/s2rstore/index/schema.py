@@ -281,7 +281,7 @@ TABLES: tuple[Table, ...] = (
             (
                 f"share_{factor}",
                 "FLOAT",
-                f"real side: share of the gap that {factor} causes, m; NULL = not computed",
+                f"real side: share of the gap due to {factor}, m; NULL = not computed",
                 True,
             )
             for factor in GAP_FACTORS

@@ -87,7 +87,7 @@ NUMERIC: dict[str, Numeric] = {
             f"share_{factor}_m",
             f"real.share_{factor}",
             "m",
-            f"part of the gap that {factor} causes",
+            f"part of the gap due to {factor}",
         )
         for factor in GAP_FACTORS
     },
