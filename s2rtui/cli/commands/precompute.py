@@ -17,7 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("store", type=store_argument.folder, help="store folder")
     add("--run", action="append", default=[], help="compute only this run (repeatable)")
-    add("--kinds", metavar="KIND,...", help="heatmap kinds (default: all)")
+    add("--kinds", metavar="KIND,...",
+        help="heatmap kinds (default: all but those that take long for the model)")  # fmt: skip
     add("--refit", action="store_true",
         help="fit the UMAP projection on all instances again; by default, the points of earlier "
         "instances stay where they are")  # fmt: skip

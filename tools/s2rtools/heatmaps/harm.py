@@ -22,6 +22,8 @@ from s2rtools.models.pose_network import LoadedModel
 MAX_SIDE = 128
 STAGE = "harm"
 """Name of the stage that makes the counterfactuals of image pairs once for all kinds."""
+USUAL_PIXELS = 160 * 160
+"""Pixels of a network's input up to which the kinds are computed by default."""
 STEPS = 8
 """Images along the path from the counterfactual to the real image."""
 
@@ -42,6 +44,11 @@ class _HarmKind(HeatmapKind):
     sums_to_metres = True
     planes = ("position", "heading", "loss")
     unit: ClassVar[str] = "m rad loss"
+
+    def is_usual(self, model: LoadedModel) -> bool:
+        """Networks of larger inputs take a second and more for each pair of images."""
+        height, width = model.contract.size
+        return height * width <= USUAL_PIXELS
 
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         shape = (len(self.planes), *_map_size(model))

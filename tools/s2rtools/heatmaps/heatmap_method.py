@@ -175,6 +175,10 @@ class HeatmapKind(ABC):
         """Whether the method can be computed for a model."""
         return self.model_free or model.network.has_features
 
+    def is_usual(self, model: LoadedModel) -> bool:
+        """Whether the method is computed for a model where no kinds are named."""
+        return True
+
     @abstractmethod
     def outputs(self, model: LoadedModel) -> list[OutputSpec]:
         """The arrays that `compute` fills."""

@@ -139,6 +139,8 @@ def _compute_run(
         return _compute_imported(current, run, kinds, options, reporter, lease)
     model = model_outline(current.get(), run.model, options.trust)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
+    if options.kinds is None:
+        allowed = _usual_kinds(current.get(), name, model, allowed, reporter)
     workers = options.workers or usual_workers(len(current.get().instances))
     backends = run_backends(
         current.get(),
@@ -168,6 +170,25 @@ def _compute_run(
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
     return is_new
+
+
+def _usual_kinds(
+    store: Store, run: str, model: LoadedModel, kinds: Sequence[str], reporter: ProgressReporter
+) -> list[str]:
+    """Those kinds that are computed where none are named; reports the others.
+
+    A kind that the run has already is computed for new instances, too.
+    """
+    published = {record.kind for record in store.array_parts(run)}
+    usual = [k for k in kinds if k in published or HEATMAP_KINDS[k].is_usual(model)]
+    left_out = [kind for kind in kinds if kind not in usual]
+    if left_out:
+        reporter.say(
+            f"{run}: {', '.join(left_out)} left out, which take long for inputs of "
+            f"{model.contract.size[1]} x {model.contract.size[0]}; "
+            f"--kinds {','.join(left_out)} adds them"
+        )
+    return usual
 
 
 def _calibrate(
