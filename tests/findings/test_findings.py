@@ -131,6 +131,7 @@ def test_the_largest_regression_is_where_the_run_is_worst(marked: Path) -> None:
     assert finding.values["increase_m"] == pytest.approx((here.vanilla - here.dataaug).mean())
     assert finding.comparisons == 3
     assert not better.evident
+    assert better.text.startswith("none, nearest is ") == (better.values["increase_m"] <= 0)
 
 
 def test_a_store_without_differences_says_that_nothing_is_evident(tmp_path: Path) -> None:

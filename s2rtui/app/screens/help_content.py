@@ -46,7 +46,7 @@ QUESTIONS = (
     Question("Where is it worst?", (
         ("view('rooms')", "the rooms by median real error, the worst one first"),
         ("group group", "the same by heading, then by curvature"),
-        ("worst_real view('map')", "the worst 15 % in reality, on the map"),
+        ("worst_real view('map') room_names", "the worst 15 % on the map, with room names"),
     )),
     Question("What is poor in sim but good in real?", (
         ("view('scatter')", "sim error against real error; the title counts them"),

@@ -82,7 +82,7 @@ def best_run(store: Store, runs: list[RunErrors]) -> Finding | None:
     )
     if evident and comparisons > 1:
         evidence += "; evident against each of them"
-    elif difference.is_positive:
+    elif open_runs and difference.is_positive:
         evidence += f"; not evident against {', '.join(open_runs)}"
     if left_out:
         evidence += f"; without {', '.join(left_out)} (fewer than {MIN_INSTANCES} new instances)"
@@ -146,8 +146,9 @@ def largest_regression(store: Store, runs: list[RunErrors]) -> Finding | None:
     other, code, rows, increase = evident_one or (other, code, rows, increase_of(other, rows))
     room, where = ("all rooms", Everything()) if code is None else _room(grouped.groups[code])
     evident = increase.is_positive
+    subject = room if increase.value > 0 else f"none, nearest is {room}"
     text = (
-        f"{room}: {increase.value:+.2f} m mean real error ({bounds_text(increase)}) from "
+        f"{subject}: {increase.value:+.2f} m mean real error ({bounds_text(increase)}) from "
         f"{other.run} to {present.run}, n {rows.size} new to both"
     )
     return Finding(

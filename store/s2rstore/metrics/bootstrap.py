@@ -21,7 +21,7 @@ groups); Hesterberg, "What teachers should know about the bootstrap", The Americ
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from statistics import NormalDist
@@ -57,7 +57,7 @@ class Interval:
     value: float
     high: float
     level: float = LEVEL
-    tested: tuple[float, float] | None = None
+    tested: tuple[float, float] | None = field(default=None, kw_only=True)
 
     @classmethod
     def unknown(cls, value: float = np.nan) -> Interval:
@@ -356,7 +356,7 @@ def difference_of(first: Interval, second: Interval) -> Interval:
         )
     )
     differs = tested if first.tested or second.tested else None
-    return Interval(shown[0], value, shown[1], first.level, differs)
+    return Interval(shown[0], value, shown[1], first.level, tested=differs)
 
 
 def simultaneous(

@@ -105,7 +105,7 @@ def median_interval(
     low, high = max(wide[0], ends[0]), min(wide[1], ends[1])
     suffices = 2.0 ** (1 - blocks.unit_count) <= 1 - settings.level
     tested = None if suffices or wide == (low, high) else wide
-    return Interval(low, value, high, settings.level, tested)
+    return Interval(low, value, high, settings.level, tested=tested)
 
 
 def median_bound_rank(

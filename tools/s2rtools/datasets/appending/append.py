@@ -115,10 +115,10 @@ def append(
             further = "; its further instances are added" if name in found.continued else ""
             report_line(f"trajectory {name}: already in the store{further}")
             if name in found.renumbered:
-                numbers = "; added ones are numbered on from the last stored one"
+                further = "; added ones are numbered on from the last stored one"
                 report_line(
                     f"trajectory {name}: {found.renumbered[name].text}"
-                    f"{numbers if name in found.continued else ''}"
+                    f"{further if name in found.continued else ''}"
                 )
         if found.unchanged and found.is_empty:
             if strict:
