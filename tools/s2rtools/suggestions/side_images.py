@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class SideImages:
         move = self.move(chain)
         for start in range(0, self.iids.size, BLOCK):
             rows = slice(start, min(start + BLOCK, self.iids.size))
-            yield rows, self._cache.get((move, start), lambda rows=rows: self._read(rows, chain))
+            yield rows, self._cache.get((move, start), partial(self._read, rows, chain))
 
     def _read(self, rows: slice, chain: Chain) -> _Block:
         steps = [dict(step) for step in chain]
