@@ -205,3 +205,34 @@ def test_values_out_of_range_are_rejected():
         make_chain("real", {"brightness": 4.0})
     with pytest.raises(RequestError, match="one of translate, brightness"):
         make_chain("real", {"glow": 1.0})
+
+
+def test_a_vignette_darkens_the_corners_and_keeps_the_centre():
+    rgb = np.full((1, 33, 33, 3), 200, dtype=np.uint8)
+    depth = np.ones((1, 33, 33), dtype=np.uint16)
+    dark, same = apply_chain(rgb, depth, depth > 0, chain(vignette=0.3))
+    assert same is depth
+    assert (dark[0, 16, 16] == 200).all()
+    assert dark[0, 0, 0, 0] == pytest.approx(200 * 0.7, abs=4)
+    assert (np.diff(dark[0, 16, 16:, 0].astype(int)) <= 0).all()
+
+
+def test_depth_noise_is_a_share_of_the_depth_and_repeats():
+    rgb = np.zeros((2, 48, 48, 3), dtype=np.uint8)
+    depth = np.full((2, 48, 48), 4000, dtype=np.uint16)
+    depth[:, :5] = 0
+    noisy = [apply_chain(rgb, depth, depth > 0, chain(depth_noise=0.02))[1] for _ in range(2)]
+    np.testing.assert_array_equal(*noisy)
+    assert (noisy[0][:, :5] == 0).all()
+    assert noisy[0][:, 5:].std() / 4000 == pytest.approx(0.02, rel=0.1)
+
+
+def test_depth_holes_remove_their_share_of_the_valid_depth():
+    u = np.linspace(1000, 5000, 64)
+    depth = np.broadcast_to(u, (2, 64, 64)).astype(np.uint16).copy()
+    depth[:, :10] = 0
+    rgb = np.zeros((2, 64, 64, 3), dtype=np.uint8)
+    holes = apply_chain(rgb, depth, depth > 0, chain(depth_holes=0.2))[1]
+    lost = (depth > 0) & (holes == 0)
+    assert lost.sum() / (depth > 0).sum() == pytest.approx(0.2, abs=0.02)
+    np.testing.assert_array_equal(holes[~lost], depth[~lost])
