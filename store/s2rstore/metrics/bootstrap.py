@@ -27,6 +27,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import comb
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -334,9 +335,10 @@ def median_replicates(
     ranks = np.searchsorted(edges, values)
     row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
     cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
-    kind = np.float32 if values.size <= _EXACT_IN_FLOAT32 else np.float64
-    up_to = np.cumsum(cells.reshape(blocks.count, edges.size), axis=1).astype(kind)
-    counts = block_counts(blocks, settings).astype(kind)
+    kind = "float32" if values.size <= _EXACT_IN_FLOAT32 else "float64"
+    below_edge = np.cumsum(cells.reshape(blocks.count, edges.size), axis=1)
+    up_to: NDArray[np.floating[Any]] = below_edge.astype(kind)
+    counts: NDArray[np.floating[Any]] = block_counts(blocks, settings).astype(kind)
     parts = []
     for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
         below = counts[start : start + _REPLICATES_AT_ONCE] @ up_to
