@@ -104,7 +104,8 @@ def room_changes(
     """
     names = () if room is None else (*room_names, NO_ROOM)
     columns = _columns(first, second, trajectory, room, max(1, len(names)), equal)
-    changes = _Changes(columns, selection_indices(members, columns.known), np.asarray(members))
+    chosen = np.asarray(members) & columns.known
+    changes = _Changes(columns, selection_indices(chosen, columns.known), chosen)
     rooms = [(name, changes.part(code)) for code, name in enumerate(names) if changes.numbers[code]]
     return RoomChanges(changes.part(None), tuple(rooms))
 
@@ -113,19 +114,17 @@ def room_changes(
 class _Columns:
     """What all selections share: errors of two runs, sorted and in groups, which are the rooms.
 
-    known: (N,) the instances with both errors; the others are NaN in `first`, `second` and in
-    `apart`, their difference. trajectory: (N,) codes. rows: the known iids of each group in
-    recording order, those of all groups last. by_group: group codes. verdicts: group * 6 +
-    2 * (0 better, 1 equal, 2 worse) + whether the change is large. ranked: `first`, `second` and
-    `apart`, sorted.
+    known: (N,) the instances with both errors; the others are NaN in `apart`, the difference of
+    `first` and `second`. groups: as they are for all runs. by_group: group codes of the known.
+    verdicts: group * 6 + 2 * (0 better, 1 equal, 2 worse) + whether the change is large. ranked:
+    `first`, `second` and `apart` in bins of ranks.
     """
 
     known: Bools
     first: Floats
     second: Floats
     apart: Floats
-    trajectory: Codes
-    rows: tuple[NDArray[np.intp], ...]
+    groups: _Groups
     by_group: Bins
     verdicts: Bins
     ranked: tuple[RankedColumn, ...]
@@ -141,28 +140,62 @@ def _columns(
     equal: float,
 ) -> _Columns:
     """The columns of two runs in `count` groups; instances without a room are in the last."""
-    known: Bools = np.isfinite(first) & np.isfinite(second)
-    one, two = (np.where(known, errors, np.nan).astype(np.float64) for errors in (first, second))
+    one, two = _as_float64(first), _as_float64(second)
     apart = two - one
-    codes = np.zeros(apart.size, dtype=np.int64) if trajectory is None else trajectory
-    groups = np.zeros(apart.size, dtype=np.int64) if room is None else np.where(
-        room < 0, count - 1, room
-    )  # fmt: skip
-    ordered = np.flatnonzero(known)
-    ordered = ordered[np.argsort(codes[ordered], kind="stable")]  # recording order
-    rows = [ordered[groups[ordered] == group] for group in range(count)]
+    known: Bools = np.isfinite(apart)
+    groups = _groups(trajectory, room, len(apart), count)
     verdict = np.where(np.abs(apart) > equal, np.sign(apart), 0) + 1
-    places = groups * 6 + 2 * verdict + (np.abs(apart) > LARGE)
+    places = groups.codes * 6 + 2 * verdict + (np.abs(apart) > LARGE)
     return _Columns(
-        known, one, two, apart, codes, (*rows, ordered),
-        bin_values(np.where(known, groups, np.nan), count),
+        known, one, two, apart, groups,
+        bin_values(np.where(known, groups.codes, np.nan), count),
         bin_values(np.where(known, places, np.nan), 6 * count),
-        tuple(ranked_column(column, groups, count) for column in (one, two, apart)),
+        (
+            _ranked(one, groups.codes, count),
+            _ranked(two, groups.codes, count),
+            ranked_column(apart, groups.codes, count),
+        ),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Groups:
+    """The rooms of all instances, whatever the runs: codes (N,), and the trajectory's codes (N,).
+
+    rows: the iids of each group in recording order, those of all groups last.
+    """
+
+    codes: Codes
+    trajectory: Codes
+    rows: tuple[NDArray[np.intp], ...]
+
+
+@cached_by_identity(2)
+def _groups(trajectory: Codes | None, room: Codes | None, size: int, count: int) -> _Groups:
+    """`count` groups of `size` instances; those without a room are in the last."""
+    codes = np.zeros(size, dtype=np.uint16)
+    if room is not None:
+        codes = np.where(room < 0, count - 1, room).astype(np.uint16)
+    order = np.arange(size)
+    if trajectory is not None:
+        order = np.argsort(trajectory, kind="stable")  # recording order
+    by_group = order[np.argsort(codes[order], kind="stable")]
+    rows = np.split(by_group, np.cumsum(np.bincount(codes, minlength=count))[:-1])
+    lines = np.zeros(size, dtype=np.int64) if trajectory is None else trajectory
+    return _Groups(codes, lines, (*rows, order))
+
+
+_ranked = cached_by_identity(8)(ranked_column)
+"""Errors of a run, which several pairs of runs share."""
+
+
+@cached_by_identity(8)
+def _as_float64(errors: Floats) -> NDArray[np.float64]:
+    return np.asarray(errors, dtype=np.float64)
 
 
 class _Changes:
-    """The changes of one selection, `members` (N,) bool."""
+    """The changes of one selection, `members` (N,) bool, which have both errors."""
 
     def __init__(self, columns: _Columns, selection: SelectionIndices, members: Bools) -> None:
         self._columns, self._members = columns, members
@@ -198,9 +231,10 @@ class _Changes:
     def _interval(self, group: int | None, n: int) -> bootstrap.Interval:
         """The median change with the interval of `median_intervals.median_interval`."""
         columns, ranks = self._columns, self._ranks[2]
-        rows = columns.rows[-1 if group is None else group]
+        rows = columns.groups.rows[-1 if group is None else group]
         chosen = rows[take(self._members, rows)]
-        apart, trajectory = take(columns.apart, chosen), take(columns.trajectory, chosen)
+        apart = take(columns.apart, chosen)
+        trajectory = take(columns.groups.trajectory, chosen)
         if n <= median_intervals.MOST_RESAMPLED:
             return median_intervals.median_interval(apart, trajectory)
         median = ranks.median(group)

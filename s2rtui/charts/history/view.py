@@ -40,7 +40,7 @@ class HistoryView(View):
         last = nights[-1]
         stale = ", evidence is stale" if last.stale else ""
         shown = f"{counted(len(nights), 'night')} of {last.name}{stale}"
-        return f"{shown}: gap G of {last.run} (0: none, 100: declared bad)"
+        return f"{shown}: gap G of {last.run} (0: none, 100: anchor)"
 
     def input(self, scene: Scene) -> tuple[Night, ...]:
         loaded = scene.resources.history

@@ -40,7 +40,7 @@ class OverviewView(View):
             return "accuracy, sim and real"
         found = self.lines(scene)
         drawn = f"bands: {BAND_TEXT}" if found and found.banded[0] else "a line per instance"
-        pale = ", pale where a model was trained on it" if lines.trained is not None else ""
+        pale = ", pale: trained on" if lines.trained is not None else ""
         return f"accuracy; {drawn}, {lines.side}{pale}"
 
     def lines(self, scene: Scene) -> OverviewLines | None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import comb
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ RANKS = 1024
 MOST_RESAMPLED = 20_000
 """Values up to which the median is resampled; the ranks are too coarse for more."""
 _REPLICATES_AT_ONCE = 500
+_EXACT_IN_FLOAT32 = 1 << 17
+"""Values whose numbers in a bootstrap sample, and halves of these, are exact in float32."""
 
 
 def median_replicates(
@@ -51,11 +54,13 @@ def median_replicates(
     ranks = np.searchsorted(edges, values)
     row_block = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
     cells = np.bincount(row_block * edges.size + ranks, minlength=blocks.count * edges.size)
-    table = cells.reshape(blocks.count, edges.size).astype(np.float64)
-    counts = block_counts(blocks, settings)
+    kind = "float32" if values.size <= _EXACT_IN_FLOAT32 else "float64"
+    below_edge = np.cumsum(cells.reshape(blocks.count, edges.size), axis=1)
+    up_to: NDArray[np.floating[Any]] = below_edge.astype(kind)
+    counts: NDArray[np.floating[Any]] = block_counts(blocks, settings).astype(kind)
     parts = []
     for start in range(0, settings.replicates, _REPLICATES_AT_ONCE):
-        below = np.cumsum(counts[start : start + _REPLICATES_AT_ONCE] @ table, axis=1)
+        below = counts[start : start + _REPLICATES_AT_ONCE] @ up_to
         half = below[:, -1:] / 2
         lower, upper = (below >= half).argmax(axis=1), (below > half).argmax(axis=1)
         parts.append((edges[lower] + edges[upper]) / 2)
