@@ -111,8 +111,9 @@ def _lines(plan: CollectionPlan, options: argparse.Namespace) -> list[str]:
     lines = [
         f"run {request.run}: {len(plan.poses)} poses ({method}) of {plan.candidates:,} candidates, "
         f"{plan.origin}; from {known}{' with harm' if plan.uses_harm else ''}",
-        f"covers {plan.covered:.0%} of an expected {plan.reducible:.2f} m"
-        + (f" ({plan.covered_before:.0%} before)" if plan.covered_before else ""),
+        f"reducible error: {plan.reducible:.2f} m in the mean over the candidates; the poses cover "
+        f"{plan.covered:.0%} of it"
+        + (f", training images {plan.covered_before:.0%}" if plan.covered_before else ""),
         "rooms: " + ", ".join(f"{name} {count}" for name, count in plan.counts_by_room()),
     ]
     if len(plan.poses) < request.budget:

@@ -22,8 +22,9 @@ _MAX_BYTES = 32 << 20
 class PlannedPose:
     """A pose in the map frame: metres and degrees in [-180, 180).
 
-    `expected_gain_m` is by how much an image there is expected to lower the mean real error over
-    all candidate poses, NaN where unknown; `room` is empty outside all rooms.
+    `expected_gain_m` is by how much an image there lowers the mean real error over all candidate
+    poses if it removes all reducible error at its pose, NaN where unknown; `room` is empty outside
+    all rooms.
     """
 
     x_m: float
