@@ -177,7 +177,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path: Path) -> None:
         pytest.raises(RequestError, match="the scheduler has no workers"),
     ):
         run(client, CountedComputation(tmp_path), lines=lines)
-    assert lines == ["waiting for a worker(s) to start"]
+    assert lines == ["waiting for the workers to start"]
 
 
 def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:

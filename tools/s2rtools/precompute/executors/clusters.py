@@ -14,7 +14,11 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
 from s2rtools.precompute.executors.executor import Executor
-from s2rtools.precompute.executors.local_executors import usual_threads
+from s2rtools.precompute.executors.local_executors import (
+    defer_interrupts,
+    start_resource_tracker,
+    usual_threads,
+)
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings, with_worker
 
 ReportLine = Callable[[str], None]
@@ -114,16 +118,18 @@ def _local(workers: int, threads: int | None, report_line: ReportLine) -> Iterat
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
 
     working_folder.distrust()
-    with (
-        LocalCluster(
-            n_workers=workers, threads_per_worker=threads or usual_threads(workers),
-            processes=True, host="127.0.0.1",
-            dashboard_address=_NO_DASHBOARD, worker_dashboard_address=_NO_DASHBOARD,
-            security=Security.temporary(), protocol="tls://", memory_limit=None,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):  # fmt: skip
+    start_resource_tracker()
+    with ExitStack() as stack:
+        with defer_interrupts():  # ctrl+c reaches this process only, which ends the workers
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=workers, threads_per_worker=threads or usual_threads(workers),
+                    processes=True, host="127.0.0.1", dashboard_address=_NO_DASHBOARD,
+                    worker_dashboard_address=_NO_DASHBOARD, security=Security.temporary(),
+                    protocol="tls://", memory_limit=None, silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
+        client = stack.enter_context(Client(cluster, set_as_default=False))
         yield DaskExecutor(client, report_line, expected=workers)
 
 

@@ -109,9 +109,7 @@ class DaskExecutor:
         )
         try:
             yield from dispatch.receipts()
-        except (OSError, TimeoutError) as error:
-            if self._client.status == "running":
-                raise
+        except (OSError, TimeoutError) as error:  # of the connection; those of units are others
             raise dispatch.lost_scheduler() from error
         finally:
             dispatch.cancel()
@@ -227,7 +225,7 @@ class _Dispatch:
             raise RequestError(f"{self._root}: no worker can compute ({problems[0]})")
         if self._waiting_since is None:
             self._waiting_since = time.monotonic()
-            self._report_line(f"waiting for {self._expected or 'a'} worker(s) to start")
+            self._report_line(f"waiting for {self._expected or 'the'} workers to start")
         elif self._expected is None and (
             time.monotonic() > self._waiting_since + NO_WORKERS_SECONDS
         ):
