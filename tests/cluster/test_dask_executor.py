@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,7 +29,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_executor, "_POLL_SECONDS", 0.02)
     monkeypatch.setattr(dask_executor, "NO_WORKERS_SECONDS", 0.1)
     counted_units.started.clear()
-    counted_units.hold.set()
+    counted_units.on_start.clear()
 
 
 @contextmanager
@@ -71,7 +70,7 @@ def run(
 
 def close(started: Any, worker: Any) -> None:
     """End a worker as a lost connection does."""
-    started.sync(worker.close, timeout=0, executor_wait=False)
+    started.sync(worker.close, timeout=2, executor_wait=False)
 
 
 def test_every_task_is_computed_once(tmp_path: Path) -> None:
@@ -126,39 +125,25 @@ def test_tasks_of_a_lost_worker_go_to_others(tmp_path: Path) -> None:
 def test_a_unit_that_ends_its_workers_is_told_after_all_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Workers are replaced as SLURM and nannies do; the one that computes unit 3 is ended."""
-    fatal = 3
-    counted_units.hold.clear()
-    ended: list[object] = []
-    stop = threading.Event()
-
-    def end_workers() -> None:
-        while not stop.is_set():
-            if counted_units.started[-1:] == [fatal]:
-                counted_units.started.append(-1)
-                worker = next(iter(started.workers.values()))
-                ended.append(worker)
-                close(started, worker)
-                if len(ended) < dask_executor.MOST_DEATHS + 1:
-                    started.scale(0)
-                    started.scale(1)
-            elif counted_units.started and counted_units.started[-1] != -1:
-                counted_units.hold.set()
-                counted_units.hold.clear()
-            time.sleep(0.005)
-
+    """Each of its workers is replaced, as SLURM and nannies do."""
+    monkeypatch.setattr(dask_executor, "NO_WORKERS_SECONDS", 30.0)
     with cluster(1) as (started, client):
-        thread = threading.Thread(target=end_workers)
-        thread.start()
-        try:
-            with pytest.raises(RequestError, match=r"4 workers were lost .* instances 12 to 15"):
-                run(client, CountedComputation(tmp_path))
-        finally:
-            stop.set()
-            counted_units.hold.set()
-            thread.join()
-    assert len(ended) == dask_executor.MOST_DEATHS
+        workers = [*started.workers.values()]
+
+        def replace_worker() -> None:
+            close(started, workers[-1])
+            workers.append(started.sync(_new_worker, started.scheduler.address))
+
+        counted_units.on_start[3] = replace_worker
+        with pytest.raises(RequestError, match=r"4 workers were lost .* instances 12 to 15"):
+            run(client, CountedComputation(tmp_path))
+        close(started, workers[-1])
+    assert len(workers) == 1 + dask_executor.MOST_DEATHS
     assert len(plan_of(tmp_path, stage_of("x")).units) == 1
+
+
+async def _new_worker(address: str) -> Any:
+    return await distributed.Worker(address, nthreads=1)
 
 
 def test_an_error_of_a_unit_names_its_worker(tmp_path: Path) -> None:
@@ -177,7 +162,7 @@ def test_a_scheduler_without_workers_is_told(tmp_path: Path) -> None:
         pytest.raises(RequestError, match="the scheduler has no workers"),
     ):
         run(client, CountedComputation(tmp_path), lines=lines)
-    assert lines == ["waiting for a worker(s) to start"]
+    assert lines == ["waiting for the workers to start"]
 
 
 def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:

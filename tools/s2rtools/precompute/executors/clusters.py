@@ -14,7 +14,11 @@ from typing import Any
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
 from s2rtools.precompute.executors.executor import Executor
-from s2rtools.precompute.executors.local_executors import usual_threads
+from s2rtools.precompute.executors.local_executors import (
+    defer_interrupts,
+    start_resource_tracker,
+    usual_threads,
+)
 from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings, with_worker
 
 ReportLine = Callable[[str], None]
@@ -114,23 +118,25 @@ def _local(workers: int, threads: int | None, report_line: ReportLine) -> Iterat
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
 
     working_folder.distrust()
-    with (
-        LocalCluster(
-            n_workers=workers, threads_per_worker=threads or usual_threads(workers),
-            processes=True, host="127.0.0.1",
-            dashboard_address=_NO_DASHBOARD, worker_dashboard_address=_NO_DASHBOARD,
-            security=Security.temporary(), protocol="tls://", memory_limit=None,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):  # fmt: skip
+    start_resource_tracker()
+    with ExitStack() as stack:
+        with defer_interrupts():  # ctrl+c reaches this process only, which ends the workers
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=workers, threads_per_worker=threads or usual_threads(workers),
+                    processes=True, host="127.0.0.1", dashboard_address=_NO_DASHBOARD,
+                    worker_dashboard_address=_NO_DASHBOARD, security=Security.temporary(),
+                    protocol="tls://", memory_limit=None, silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
+        client = stack.enter_context(Client(cluster, set_as_default=False))
         yield DaskExecutor(client, report_line, expected=workers)
 
 
 @contextmanager
 def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executor]:
     from dask_jobqueue import SLURMCluster
-    from distributed import Client, Security
+    from distributed import Client
 
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
 
@@ -138,11 +144,11 @@ def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executo
     with ExitStack() as stack:
         try:
             folder = tempfile.TemporaryDirectory(dir=settings.shared_folder, prefix=".s2r-tls-")
+            security = _security_in(Path(stack.enter_context(folder)))
             cluster = stack.enter_context(
                 SLURMCluster(
-                    security=Security.temporary(), protocol="tls://", silence_logs="critical",
-                    shared_temp_directory=stack.enter_context(folder), scheduler_options=options,
-                    job_cls=_job_class(settings),
+                    security=security, protocol="tls://", silence_logs="critical",
+                    scheduler_options=options, job_cls=_job_class(settings),
                     **settings.job_options(),
                 )
             )  # fmt: skip
@@ -155,6 +161,25 @@ def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executo
         client = stack.enter_context(Client(cluster, set_as_default=False))
         root = None if settings.store is None else Path(settings.store)
         yield DaskExecutor(client, report_line, settings.jobs, root)
+
+
+def _security_in(folder: Path) -> Any:
+    """New certificates, as files that only this user can read."""
+    from distributed import Security
+
+    created = Security.temporary().get_tls_config_for_role("worker")
+    files = {}
+    for name in ("ca_file", "cert", "key"):
+        path = folder / f"{name}.pem"
+        path.touch(mode=0o600)
+        path.write_text(created[name])
+        files[name] = str(path)
+    roles = {
+        f"tls_{role}_{name}": files[name]
+        for role in ("client", "scheduler", "worker")
+        for name in ("cert", "key")
+    }
+    return Security(require_encryption=True, tls_ca_file=files["ca_file"], **roles)
 
 
 def _require_extra() -> None:

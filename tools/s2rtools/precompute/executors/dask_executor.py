@@ -37,6 +37,8 @@ MOST_DEATHS = 4
 NO_WORKERS_SECONDS = 60.0
 """How long a scheduler without workers is waited for, where none are known to be on their way."""
 _FACTS_SECONDS = 30.0
+_RUNNING, _ENDED = "running", ("closing", "closed", "failed")
+"""Names of `distributed.Status`."""
 _POLL_SECONDS = 0.5
 _LONGEST_PAUSE = 0.02
 
@@ -46,7 +48,8 @@ class _Worker:
     """A connected worker; `facts` are None until it has told them, `since` is when it was asked.
 
     `assigned` are its tasks by the keys of their futures, the one that it computes first. `problem`
-    says why it computes nothing.
+    says why it computes nothing. One that is about to end, as at the end of its wall time, does not
+    accept tasks.
     """
 
     address: str
@@ -54,6 +57,7 @@ class _Worker:
     since: float
     facts: WorkerFacts | None = None
     problem: str = ""
+    accepts: bool = True
     assigned: dict[str, Task] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -109,9 +113,7 @@ class DaskExecutor:
         )
         try:
             yield from dispatch.receipts()
-        except (OSError, TimeoutError) as error:
-            if self._client.status == "running":
-                raise
+        except (OSError, TimeoutError) as error:  # of the connection; those of units are others
             raise dispatch.lost_scheduler() from error
         finally:
             dispatch.cancel()
@@ -205,6 +207,8 @@ class _Dispatch:
             threads = int(connected[address]["nthreads"])
             worker = self._workers[address] = _Worker(address, threads, time.monotonic())
             self._submit(worker, dask_worker.describe, self._worker_root, self._dataset_hash)
+        for address, worker in self._workers.items():
+            worker.accepts = connected[address]["status"] == _RUNNING
         self._check_workers()
 
     def _connected(self) -> dict[str, Any]:
@@ -213,7 +217,8 @@ class _Dispatch:
         Not by `Client.scheduler_info`, from which another thread may remove the workers.
         """
         identity = self._client.sync(self._client.scheduler.identity, n_workers=-1)
-        return dict(identity["workers"])
+        workers: dict[str, Any] = identity["workers"]
+        return {a: record for a, record in workers.items() if record["status"] not in _ENDED}
 
     def _check_workers(self) -> None:
         """Report that workers are waited for; raise RequestError where none would come."""
@@ -227,7 +232,7 @@ class _Dispatch:
             raise RequestError(f"{self._root}: no worker can compute ({problems[0]})")
         if self._waiting_since is None:
             self._waiting_since = time.monotonic()
-            self._report_line(f"waiting for {self._expected or 'a'} worker(s) to start")
+            self._report_line(f"waiting for {self._expected or 'the'} workers to start")
         elif self._expected is None and (
             time.monotonic() > self._waiting_since + NO_WORKERS_SECONDS
         ):
@@ -258,7 +263,7 @@ class _Dispatch:
             return  # which kind of worker is the most common one is not known
         for count in range(IN_FLIGHT):
             for worker in self._workers.values():
-                if worker.is_usable and len(worker.assigned) <= count:
+                if worker.is_usable and worker.accepts and len(worker.assigned) <= count:
                     task = self._next_task(worker)
                     if task is not None:
                         computation = replace(

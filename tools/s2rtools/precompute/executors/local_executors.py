@@ -82,10 +82,10 @@ class ProcessExecutor:
         tasks = list(tasks)
         working_folder.distrust()
         context = multiprocessing.get_context("spawn")
-        _start_resource_tracker()
+        start_resource_tracker()
         with ProcessPoolExecutor(self._workers, context, _end_with_parent) as pool:
             try:
-                with _defer_interrupts():
+                with defer_interrupts():
                     futures = [pool.submit(compute, task, self._threads) for task in tasks]
                 for future in as_completed(futures):
                     yield future.result()
@@ -99,7 +99,7 @@ class ProcessExecutor:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_resource_tracker() -> None:
+def start_resource_tracker() -> None:
     """Start multiprocessing's resource tracker with its warnings disabled.
 
     The tracker removes the semaphores of killed workers; its warning would only follow the error
@@ -118,7 +118,7 @@ def _start_resource_tracker() -> None:
 
 
 @contextmanager
-def _defer_interrupts() -> Iterator[None]:
+def defer_interrupts() -> Iterator[None]:
     """Defer ctrl+c until the workers have started; workers ignore it from the start."""
     received: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
