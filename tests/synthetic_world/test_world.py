@@ -192,7 +192,7 @@ def test_other_constants_change_the_real_side_only(data: WorldData) -> None:
     assert np.array_equal(sim.rgb, own_sim.rgb)
     assert np.array_equal(sim.depth, own_sim.depth)
     real, own_real = (world.views("real", poses, numbers) for world in (other, data))
-    assert real.depth.max() < 4.1 < own_real.depth.max()
+    assert real.depth.max() < 4.8 < own_real.depth.max()  # noise is added at up to 4 m
     corner = (slice(None), slice(0, 8), slice(0, 8))
     assert real.rgb[corner].mean() < own_real.rgb[corner].mean()
     assert other.camera("real").height == pytest.approx(other.camera("sim").height + 0.1)
