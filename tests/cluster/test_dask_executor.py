@@ -17,6 +17,7 @@ from s2rtools.precompute.executors.executor import Task
 from tests.cluster import counted_units
 from tests.cluster.counted_units import CountedComputation, assert_complete, plan_of, stage_of
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 from s2rtools.precompute.executors import dask_executor  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
@@ -43,6 +44,7 @@ def cluster(*threads: int) -> Iterator[tuple[Any, Any]]:
     for options in (scheduler, *spec.values()):
         options["options"]["protocol"] = "inproc://"  # type: ignore[index]
     with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
         distributed.SpecCluster(spec, scheduler, silence_logs=logging.CRITICAL) as started,
         distributed.Client(started, set_as_default=False, timeout=2) as client,
     ):
