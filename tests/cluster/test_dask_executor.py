@@ -17,6 +17,7 @@ from s2rtools.precompute.executors.executor import Task
 from tests.cluster import counted_units
 from tests.cluster.counted_units import CountedComputation, assert_complete, plan_of, stage_of
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 from s2rtools.precompute.executors import dask_executor  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
@@ -43,8 +44,9 @@ def cluster(*threads: int) -> Iterator[tuple[Any, Any]]:
     for options in (scheduler, *spec.values()):
         options["options"]["protocol"] = "inproc://"  # type: ignore[index]
     with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
         distributed.SpecCluster(spec, scheduler, silence_logs=logging.CRITICAL) as started,
-        distributed.Client(started, set_as_default=False) as client,
+        distributed.Client(started, set_as_default=False, timeout=2) as client,
     ):
         yield started, client
 
@@ -135,10 +137,12 @@ def test_a_unit_that_ends_its_workers_is_told_after_all_others(
             workers.append(started.sync(_new_worker, started.scheduler.address))
 
         counted_units.on_start[3] = replace_worker
-        with pytest.raises(RequestError, match=r"4 workers were lost .* instances 12 to 15"):
-            run(client, CountedComputation(tmp_path))
-        close(started, workers[-1])
-    assert len(workers) == 1 + dask_executor.MOST_DEATHS
+        try:
+            with pytest.raises(RequestError, match=r"4 workers .* instances 12 to 15 \(out"):
+                run(client, CountedComputation(tmp_path))
+        finally:
+            close(started, workers[-1])
+    assert len(workers) in (5, 6)  # the first loss may be taken for that of the unit before
     assert len(plan_of(tmp_path, stage_of("x")).units) == 1
 
 

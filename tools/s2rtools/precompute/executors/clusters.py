@@ -86,12 +86,13 @@ def _job_class(settings: SlurmSettings) -> Any:
     script = settings.own_script()
     if script is None:
         return SLURMJob
+    own: str = script
 
     class ScriptedJob(SLURMJob):
         """A job with the user's script."""
 
         def job_script(self) -> str:
-            return with_worker(str(script), self._command_template)
+            return with_worker(own, self._command_template)
 
     return ScriptedJob
 

@@ -146,6 +146,7 @@ class _Dispatch:
         self._left, self._received = len(tasks), 0
         self._refused: dict[tuple[str, str], str] = {}
         self._deaths: Counter[str] = Counter()
+        self._suspects: set[str] = set()
         self._failed: list[WorkUnit] = []
         self._futures: dict[str, tuple[Future, _Worker]] = {}
         self._finished = as_completed(loop=client.loop, with_results=True, raise_errors=False)
@@ -274,8 +275,16 @@ class _Dispatch:
                         worker.assigned[key] = task
 
     def _next_task(self, worker: _Worker) -> Task | None:
+        """The next task for a worker; units with which a worker was lost are computed alone.
+
+        Else one that was computed, but not received, would be taken for the cause of the loss.
+        """
+        if any(_name(task) in self._suspects for task in worker.assigned.values()):
+            return None
         for folder, queue in self._queues.items():
             if queue and not self._refusal(worker, folder, queue[0]):
+                if worker.assigned and _name(queue[0]) in self._suspects:
+                    return None
                 return queue.popleft()
         return None
 
@@ -356,17 +365,21 @@ class _Dispatch:
         self._client.cancel(lost, force=True)
         tasks = list(worker.assigned.values())
         if tasks:
-            unit = tasks[0].unit
-            name = unit_results.file_name(unit.stage, unit.number)
+            name = _name(tasks[0])
+            self._suspects |= {_name(task) for task in tasks}
             self._deaths[name] += 1
             if self._deaths[name] >= MOST_DEATHS:
-                self._failed.append(unit)
+                self._failed.append(tasks[0].unit)
                 self._left -= 1
                 del tasks[0]
         for task in reversed(tasks):
             self._queues[unit_results.folder(task.unit.stage)].appendleft(task)
         again = f"; {len(tasks)} units go to other workers" if tasks else ""
         self._report_line(f"worker {worker} was lost{again}")
+
+
+def _name(task: Task) -> str:
+    return unit_results.file_name(task.unit.stage, task.unit.number)
 
 
 def _version() -> str:
