@@ -10,6 +10,7 @@ import pytest
 from textual.pilot import Pilot
 
 from bench.support.store_server import wait_for
+from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.gap_history import reader, writer
 from s2rstore.index.transaction import edit
@@ -127,6 +128,14 @@ async def test_a_new_generation_and_history_are_noticed_and_opened(
         await settle(app, pilot)
         assert app.session.store.provenance("test") == {"key": "value"}
         assert not app.session.state.is_error
+
+
+async def test_no_run_is_saved_on_a_server(served: ServedStore) -> None:
+    app = make_app(served.url)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await settle(app, pilot)
+        with pytest.raises(RequestError, match="a store on a server is only read"):
+            app.run_save.save("brighter", lambda: pytest.fail("nothing may start"))
 
 
 def test_a_restricted_session_opens_no_url(served: ServedStore, capsys) -> None:

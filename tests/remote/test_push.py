@@ -224,7 +224,7 @@ def test_wrong_keys_are_one_line_without_them(
         main(["runs", url, "--debug"])  # shows the traceback
     assert "wrong-secret-key" not in "".join(traceback.format_exception(shown.value))
     printed = capsys.readouterr()
-    assert "access denied, 403" in printed.err
+    assert "access denied, 403); check the rights of the key" in printed.err
     assert "wrong-secret-key" not in printed.out + printed.err
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)

@@ -76,6 +76,8 @@ class RunSaveController:
     @property
     def _refusal(self) -> str:
         """Why no run can be saved now; empty if one can."""
+        if self._app.session.store.files.is_remote:
+            return "a store on a server is only read: save runs in the store that was pushed"
         if self._saving is None:
             return ""
         return f"run {self._saving} is still being saved: save the next one when it is done"

@@ -68,8 +68,7 @@ def current_of(files: StoreFiles) -> Current:
     try:
         content = files.read(CURRENT, _CURRENT_BYTES)
     except (FileNotFoundError, NotADirectoryError):
-        where, why = files.path, files.absence
-        raise RequestError(f"{where}: not a store ({why}); make one with `s2r ingest`") from None
+        raise RequestError(f"{files.path}: {files.absence}") from None
     except OSError as error:
         where, reason = error.filename or path, safe_files.error_text(error)
         raise RequestError(f"{where}: cannot be read ({reason}); check its permissions") from error

@@ -51,7 +51,7 @@ class StoreFiles(ABC):
     @property
     @abstractmethod
     def absence(self) -> str:
-        """Why there is no store, for a message."""
+        """Why there is no store and what to do, for a message."""
 
     @abstractmethod
     def open(self, relative: str) -> AbstractContextManager[OpenFile]:
@@ -129,9 +129,9 @@ class LocalFiles(StoreFiles):
 
     @property
     def absence(self) -> str:
-        if self.path.is_file():
-            return "a file, no folder"
-        return "no CURRENT.json in it" if self.path.is_dir() else "no such folder"
+        reason = "no CURRENT.json in it" if self.path.is_dir() else "no such folder"
+        reason = "a file, no folder" if self.path.is_file() else reason
+        return f"not a store ({reason}); make one with `s2r ingest`"
 
     @contextmanager
     def open(self, relative: str) -> Iterator[OpenFile]:

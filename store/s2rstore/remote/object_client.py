@@ -92,7 +92,7 @@ class ObjectClient:
             if self.url.scheme != "s3":
                 return HTTPStore(str(self.url), client_options=client, retry_config=retry)
             settings: dict[str, Any] = {"endpoint": endpoint} if endpoint else {}
-            if not any(os.environ.get(name) for name in _CREDENTIALS):
+            if not _has_credentials():
                 settings["skip_signature"] = True
             return S3Store(
                 self.url.host, prefix=self.url.key or None, client_options=client,
@@ -202,13 +202,20 @@ class ObjectClient:
         except FileNotFoundError as error:
             raise FileNotFoundError(errno.ENOENT, "not found (404)", where) from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
-            hint = "; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
-            hint = hint if self.url.scheme == "s3" else ""
-            message = f"{where}: cannot be {done} (access denied, 403){hint}"
+            message = f"{where}: cannot be {done} (access denied, 403){self._permission_hint}"
             raise UnreachableStoreError(message) from error
         except (BaseError, ValueError, OSError) as error:
             reason = self._reason(str(error))
             raise UnreachableStoreError(f"{where}: cannot be {done} ({reason})") from error
+
+    @property
+    def _permission_hint(self) -> str:
+        """What a user can do about a refused request."""
+        if self.url.scheme != "s3":
+            return ""
+        if _has_credentials():
+            return "; check the rights of the key in AWS_ACCESS_KEY_ID"
+        return "; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
 
     def _reason(self, text: str) -> str:
         """The cause of an error of obstore in words."""
@@ -222,6 +229,11 @@ class ObjectClient:
         if kind is not None:
             return "the connection was cut; try again"
         return "the server gave an unexpected answer"
+
+
+def _has_credentials() -> bool:
+    """Whether the environment says how to sign requests, or not to."""
+    return any(os.environ.get(name) for name in _CREDENTIALS)
 
 
 def timeout() -> float:

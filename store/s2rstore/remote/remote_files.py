@@ -45,7 +45,7 @@ class RemoteFiles(StoreFiles):
 
     @property
     def absence(self) -> str:
-        return f"no {layout.CURRENT} there"
+        return f"not a store (no {layout.CURRENT} there); check the URL"
 
     @contextmanager
     def open(self, relative: str) -> Iterator[OpenFile]:
