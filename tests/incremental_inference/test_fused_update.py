@@ -32,9 +32,7 @@ def channels_last(*shape: int) -> Tensor:
 def test_update_equals_the_same_steps_in_torch(
     pool: RectifiedPool, size: tuple[int, int], dtype: torch.dtype
 ) -> None:
-    height, width = (
-        (n - 1) * s + k for n, s, k in zip(size, pool.stride, pool.size, strict=True)
-    )
+    height, width = ((n - 1) * s + k for n, s, k in zip(size, pool.stride, pool.size, strict=True))
     count = IMAGES * len(STARTS) * MODES
     change = channels_last(count, CHANNELS, height, width).to(dtype)
     sums, outputs = channels_last(IMAGES, CHANNELS, 14, 15), channels_last(IMAGES, CHANNELS, 7, 8)
@@ -70,5 +68,6 @@ def test_only_a_rectifier_and_a_pooling_are_fused() -> None:
     average = partial(functional.avg_pool2d, kernel_size=(2, 2), stride=(2, 2))
     assert RectifiedPool.of((nn.ReLU(), pool)) == RectifiedPool((2, 2), (2, 2))
     assert RectifiedPool.of((partial(torch.relu),)) == RectifiedPool()
-    for other in ((), (nn.ELU(),), (pool, nn.ReLU()), (nn.ReLU(), average), (nn.ReLU(), pool, pool)):
+    relu = nn.ReLU()
+    for other in ((), (nn.ELU(),), (pool, relu), (relu, average), (relu, pool, pool)):
         assert RectifiedPool.of(other) is None
