@@ -68,11 +68,6 @@ def test_only_a_rectifier_and_a_pooling_are_fused() -> None:
     average = partial(functional.avg_pool2d, kernel_size=(2, 2), stride=(2, 2))
     assert RectifiedPool.of((nn.ReLU(), pool)) == RectifiedPool((2, 2), (2, 2))
     assert RectifiedPool.of((partial(torch.relu),)) == RectifiedPool()
-    for other in (
-        (),
-        (nn.ELU(),),
-        (pool, nn.ReLU()),
-        (nn.ReLU(), average),
-        (nn.ReLU(), pool, pool),
-    ):
+    relu = nn.ReLU()
+    for other in ((), (nn.ELU(),), (pool, relu), (relu, average), (relu, pool, pool)):
         assert RectifiedPool.of(other) is None

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import s2rstore
@@ -157,3 +159,37 @@ def test_keys_of_heatmaps_name_the_precision_of_differences() -> None:
     reduced = RunBackends(torch, torch, "bfloat16")
     assert reduced.kind_facts("occlusion") == {**torch.facts(), "differences": "bfloat16"}
     assert reduced.kind_facts("activation") == torch.facts()
+
+
+@pytest.mark.parametrize(
+    ("errors", "seconds", "chosen"),
+    [((0.008, 0.004), (1.0, 2.0), "bfloat16-broad"), ((0.012, 0.004), (1.0, 2.0), "bfloat16"),
+     ((0.012, 0.011), (1.0, 2.0), None), ((0.008, 0.004), (2.9, 2.9), None)],
+)  # fmt: skip
+def test_differences_take_the_first_precision_that_is_accurate_and_faster(
+    errors: tuple[float, float],
+    seconds: tuple[float, float],
+    chosen: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    error = dict(zip(("bfloat16-broad", "bfloat16"), errors, strict=True), float32=0.0)
+    taken = dict(zip(("bfloat16-broad", "bfloat16"), seconds, strict=True), float32=3.0)
+    exact = np.array([-1.0, 1.0]).repeat(8).reshape(1, 1, 4, 4)
+    clock = [0.0]
+
+    class Kind:
+        def compute(self, pair: SimpleNamespace) -> dict[tuple[str, str], np.ndarray]:
+            clock[0] += taken[pair.backend.differences]
+            return {("sim", "rgb"): exact + error[pair.backend.differences]}
+
+    class Sample:
+        def pairs(self, backend: SimpleNamespace, places: int) -> list[SimpleNamespace]:
+            return [SimpleNamespace(backend=backend)] * places
+
+    monkeypatch.setattr(backend_choice, "_bfloat16_is_faster", lambda: True)
+    monkeypatch.setattr(backend_choice, "process_time", lambda: clock[0])
+    backend = SimpleNamespace(device=SimpleNamespace(type="cpu"), differences="float32")
+    found = backend_choice._reduced_differences(Kind(), Sample(), backend)  # type: ignore[arg-type]
+    assert (found and found[0]) == chosen
+    if found:
+        assert found[1] == pytest.approx(error[found[0]])
