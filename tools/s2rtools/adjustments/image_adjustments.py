@@ -137,7 +137,7 @@ VIGNETTE = ImageAdjustment(
     image="rgb",
 )  # fmt: skip
 DEPTH_NOISE = ImageAdjustment(
-    "depth_noise", 0.0, 0.2, 0.0, 0.005, "share of depth", "noise of the valid depth, deviation",
+    "depth_noise", 0.0, 0.2, 0.0, 0.005, "share", "noise of the valid depth, share of it",
     _depth_noise, image="depth",
 )  # fmt: skip
 DEPTH_HOLES = ImageAdjustment(
