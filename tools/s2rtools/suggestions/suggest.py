@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -84,10 +84,12 @@ class _Judgement:
         reason = self._nothing_to_do(sliders, judged, gap)
         searched = SearchResult(float(judged.mean()))
         if not reason:
-            reporter.begin("search", _planned(sliders, settings))
+            planned = _planned(sliders, settings)
+            reporter.begin("search", planned)
             searched = Search(
                 lambda values: self._objective.fitted(values), sliders, settings.price,
-                settings.changes, settings.evaluations, settings.seed, deadline, reporter.advance,
+                settings.changes, settings.evaluations, settings.seed, deadline,
+                _at_most(planned, reporter.advance),
             ).run()  # fmt: skip
         front = pareto_front(searched.candidates.values(), searched.start)
         order = _order(searched)
@@ -219,6 +221,18 @@ def _correlation(first: Floats, second: Floats) -> float:
     if first.size < 2 or not (first.std() > 0 and second.std() > 0):
         return float("nan")
     return float(np.corrcoef(first, second)[0, 1])
+
+
+def _at_most(total: int, advance: Callable[[int], None]) -> Callable[[int], None]:
+    """Report steps up to `total`, because a search may make more evaluations than planned."""
+    left = total
+
+    def report(steps: int) -> None:
+        nonlocal left
+        advance(min(steps, left))
+        left -= min(steps, left)
+
+    return report
 
 
 def _planned(sliders: Sequence[Slider], settings: SuggestSettings) -> int:
