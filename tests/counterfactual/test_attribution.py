@@ -18,6 +18,7 @@ from s2rtools.counterfactual.attribution import (
 )
 from s2rtools.counterfactual.counterfactual_inputs import (
     CounterfactualInputs,
+    OwnView,
     composite_inputs,
     counterfactual_inputs,
 )
@@ -25,7 +26,7 @@ from s2rtools.counterfactual.gap_shares import gap_shares
 from s2rtools.inference import Backend
 from s2rtools.models.preprocessing import preprocess
 from tests.counterfactual.test_scene_comparison import CAMERA, EQUAL, dimmed, with_box
-from tests.counterfactual.views import SIZE, rendered
+from tests.counterfactual.views import SIZE, metres, rendered
 from tests.support import networks
 
 TRUTH = np.array([0.3, -0.2, 0.4])
@@ -81,10 +82,10 @@ def test_the_shares_of_a_pair_sum_to_its_gap(backend: Backend) -> None:
     contract = backend.model.contract
     x = [preprocess(i[0][None], i[1][None], 0.001, contract, i[2][None])[0] for i in (image, real)]
     views = [
-        (EQUAL.in_sim_view(image, real), EQUAL.sim),
-        (EQUAL.in_real_view(image, real), EQUAL.real),
+        OwnView("sim", EQUAL.in_sim_view(image, real), EQUAL.sim, metres(image)),
+        OwnView("real", EQUAL.in_real_view(image, real), EQUAL.real, metres(real)),
     ]
-    composites = composite_inputs(views, *x, contract)
+    composites = composite_inputs(*views, *x, contract)
     assert composites.shape == (32, *contract.shape)
     shares = gap_shares(backend, composites, TRUTH)
     gap = error_of(backend, x[1])[0] - error_of(backend, x[0])[0]

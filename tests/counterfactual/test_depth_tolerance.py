@@ -49,4 +49,16 @@ def test_the_range_is_estimated() -> None:
 @pytest.mark.parametrize("given", [[], [(np.zeros((4, 4), np.float32),) * 2]])
 def test_without_depth_the_tolerance_is_finite(given: list) -> None:
     found = estimate_tolerance(given)
-    assert found == DepthTolerance(0.05, 0.0, 0.0, math.inf)
+    assert found == DepthTolerance(0.05, 0.0, 0.0, math.inf, 0.0, 1.0)
+
+
+def test_a_bias_of_the_sensor_is_no_change() -> None:
+    biased = [(np.where(real > 0, 0.05 + 1.04 * real, 0).astype(np.float32), sim)
+              for real, sim in pairs(0.02, 0.005, 0, 99)]  # fmt: skip
+    found = estimate_tolerance(biased)
+    assert found.shift == pytest.approx(0.05, abs=0.03)
+    assert found.scale == pytest.approx(1.04, abs=0.01)
+    depth = np.array([1.0, 4.0, 8.0], dtype=np.float32)
+    assert found.expected(depth) == pytest.approx(0.05 + 1.04 * depth, abs=0.05)
+    assert found.surface(found.expected(depth)) == pytest.approx(depth, abs=1e-4)
+    assert found.deviation(depth) == pytest.approx(0.02 + 0.005 * depth**2, rel=0.3, abs=0.01)

@@ -27,7 +27,7 @@ def repair_gains(
     backend: Backend, inputs: CounterfactualInputs, truth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Decrease (n, 3) of position error, heading error and loss by repairing each segment alone."""
-    errors = pose_errors(backend.forward_all(inputs.repaired()).pose, truth)
+    errors = pose_errors(backend.poses(inputs.repaired()), truth)
     gains: NDArray[np.float64] = errors[0] - errors[1:]
     return gains
 
@@ -40,17 +40,22 @@ def integrated_gradients(
     Each sums to the error of the real input minus that of the counterfactual, up to the error of
     `steps` points of the integral.
     """
-    model = backend.model
-    assert backend.trunk is not None
     start = torch.from_numpy(inputs.counterfactual).to(backend.device)
     way = torch.from_numpy(inputs.real).to(backend.device) - start
-    shares = (torch.arange(steps, device=backend.device) + 0.5) / steps
     target = torch.as_tensor(truth, dtype=torch.float32, device=backend.device)
+    shares = (torch.arange(steps, device=backend.device) + 0.5) / steps
+    total = way.new_zeros(3, *way.shape)
+    for part in shares.split(max(1, backend.batch)):
+        total += _gradients(backend, start + part[:, None, None, None] * way, target)
+    return np.asarray((total / steps * way).cpu().numpy(), dtype=np.float32)
+
+
+def _gradients(backend: Backend, inputs: Tensor, target: Tensor) -> Tensor:
+    """Sums (3, C, h, w) of the gradients of the three errors over inputs (n, C, h, w)."""
+    model = backend.model
+    assert backend.trunk is not None
     with torch.enable_grad():
-        x = (start + shares[:, None, None, None] * way).contiguous(
-            memory_format=torch.channels_last
-        )
-        x.requires_grad_(True)
+        x = inputs.contiguous(memory_format=torch.channels_last).requires_grad_(True)
         pose = model.convention.decode(model.network.head(model.network.embed(backend.trunk(x))))
         position = (pose[:, :2] - target[:2]).square().sum(dim=1).clamp_min(1e-12).sqrt()
         turn = torch.remainder(pose[:, 2] - target[2] + torch.pi, 2 * torch.pi) - torch.pi
@@ -58,8 +63,7 @@ def integrated_gradients(
         along_heading = _gradient(turn.abs(), x, keep=False)
     weight = (2 * (1 - LOSS_GAMMA) * position.detach())[:, None, None, None]
     along_loss = weight * along_position + LOSS_GAMMA * along_heading
-    means = [each.mean(dim=0) for each in (along_position, along_heading, along_loss)]
-    return np.asarray((torch.stack(means) * way).cpu().numpy(), dtype=np.float32)
+    return torch.stack([each.sum(dim=0) for each in (along_position, along_heading, along_loss)])
 
 
 def _gradient(output: Tensor, x: Tensor, keep: bool) -> Tensor:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rstore.records import Side
 from s2rtools.counterfactual.factor_composites import mix_sources
 from s2rtools.counterfactual.scene_comparison import SceneComparison
 from s2rtools.counterfactual.view_synthesis import DepthInRgbView
@@ -68,7 +68,7 @@ def counterfactual_inputs(
     """
     differs = scenes.depth != scenes.view.real_depth
     changed = registration.to_depth_pixels(differs.astype(np.float32)) > 0
-    surface = registration.to_depth_camera(scenes.depth)
+    surface = registration.to_depth_camera(scenes.depth, np.zeros_like(scenes.depth))
     raw = np.where(changed, surface / depth_scale, raw_depth).astype(np.float32)
     has_value = np.where(changed, surface > 0, valid)
     x = preprocess(scenes.rgb[None], raw[None], depth_scale, contract, has_value[None])[0]
@@ -80,24 +80,37 @@ def counterfactual_inputs(
     return CounterfactualInputs(scenes, contract, registration, real_x, x, planes)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnView:
+    """Both scenes in the view of one side.
+
+    `depth` (h, w) is that of the side's depth camera in metres, 0 where there is no value.
+    """
+
+    side: Side
+    scenes: SceneComparison
+    registration: DepthInRgbView
+    depth: NDArray[np.float32]
+
+
 def composite_inputs(
-    views: Sequence[tuple[SceneComparison, DepthInRgbView]],
+    sim: OwnView,
+    real: OwnView,
     sim_x: NDArray[np.float32],
     real_x: NDArray[np.float32],
     contract: InputContract,
 ) -> NDArray[np.float32]:
     """Inputs (32, C, h, w) of all combinations of `factor_composites.FACTORS`.
 
-    `views` are the comparisons in the sim and in the real view, each with the registration of its
-    rig. `sim_x` and `real_x` (C, h, w) are the inputs of the images themselves, which are the
-    first and the last composite.
+    `sim_x` and `real_x` (C, h, w) are the inputs of the images themselves, which are the first and
+    the last composite. What a depth camera sees beyond the RGB view stays that of the view's side.
     """
     parts = []
-    for scenes, registration in views:
-        contents = scenes.contents
-        rgb, metres = contents.sources()
-        depth = np.stack([registration.to_depth_camera(each) for each in metres])
-        sources = preprocess(rgb, depth, 1.0, contract, depth > 0)
+    for view in (sim, real):
+        contents = view.scenes.contents(view.side)
+        depth = [view.registration.to_depth_camera(d, view.depth) for d in contents.mixed_depths]
+        metres = np.stack(depth)
+        sources = preprocess(contents.colours, metres, 1.0, contract, metres > 0)
         changed = _at_size(contents.changed.astype(np.float32), contract.size) > 0
         parts.append(mix_sources(sources, changed, len(contract.rows("rgb"))))
     inputs = np.concatenate(parts)

@@ -12,7 +12,7 @@ from s2rtools.inference import Backend
 
 KIND = "gap_shares"
 """Name of the arrays (iid, factor) of shares, in metres."""
-VERSION = 1
+VERSION = 2
 """Changes whenever the values change."""
 
 
@@ -24,7 +24,7 @@ def gap_shares(
     `composites` (32, C, h, w) are the inputs of all coalitions, see `composite_inputs`. The shares
     sum to the error of the real image minus that of the sim image.
     """
-    errors = pose_errors(backend.forward_all(composites).pose, truth)[:, 0]
+    errors = pose_errors(backend.poses(composites), truth)[:, 0]
     shares = shapley_values(errors)
     assert len(shares) == len(FACTORS)
     return shares

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from s2rstore.records import Domain, Intrinsics
+from s2rstore.records import Domain, Intrinsics, Side
 from s2rtools.counterfactual.counterfactual_inputs import (
     CounterfactualInputs,
+    OwnView,
     composite_inputs,
     counterfactual_inputs,
 )
@@ -49,7 +50,9 @@ class PairCounterfactuals:
 
     def __init__(self, sim: Domain, real: Domain, frame: Frame, tolerance: DepthTolerance) -> None:
         self._size = working_size(frame)
-        self._real = real
+        self._scales: dict[Side, float] = {"sim": sim.depth_scale, "real": real.depth_scale}
+        # A patch covers pixels in proportion to the square of the focal length.
+        self._pixels = (real.rgb.fx * real.rgb.fy) / (sim.rgb.fx * sim.rgb.fy)
         self.rigs = RigPair(
             scaled_cameras(sim, frame, self._size), scaled_cameras(real, frame, self._size),
             self._size, tolerance,
@@ -59,7 +62,7 @@ class PairCounterfactuals:
         self, sim: Images, real: SideInput, contract: InputContract
     ) -> list[CounterfactualInputs]:
         """The counterfactual of each pair of a batch as inputs of a network."""
-        registration, scale = self.rigs.real, self._real.depth_scale
+        registration, scale = self.rigs.real, self._scales["real"]
         made = []
         for number, (a, b) in enumerate(zip(self._resized(sim), self._resized(real), strict=True)):
             x = real.x[number].cpu().numpy()
@@ -76,26 +79,34 @@ class PairCounterfactuals:
         """
         images = zip(self._resized(sim), self._resized(real), strict=True)
         for number, (made, (a, b)) in enumerate(zip(inputs, images, strict=True)):
-            views = (self.rigs.in_sim_view(a, b), self.rigs.sim), (made.scenes, self.rigs.real)
+            views = (
+                OwnView("sim", self.rigs.in_sim_view(a, b), self.rigs.sim, self._metres("sim", a)),
+                OwnView("real", made.scenes, self.rigs.real, self._metres("real", b)),
+            )
             sim_x = sim.x[number].cpu().numpy()
-            yield composite_inputs(views, sim_x, made.real, made.contract)
+            yield composite_inputs(*views, sim_x, made.real, made.contract)
 
     def in_sim_view(
         self, sim: Images, maps: Sequence[NDArray[np.float32]]
     ) -> list[NDArray[np.float32]]:
         """Maps (n, rows, cols) over the real images of a batch, warped into the sim view.
 
-        They keep their size.
+        They keep their size, and about their sum over what both views show.
         """
         warped = []
         for values, images in zip(maps, self._resized(sim), strict=True):
             size, shape = self._size[::-1], values.shape[:0:-1]
             fine = np.stack([cv2.resize(v, size, interpolation=cv2.INTER_NEAREST) for v in values])
-            found = self.rigs.to_sim_view(fine, images)
+            found = self.rigs.to_sim_view(fine, images) * np.float32(self._pixels)
             warped.append(
                 np.stack([cv2.resize(v, shape, interpolation=cv2.INTER_AREA) for v in found])
             )
         return warped
+
+    def _metres(self, side: Side, images: ImageArrays) -> NDArray[np.float32]:
+        """Depth (h, w) of a side's depth camera in metres, 0 where there is no value."""
+        scale = self._scales[side]
+        return np.where(images[2], images[1] * np.float32(scale), np.float32(0)).astype(np.float32)
 
     def _resized(self, images: Images) -> Iterator[ImageArrays]:
         for rgb, depth, valid in zip(images.rgb, images.depth, images.valid, strict=True):

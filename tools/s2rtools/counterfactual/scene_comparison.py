@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.records import Domain
+from s2rstore.records import Domain, Side
 from s2rtools.counterfactual.depth_tolerance import DepthTolerance
 from s2rtools.counterfactual.factor_composites import ViewContents
 from s2rtools.counterfactual.relighting import Relighting, relight
@@ -55,7 +55,8 @@ class SceneComparison:
     def __init__(self, view: ViewPair, tolerance: DepthTolerance) -> None:
         self.view, self._tolerance = view, tolerance
         measured = (view.real_depth > 0) & (view.sim_depth > 0) & view.seen
-        difference = np.where(measured, np.abs(view.real_depth - view.sim_depth), np.float32(0))
+        expected = tolerance.expected(view.sim_depth)
+        difference = np.where(measured, np.abs(view.real_depth - expected), np.float32(0))
         limit = tolerance.changed(view.sim_depth)
         weight = view.seen.astype(np.float32)
         weight[difference > limit] = DOUBTFUL_WEIGHT
@@ -84,20 +85,33 @@ class SceneComparison:
         """
         return np.where(self._differs, self._sensed_depth, self.view.real_depth)
 
-    @property
-    def contents(self) -> ViewContents:
-        """The view's contents for composites of factors."""
-        view = self.view
-        return ViewContents(
-            view.sim, np.where(view.seen[..., None], view.real, self.light.image), self.light,
-            self.segments > 0, view.sim_depth, self._sensed_depth, view.real_depth,
-        )  # fmt: skip
+    def contents(self, own: Side) -> ViewContents:
+        """The contents of the view of side `own` for composites of factors.
+
+        Both scenes show what the own side shows where the other camera does not see.
+        """
+        view, light, seen = self.view, self.light, self.view.seen[..., None]
+        unlit_real = light.removed(view.real)
+        clean = self._tolerance.surface(view.real_depth)
+        depths = (view.sim_depth, self._sensed_depth,
+                  np.where(clean > 0, clean, view.sim_depth), view.real_depth)  # fmt: skip
+        if own == "sim":
+            colours = (view.sim, light.image, np.where(seen, unlit_real, view.sim),
+                       np.where(seen, view.real, light.image))  # fmt: skip
+            beyond = view.sim_depth
+        else:
+            colours = (np.where(seen, view.sim, unlit_real), np.where(seen, light.image, view.real),
+                       unlit_real, view.real)  # fmt: skip
+            beyond = view.real_depth
+        shown = np.stack([np.where(view.seen, depth, beyond) for depth in depths])
+        return ViewContents(np.stack(colours), shown, self.segments > 0)
 
     @property
     def _sensed_depth(self) -> NDArray[np.float32]:
-        """The sim surface within the range of the real sensor."""
+        """The sim surface as the real sensor returns it, without noise."""
         depth = self.view.sim_depth
-        return np.where(self._tolerance.in_range(depth), depth, np.float32(0))
+        is_returned = self._tolerance.in_range(depth)
+        return np.where(is_returned, self._tolerance.expected(depth), np.float32(0))
 
 
 class RigPair:

@@ -6,7 +6,7 @@ then sampled backwards, so that its colours are interpolated once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -30,7 +30,7 @@ class SynthesisedView:
     """The other rig's image in the RGB camera of this rig.
 
     `rgb` (h, w, 3) float32 levels 0 .. 255; `depth` (h, w) float32 planar depth in metres, 0 where
-    it is unknown; `seen` (h, w) where the other rig's image shows the surface.
+    it is unknown; `seen` (h, w) where the pixel lies in the other rig's image.
     """
 
     rgb: NDArray[np.float32]
@@ -59,9 +59,14 @@ class ViewSynthesis:
     def __call__(self, rgb: NDArray[Any], metres: NDArray[np.float32]) -> SynthesisedView:
         """The view of an image: rgb (h, w, 3) and planar depth (h, w) in metres, 0 if unknown.
 
-        Both belong to the pixels of the source's RGB camera.
+        Both belong to the pixels of the source's RGB camera. Surfaces that are hidden in the image
+        count as not seen.
         """
-        return self.sampled(rgb, metres, self.surface(metres))
+        surface = self.surface(metres)
+        view = self.sampled(rgb, metres, surface)
+        nearest = cv2.erode(surface, np.ones((3, 3), np.uint8))  # edges may be a pixel off
+        is_hidden = (view.depth > 0) & (view.depth < nearest * np.float32(1 - STEEP))
+        return replace(view, seen=view.seen & ~is_hidden)
 
     def surface(self, metres: NDArray[np.float32]) -> NDArray[np.float32]:
         """Planar depth (h, w) in the target's RGB camera of the source's depth."""
@@ -165,11 +170,17 @@ class DepthInRgbView:
         ]
         return np.stack(moved).astype(np.float32)
 
-    def to_depth_camera(self, metres: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Planar depth (h, w) of the RGB pixels as planar depth of the depth camera's pixels."""
+    def to_depth_camera(
+        self, metres: NDArray[np.float32], beyond: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Planar depth (h, w) of the RGB pixels as planar depth of the depth camera's pixels.
+
+        `beyond` (h, w) is the depth of the depth camera's pixels that the RGB view does not cover.
+        """
         if self.is_identity:
             return metres
-        return self.to_depth_pixels(metres * self._axis)
+        picked = self.to_depth_pixels(metres * self._axis)
+        return np.where(self._covered, picked, beyond)
 
 
 def _directions(lens: Intrinsics, rows: NDArray[Any], cols: NDArray[Any]) -> NDArray[np.float32]:

@@ -35,6 +35,11 @@ class ForwardOutput:
     pose: NDArray[np.float64]
 
 
+def is_float32(precision: str) -> bool:
+    """Whether a backend of some `precision` computes in float32."""
+    return precision in ("float32", "openvino f32")
+
+
 class Backend:
     """torch in float32 on the processor; deterministic for a given number of threads.
 
@@ -64,6 +69,11 @@ class Backend:
     def device_name(self) -> str:
         """The processor or GPU that computes."""
         return processor_name()
+
+    @property
+    def is_float32(self) -> bool:
+        """Whether poses are computed in float32."""
+        return is_float32(self.precision)
 
     @classmethod
     def unavailable_reason(cls) -> str | None:
@@ -101,6 +111,12 @@ class Backend:
         return ForwardOutput(
             tensor, None, tensor.new_empty(len(x), 0), np.full((len(x), 3), np.nan)
         )
+
+    def poses(self, x: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Poses (n, 3) of any number of inputs, in batches that the device takes."""
+        batches = range(0, len(x), self.batch)
+        found = [self.forward_all(x[start : start + self.batch]).pose for start in batches]
+        return np.concatenate(found) if found else np.zeros((0, 3))
 
     def _opaque_output(self, x: Tensor) -> Tensor:
         """Checked output of a network without accessible features."""

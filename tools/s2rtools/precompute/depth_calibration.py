@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from s2rtools.counterfactual.pair_counterfactuals import scaled_cameras, working
 from s2rtools.counterfactual.view_synthesis import DepthInRgbView, ViewSynthesis
 from s2rtools.precompute.rig_calibration import comparable_iids, read_images
 
-VERSION = 1
+VERSION = 2
 
 
 def load_tolerance(store: Store, run: Run) -> DepthTolerance | None:
@@ -32,10 +32,11 @@ def load_tolerance(store: Store, run: Run) -> DepthTolerance | None:
     if not noted:
         return None
     try:
-        figures = [float(noted[name]) for name in ("base", "slope", "near", "far")]
-        if not (0 < figures[0] < 10 and 0 <= figures[1] < 10 and 0 <= figures[2] < figures[3]):
+        found = DepthTolerance(**{f.name: float(noted[f.name]) for f in fields(DepthTolerance)})
+        is_valid = 0 < found.base < 10 and 0 <= found.slope < 10 and 0 <= found.near < found.far
+        if not (is_valid and abs(found.shift) < 10 and 0.1 < found.scale < 10):
             raise ValueError("out of range")
-        return DepthTolerance(*figures)
+        return found
     except (KeyError, ValueError) as error:
         what = f"the depth tolerance of {run.sim_domain} and {run.real_domain}"
         raise RequestError(

@@ -12,6 +12,7 @@ from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps.harm import Harm
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.inference import Backend, open_backend
+from s2rtools.inference.backend import is_float32
 from s2rtools.inference.calibration import BACKENDS
 from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.pose_network import LoadedModel
@@ -108,7 +109,7 @@ class RunBackends:
         facts = self.heatmaps.facts()
         if kind == Occlusion.name and self.differences not in (None, FLOAT32):
             facts["differences"] = str(self.differences)
-        if kind in _OF_CHANGED_INPUTS and self.predictions.precision == FLOAT32:
+        if kind in _OF_CHANGED_INPUTS and is_float32(self.predictions.precision):
             facts["poses"] = self.predictions.name
         return facts
 

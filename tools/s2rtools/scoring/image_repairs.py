@@ -172,4 +172,4 @@ def _repaired(
 def _errors(
     backend: Backend, x: NDArray[np.float32], truth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    return pose_errors(backend.forward_all(x).pose, truth)[:, 0]
+    return pose_errors(backend.poses(x), truth)[:, 0]

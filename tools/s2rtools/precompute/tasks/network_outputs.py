@@ -21,7 +21,7 @@ from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
-from s2rtools.precompute.run_backends import FLOAT32, RunBackends
+from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
 DEPTH_MODES = ("depth", "rgbd")
@@ -164,7 +164,7 @@ def compute_outputs(
                 )
                 for side in SIDES
             )
-            predictor = backend if backend.precision == FLOAT32 else None
+            predictor = backend if backend.is_float32 else None
             pair = PairBatch(
                 heatmap_backend.model, heatmap_backend, sim, real, alignment, predictor
             )
