@@ -50,7 +50,9 @@ def available(store: Store, run: str) -> tuple[str, ...]:
 
 def shown(store: Store, run: str, name: str) -> MapValue:
     """The value of a name; the shift where the run does not have it."""
-    return MAP_VALUES[name if name in available(store, run) else SHIFT]
+    if name.startswith("share.") and name not in available(store, run):
+        name = SHIFT
+    return MAP_VALUES[SHIFT if run == NO_RUN else name]
 
 
 def require_available(store: Store, run: str, name: str) -> None:

@@ -87,10 +87,10 @@ def toggle_trained(context: SessionContext, state: State) -> State:
     """
     target = pending_target.final_target(state)
     included = not target.with_trained
-    if included and state.pending is None and not state.trained.any():
-        return state.with_message(_nothing_to_include(context.store, state))
     result = go_to(context, state, replace(target, with_trained=included))
     message = replace(result, with_trained=included).population_message
+    if included and state.pending is None and not state.trained.any():
+        message = _nothing_to_include(context.store, state)
     return (
         result
         if result.is_error

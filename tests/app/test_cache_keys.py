@@ -60,6 +60,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "pending": lambda _, state: PendingTarget(state.runs[1], state.generation),
     "adjust": lambda _, state: replace(ADJUST, values=((SLIDER.key, 1.2),)),
     "map_mode": lambda _, state: "full",
+    "map_value": lambda _, state: "gap",
     "overlay": lambda _, state: "run",
     "aggregate": lambda _, state: "max",
     "clip": lambda _, state: not state.clip,

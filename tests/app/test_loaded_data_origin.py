@@ -129,11 +129,11 @@ async def test_lines_are_labelled_by_their_side(
     app = make_app(tiny_store)
     async with app.run_test(size=(120, 40)) as pilot:
         await press(app, pilot, "c")
-        assert subtitle(app, "overview") == "accuracy; one line per instance, real"
+        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
         lines = app.resources.lines
         await pilot.press("d")
         app.resources = replace(app.resources, lines=lines)
-        assert subtitle(app, "overview") == "accuracy; one line per instance, real"
+        assert subtitle(app, "overview") == "accuracy; a line per instance, real"
 
 
 async def test_a_live_prediction_is_shown_only_for_its_run_and_instance(tiny_store: Path) -> None:

@@ -53,6 +53,8 @@ HEATS = (
     "activation:loss", "activation:x", "activation:y", "activation:heading", "feature_distance",
     "pixel_difference:rgb", "pixel_difference:depth", "harmonised_distance",
     "harmonised_difference", "occlusion:rgb", "occlusion:depth", "occlusion:rgbd",
+    "harm:position", "harm:heading", "harm:loss", "harm_fine:position", "harm_fine:heading",
+    "harm_fine:loss",
 )  # fmt: skip
 MOVES = "sim:camera_height=0.1,brightness=1.2,camera_pitch=-5,camera_fov=6"
 
@@ -251,7 +253,7 @@ def test_every_kind_of_array_is_covered(computed: Path) -> None:
             known = heatmaps.heatmap_choices(store, run)
             assert sorted(":".join(filter(None, names)) for names in known) == sorted(HEATS)
         kinds = {record.kind for record in store.array_kinds("up")}
-    assert kinds >= {"prediction", "embedding", "pca", "umap", "neighbour_distance"}
+    assert kinds >= {"prediction", "embedding", "pca", "umap", "neighbour_distance", "gap_shares"}
     assert kinds >= {"frames:rgb", "frames:depth", "map:occlusion"}
     parts = {}
     for shard in shard_files(computed):

@@ -28,8 +28,16 @@ def with_chain(path: Path, *steps: dict[str, object]) -> Session:
 @pytest.mark.parametrize(
     ("channels", "missing", "reason"),
     [
-        ("rgb", {"depth_range", "depth_blur"}, "the model takes no depth"),
-        ("depth", {"brightness", "contrast", "temperature"}, "the model takes no colours"),
+        (
+            "rgb",
+            {"depth_range", "depth_blur", "depth_noise", "depth_holes"},
+            "the model takes no depth",
+        ),
+        (
+            "depth",
+            {"brightness", "contrast", "temperature", "vignette"},
+            "the model takes no colours",
+        ),
     ],
 )
 def test_sliders_of_images_that_the_model_does_not_take_are_left_out(

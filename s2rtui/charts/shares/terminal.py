@@ -63,10 +63,14 @@ def _draw_bar(
         canvas.put(x, y, block, colour)
     if math.isfinite(mean.low):
         low, high = (_column(model, value, left, width) for value in (mean.low, mean.high))
+        is_cut = mean.low < model.scale[0], mean.high > model.scale[1]
         line = "-" if canvas.options.ascii else "─"
         for x in range(low, high + 1):
             if not min(zero, end) <= x <= max(zero, end):
                 canvas.put(x, y, line, theme.text)
+        for at, glyph, is_beyond in ((low, "<", is_cut[0]), (high, ">", is_cut[1])):
+            if is_beyond:
+                canvas.put(at, y, glyph, theme.text, bold=True)
     overall = _column(model, bar.overall, left, width)
     canvas.put(overall, y, glyphs.truth, theme.truth, bold=True)
 
