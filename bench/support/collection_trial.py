@@ -15,7 +15,7 @@ from s2rstore.geometry.rooms import room_codes
 from s2rstore.records import SPLITS, Room, Side
 from s2rtools.common.weights_file import read_state
 from s2rtools.data_collection import CollectionRequest, Method
-from s2rtools.data_collection.candidates import Candidates, world_candidates
+from s2rtools.data_collection.candidates import CandidatePoses, world_candidates
 from s2rtools.data_collection.evidence import Evidence
 from s2rtools.data_collection.expected_reduction import LocalValues, local_values
 from s2rtools.data_collection.plan import choose_poses
@@ -74,7 +74,7 @@ class Trial:
         self.model = shipped_model(settings.model)
 
     @cached_property
-    def candidates(self) -> Candidates:
+    def candidates(self) -> CandidatePoses:
         return world_candidates(self.world, self.rooms, self.room_names)
 
     @cached_property

@@ -220,9 +220,9 @@ class Store(DatasetReader):
     ) -> NDArray[np.float32]:
         """One instance's heatmap (rows, columns); see the kind's record for the unit.
 
-        `mode` picks x, y, heading or loss for `activation`; rgb, depth or rgbd for `occlusion`, as
-        far as the model has these channels; rgb or depth for `pixel_difference`. Occlusion gives
-        its metres.
+        `mode` picks x, y, heading or loss for `activation`; position, heading or loss for `harm`
+        and `harm_fine`; rgb, depth or rgbd for `occlusion`, as far as the model has these
+        channels; rgb or depth for `pixel_difference`. Occlusion gives its metres.
         """
         self.check_instance(iid)
         return np.asarray(self.heatmaps(run, kind, side, iid, iid + 1, mode)[0])
@@ -251,7 +251,7 @@ class Store(DatasetReader):
         if block.ndim == 3:
             return block
         if planes and mode not in planes:
-            raise RequestError(f"{kind} has no mode {mode!r} (modes: x, y, heading, loss)")
+            raise RequestError(f"{kind} has no mode {mode!r} (modes: {', '.join(planes)})")
         return np.asarray(block[:, planes[str(mode)] if planes else 0])
 
     def map_grid(

@@ -16,7 +16,7 @@ from s2rstore.geometry import angles
 from s2rstore.language import evaluation
 from s2rtools.data_collection import METHODS, CollectionRequest, plan_collection
 from s2rtools.data_collection.batch_choice import Coverage, choose_batch
-from s2rtools.data_collection.candidates import Candidates, find_candidates, is_free
+from s2rtools.data_collection.candidates import CandidatePoses, find_candidates, is_free
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import local_values
 from s2rtools.data_collection.plan import choose_poses
@@ -24,16 +24,16 @@ from s2rtools.data_collection.pose_similarity import PoseSimilarity
 from tests.support import tiny
 
 
-def grid(columns: int = 12, rows: int = 6, headings: int = 4) -> Candidates:
+def grid(columns: int = 12, rows: int = 6, headings: int = 4) -> CandidatePoses:
     """Places half a metre apart; the left half is room 0, the right half room 1."""
     x, y = np.meshgrid(0.5 * np.arange(columns), 0.5 * np.arange(rows))
     places = np.column_stack([x.ravel(), y.ravel()])
     turns = np.linspace(-np.pi, np.pi, headings, endpoint=False)
     rooms = (places[:, 0] >= columns / 4).astype(np.int32)
-    return Candidates(places, turns, np.ones((len(places), headings), bool), rooms, "a grid")
+    return CandidatePoses(places, turns, np.ones((len(places), headings), bool), rooms, "a grid")
 
 
-def evidence_at(candidates: Candidates, real_error: np.ndarray, **changes: object) -> Evidence:
+def evidence_at(candidates: CandidatePoses, real_error: np.ndarray, **changes: object) -> Evidence:
     """An instance at every candidate pose, with a sim error of 0.5 m."""
     cells = np.arange(candidates.usable.size)
     known = Evidence(
@@ -50,7 +50,7 @@ def evidence_at(candidates: Candidates, real_error: np.ndarray, **changes: objec
     return replace(known, **changes)
 
 
-def chosen(candidates: Candidates, evidence: Evidence, **request: object) -> np.ndarray:
+def chosen(candidates: CandidatePoses, evidence: Evidence, **request: object) -> np.ndarray:
     wanted = CollectionRequest("r", **request)
     values = local_values(candidates, evidence, wanted.similarity)
     return choose_poses(candidates, evidence, values, wanted).cells

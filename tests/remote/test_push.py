@@ -23,6 +23,7 @@ from s2rstore.errors import UnreachableStoreError
 from s2rstore.files import layout
 from s2rstore.files.ledger import generation_file
 from s2rstore.index.transaction import edit
+from s2rstore.maintenance import push
 from s2rstore.maintenance.verify import check, verify
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
@@ -212,6 +213,43 @@ def test_newer_and_other_targets_are_refused_unless_told(
     with s2rstore.open(url) as reader:
         assert len(reader.instances) == 16
     assert not check(url).damages
+
+
+@pytest.mark.parametrize("is_new", [True, False], ids=["new", "old"])
+def test_a_push_that_another_one_overtakes_publishes_nothing(
+    s3: S3Server, store_copy: Path, tmp_path: Path, writer: None, monkeypatch, capsys, is_new
+) -> None:
+    url = f"s3://{BUCKET}/overtaken-{is_new}/own.s2r"
+    if not is_new:
+        pushed(store_copy, url, capsys)
+    other = copy_store(store_copy, tmp_path / "other.s2r")
+    for store in (store_copy, other):
+        with edit(store) as draft:
+            draft.set_provenance("test", {"key": store.name})
+    monkeypatch.setattr(push, "_refuse_replacing", check := Overtaken(s3, url, other))
+    assert main(["push", str(store_copy), url]) == 2
+    assert "another push published meanwhile; run it again" in capsys.readouterr().err
+    etag = hashlib.md5((other / layout.CURRENT).read_bytes()).hexdigest()
+    assert objects(s3, url)[layout.CURRENT].strip('"') == etag
+    assert check.calls == 2
+    pushed(store_copy, url, capsys, "--force")
+    with s2rstore.open(url) as reader:
+        assert reader.provenance("test") == {"key": store_copy.name}
+
+
+class Overtaken:
+    """The check before a replacement; another store is published right after the last one."""
+
+    def __init__(self, s3: S3Server, url: str, other: Path) -> None:
+        self._check, self._client, self._other = push._refuse_replacing, s3.client(), other
+        self._name = f"{url.removeprefix(f's3://{BUCKET}/')}/{layout.CURRENT}"
+        self.calls = 0
+
+    def __call__(self, *arguments) -> None:
+        self._check(*arguments)
+        self.calls += 1
+        if self.calls == 2:
+            obstore.put(self._client, self._name, (self._other / layout.CURRENT).read_bytes())
 
 
 def test_wrong_keys_are_one_line_without_them(

@@ -9,8 +9,13 @@ import pytest
 
 import s2rstore
 from s2rstore.errors import InconclusiveError
-from s2rtools.suggestions.held_out_split import split_instances
+from s2rstore.index.transaction import edit
+from s2rstore.metrics.bootstrap import mean_interval, student_quantile
+from s2rtools.suggestions.held_out_split import Part, split_instances
+from s2rtools.suggestions.simulator_match import SimulatorMatch
+from s2rtools.suggestions.sliders import Slider
 from tests.support import tiny
+from tests.support.copies import copy_store
 
 
 @pytest.fixture(scope="module")
@@ -25,17 +30,17 @@ def test_no_instance_is_in_both_parts(store: Path) -> None:
         fit, judge = split_instances(opened, "dataaug", 1000, 1000)
         assert not set(fit.iids) & set(judge.iids)
         assert set(fit.iids) | set(judge.iids) == set(range(160))
-        assert not set(fit.blocks) & set(judge.blocks)
+        assert not set(fit.units) & set(judge.units)
 
 
 def test_the_parts_are_blocks_of_neighbours_of_one_trajectory(store: Path) -> None:
     with s2rstore.open(store) as opened:
         for part in split_instances(opened, "dataaug", 1000, 1000):
-            for block in np.unique(part.blocks):
-                iids = part.iids[part.blocks == block]
+            for block in np.unique(part.units):
+                iids = part.iids[part.units == block]
                 assert (np.diff(iids) == 1).all()
                 assert np.unique(opened.instances.trajectory[iids]).size == 1
-            assert np.unique(part.blocks).size >= 3
+            assert np.unique(part.units).size >= 3
 
 
 def test_trained_instances_are_in_neither_part(store: Path) -> None:
@@ -59,3 +64,77 @@ def test_too_few_new_instances_are_inconclusive(tmp_path: Path) -> None:
     path = tiny.build(tmp_path / "s.s2r", n=40, trained=("vanilla",))
     with s2rstore.open(path) as opened, pytest.raises(InconclusiveError, match="needs 16"):
         split_instances(opened, "vanilla", 10, 10)
+
+
+def with_trajectories(store: Path, path: Path, lengths: list[int]) -> Path:
+    """A copy whose instances belong to trajectories of other lengths."""
+    copy_store(store, path)
+    first = 0
+    with edit(path) as draft:
+        for name in ("a", "b"):
+            draft.delete("trajectory", trajectory=name)
+        for number, length in enumerate(lengths):
+            draft.insert_row("trajectory", {"trajectory": f"t{number}", "instances": length})
+            for seq in range(length):
+                changes = {"trajectory": f"t{number}", "seq": seq}
+                draft.update("instance", {"iid": first + seq}, changes)
+            first += length
+    return path
+
+
+@pytest.mark.parametrize(
+    "lengths", [[27, 27, 27, 27, 26, 26], [10, 40, 10, 40, 10, 40, 10], [16] * 10]
+)
+def test_six_and_more_trajectories_are_divided_as_a_whole(store: Path, tmp_path, lengths) -> None:
+    path = with_trajectories(store, tmp_path / "many.s2r", lengths)
+    with s2rstore.open(path) as opened:
+        fit, judge = split_instances(opened, "dataaug", 1000, 1000)
+        trajectory = opened.instances.trajectory
+        for part in (fit, judge):
+            np.testing.assert_array_equal(part.units, trajectory[part.iids])
+        assert not set(fit.units) & set(judge.units)
+        assert np.unique(judge.units).size - np.unique(fit.units).size in (0, 1)
+        assert fit.iids.size + judge.iids.size == 160
+        assert min(fit.iids.size, judge.iids.size) >= 60
+
+
+def test_one_long_trajectory_among_six_leaves_alternating_blocks(store: Path, tmp_path) -> None:
+    path = with_trajectories(store, tmp_path / "long.s2r", [80, 16, 16, 16, 16, 16])
+    with s2rstore.open(path) as opened:
+        fit, judge = split_instances(opened, "dataaug", 1000, 1000)
+        trajectory = opened.instances.trajectory
+        assert set(trajectory[fit.iids]) & set(trajectory[judge.iids])
+
+
+LEVELS = np.array([1.0, 3.0, 2.0, 5.0])
+TRAJECTORIES = np.repeat(np.arange(4), 30)
+
+
+def test_intervals_of_a_part_resample_its_units() -> None:
+    """Student's interval of four levels, where blocks in each would be far more certain."""
+    part = Part(np.arange(120), TRAJECTORIES)
+    values = LEVELS[TRAJECTORIES]
+    found = part.mean(values)
+    margin = student_quantile(3, 0.95) * LEVELS.std(ddof=1) / 2
+    assert found.high - found.low == pytest.approx(2 * margin, rel=0.15)
+    by_block = mean_interval(values, TRAJECTORIES)
+    assert found.high - found.low > 2 * (by_block.high - by_block.low)
+    assert part.resampled.unit_count == 4
+    assert part.mean(values, 4).low < found.low
+
+
+class _Level:
+    """Residuals (n, 1) of a value that each trajectory has another truth of."""
+
+    def residuals(self, values) -> np.ndarray:
+        return 1e-3 * (values["level"] - LEVELS[TRAJECTORIES])[:, None]
+
+
+def test_intervals_of_fitted_values_resample_the_units_of_the_fit() -> None:
+    match = object.__new__(SimulatorMatch)
+    match._fit_part, match._whole = Part(np.arange(120), TRAJECTORIES), _Level()
+    match._weights, match._chain = np.ones(1), dict
+    level = Slider("level", "level", "m", 0.0, 0.0, 10.0, 3)
+    found = match.intervals({"level": float(LEVELS.mean())}, [level])["level"]
+    margin = student_quantile(3, 0.95) * LEVELS.std(ddof=1) / 2
+    assert found.high - found.low == pytest.approx(2 * margin, rel=0.15)

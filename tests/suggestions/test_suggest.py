@@ -21,9 +21,13 @@ from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
 from s2rtools.suggestions import SuggestSettings, suggest
 from s2rtools.suggestions.answers import SuggestReport, from_json
+from s2rtools.suggestions.held_out_split import split_instances
+from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
 from s2rtools.suggestions.settings import parse_duration, parse_share
-from s2rtools.suggestions.sliders import sliders_of
+from s2rtools.suggestions.simulator_match import SimulatorMatch
+from s2rtools.suggestions.sliders import Slider, sliders_of
 from s2rtools.suggestions.stored_reports import apply_answer, read_report, save_report
+from s2rtools.suggestions.suggest import _on_whole_frames
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
 from tests.support.copies import copy_store
@@ -92,6 +96,45 @@ def test_the_front_grows_with_the_number_of_changes(report: SuggestReport) -> No
         for answer in report.answers
         for change in answer.changes
     )
+
+
+def test_the_gain_on_the_fit_is_that_of_the_values_shown(
+    camera_world: Path, report: SuggestReport
+) -> None:
+    with s2rstore.open(camera_world) as store:
+        match = SimulatorMatch(store, store.run("r"), *split_instances(store, "r", 8, 16))
+        start = match.whole_cost({})
+        shown = [
+            ({change.name: change.value for change in answer.changes}, answer.fitted)
+            for answer in report.answers
+        ] + [(each.values, each.fitted) for each in report.factors]
+        for values, fitted in shown:
+            assert fitted == pytest.approx(1 - match.whole_cost(values) / start, abs=1e-9)
+
+
+class _Bowl:
+    """A match whose whole frames have the minimum at a=0.5, b=0, and a cost of 1 there."""
+
+    def whole_cost(self, values) -> float:
+        return 1 + (values.get("a", 0.0) - 0.5) ** 2 + values.get("b", 0.0) ** 2
+
+    def refined(self, values, sliders):
+        return {name: {"a": 0.5, "b": 0.0}[name] for name in values}
+
+
+def test_candidates_are_compared_by_their_refined_values_on_whole_frames() -> None:
+    sliders = {name: Slider(name, name, "m", 0.0, -1.0, 1.0, 3) for name in "ab"}
+    searched = SearchResult(9.0)
+    searched.candidates = {
+        1: Candidate({"b": 0.2}, 5.0), 2: Candidate({"a": 0.3, "b": 0.2}, 3.0),
+    }  # fmt: skip
+    searched.factors = [FactorFit("b", {"b": 0.2}, 5.0), FactorFit("a", {"a": 0.3}, 6.0)]
+    whole = _on_whole_frames(_Bowl(), searched, sliders)
+    assert whole.start == 1.25
+    assert whole.candidates == {1: Candidate({"a": 0.5}, 1.0)}
+    assert [(each.factor, each.cost) for each in whole.factors] == [
+        ("a", pytest.approx(1.04)), ("b", pytest.approx(1.29)),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("side", "reason"), [("sim", "do not differ"), ("real", "no gap")])

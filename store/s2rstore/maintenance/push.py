@@ -1,6 +1,7 @@
 """Copy the published generation of a store to object storage, so that others can read it there.
 
 Files that never change go first, `CURRENT.json` last: readers see the old generation or the new.
+`CURRENT.json` is replaced only in the version that was checked, where the server supports that.
 An object is skipped where its size and checksum are those of the file, so that an interrupted copy
 is resumed. Nothing is deleted.
 """
@@ -82,13 +83,23 @@ def push(root: Path, url: StoreUrl, progress: Progress, force: bool = False) -> 
     if history:
         content = safe_files.read(root, layout.GAP_HISTORY)
         transfer.send_content(layout.GAP_HISTORY, content, _CHANGING)
-    if not force:
-        _refuse_replacing(root, current, there)
     content = safe_files.read(root, layout.CURRENT)
     if msgspec.json.decode(content, type=layout.Current) != current:
         content = msgspec.json.encode(current)
-    transfer.send_content(layout.CURRENT, content, _CHANGING)
+    if force:
+        transfer.send_content(layout.CURRENT, content, _CHANGING)
+    else:
+        etag = _version(there)
+        _refuse_replacing(root, current, there)
+        transfer.publish(content, etag)
     return PushResult(current.generation, transfer.sent, transfer.bytes, transfer.skipped)
+
+
+def _version(there: RemoteFiles) -> str | None:
+    """The ETag of the published state of the target; None where it has none."""
+    with suppress(FileNotFoundError):
+        return there.client.head(layout.CURRENT).etag
+    return None
 
 
 def _refuse_replacing(root: Path, current: layout.Current, there: RemoteFiles) -> None:
@@ -146,6 +157,25 @@ class _Transfer:
         """The lines of all files that are there, by path."""
         entries = sorted(self._entries, key=lambda entry: entry.path)
         return b"".join(msgspec.json.encode(entry) + b"\n" for entry in entries)
+
+    def publish(self, content: bytes, etag: str | None) -> None:
+        """Send `CURRENT.json` in place of its version `etag`, unless it is there.
+
+        Raises RequestError where another push has replaced that version.
+        """
+        name, sha256 = layout.CURRENT, hashlib.sha256(content).hexdigest()
+        known = len(content), sha256, _md5(content)
+        attributes = {CHECKSUM: sha256, **_CHANGING}
+        is_there = self._is_there(name, *known)
+        if not (
+            is_there
+            or self._client.put_unless_changed(name, content, attributes, etag)
+            # A repeated request finds the object of the first one, whose answer was lost.
+            or self._is_there(name, *known)
+        ):
+            where = self._client.url
+            raise RequestError(f"{where}: another push published meanwhile; run it again")
+        self._count(len(content), not is_there)
 
     def send_content(self, name: str, content: bytes, attributes: dict[str, str]) -> None:
         """Send a small file whose content is known, unless it is there."""

@@ -21,6 +21,7 @@ from s2rstore.errors import RequestError, UnreachableStoreError
 from s2rstore.remote.store_url import StoreUrl
 
 if TYPE_CHECKING:
+    from obstore import PutMode
     from obstore.store import ClientConfig, HTTPStore, RetryConfig, S3Store
 
 TIMEOUT_VARIABLE = "S2R_REMOTE_TIMEOUT"
@@ -40,6 +41,9 @@ _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 _KIND = re.compile(r"kind: (Timeout|TimedOut|Connect|Interrupted)\b")
 _NO_SUCH_RANGE = "416"
 """Status of a request for a part of an empty object."""
+_CONFLICT, _NOT_IMPLEMENTED = "409", "501"
+_CONDITION_STATUS = (_CONFLICT, _NOT_IMPLEMENTED)
+"""Status where another writer came first, and where the server knows no conditions."""
 _STATUS = re.compile(r"status(?: code)?: (\d{3})\b")
 
 
@@ -186,6 +190,40 @@ class ObjectClient:
 
         with self._explained(name, "written"):
             obstore.put(self._store, name, content, attributes=dict(attributes))
+
+    def put_unless_changed(
+        self, name: str, content: bytes, attributes: Mapping[str, str], etag: str | None
+    ) -> bool:
+        """Replace the version `etag` of an object, or create it where `etag` is None.
+
+        False, and nothing is written, where the object has another version or, for None, exists.
+        A server that knows no conditions, or stated an empty or weak `etag`, replaces any version.
+        """
+        import obstore
+        from obstore.exceptions import (
+            AlreadyExistsError,
+            BaseError,
+            NotFoundError,
+            PreconditionError,
+        )
+
+        if etag is not None and (not etag or etag.startswith("W/")):
+            self.put(name, content, attributes)
+            return True
+        mode: PutMode = "create" if etag is None else {"e_tag": etag}
+        with self._explained(name, "written"):
+            try:
+                obstore.put(self._store, name, content, attributes=dict(attributes), mode=mode)
+            except (AlreadyExistsError, NotFoundError, PreconditionError):
+                return False
+            except BaseError as error:
+                status = _STATUS.search(str(error))
+                if status is None or status[1] not in _CONDITION_STATUS:
+                    raise
+                if status[1] == _CONFLICT:
+                    return False
+                obstore.put(self._store, name, content, attributes=dict(attributes))
+        return True
 
     @contextmanager
     def _explained(self, name: str, done: str = "read") -> Iterator[None]:

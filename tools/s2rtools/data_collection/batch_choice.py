@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rtools.data_collection.candidates import Candidates
+from s2rtools.data_collection.candidates import CandidatePoses
 from s2rtools.data_collection.pose_similarity import Codes, Floats, Poses, PoseSimilarity
 
 _ROWS = 512
@@ -42,7 +42,7 @@ class Coverage:
     """How well each candidate pose is covered by images, (P, H) in [0, 1], and its weight."""
 
     def __init__(
-        self, candidates: Candidates, reducible: Floats, similarity: PoseSimilarity
+        self, candidates: CandidatePoses, reducible: Floats, similarity: PoseSimilarity
     ) -> None:
         """`reducible` (P, H) in metres; poses that are not usable count nothing."""
         self._candidates, self._similarity = candidates, similarity
@@ -94,7 +94,7 @@ class Coverage:
         return float((self.covered * self.weight).sum())
 
 
-def choose_batch(coverage: Coverage, candidates: Candidates, budget: int) -> Batch:
+def choose_batch(coverage: Coverage, candidates: CandidatePoses, budget: int) -> Batch:
     """The greedy batch of at most `budget` usable candidates; deterministic."""
     before = coverage.covered_weight
     usable = np.flatnonzero(candidates.usable)

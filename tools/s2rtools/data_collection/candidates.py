@@ -30,7 +30,7 @@ _GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
+class CandidatePoses:
     """Places (P, 2) in metres, headings (H,) in radians, and which pairs of both are usable.
 
     `usable` (P, H); `rooms` (P,) are codes into the names of the store's rooms, -1 for none.
@@ -58,7 +58,7 @@ class Candidates:
         return self.rooms[cells // self.headings.size]
 
 
-def find_candidates(store: Store, headings: int = HEADINGS) -> Candidates:
+def find_candidates(store: Store, headings: int = HEADINGS) -> CandidatePoses:
     """The poses at which a robot could take an image.
 
     Of a synthetic world they are its free floor without views of a near wall; else places
@@ -86,7 +86,7 @@ def find_candidates(store: Store, headings: int = HEADINGS) -> Candidates:
 
 def world_candidates(
     world: World, rooms: Sequence[Room], names: Sequence[str], headings: int = HEADINGS
-) -> Candidates:
+) -> CandidatePoses:
     """The free floor of a synthetic world, without views of a near wall.
 
     Rooms are codes into `names`.
@@ -107,9 +107,9 @@ def _candidates(
     rooms: Sequence[Room],
     names: Sequence[str],
     origin: str,
-) -> Candidates:
+) -> CandidatePoses:
     codes = room_codes(places[:, 0], places[:, 1], rooms, names)
-    return Candidates(places, _turns(usable.shape[1]), usable, codes, origin)
+    return CandidatePoses(places, _turns(usable.shape[1]), usable, codes, origin)
 
 
 def is_free(world: World, points: Floats) -> NDArray[np.bool_]:

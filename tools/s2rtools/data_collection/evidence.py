@@ -13,7 +13,7 @@ from s2rstore.reader import Store
 from s2rstore.records import SPLITS
 from s2rtools.data_collection.pose_similarity import Codes, Floats, Poses
 
-_HARM_KIND = "harm"
+_HARM_KIND, _HARM_PLANE = "harm", "position"
 _HARM_ROWS = 256
 
 
@@ -72,15 +72,20 @@ def read_evidence(store: Store, run: str) -> Evidence:
 
 
 def _harm(store: Store, run: str, iids: NDArray[np.intp]) -> Floats | None:
-    """The sum of the positive harm in each real image (k,), metres; None where it is unknown."""
+    """The sum of the positive harm in each real image (k,), metres; None where it is unknown.
+
+    `iids` (k,) ascend; only blocks of instances that hold one of them are read.
+    """
     if not any(record.kind == _HARM_KIND for record in store.array_kinds(run)):
         return None
     parts = []
     try:
-        for start in range(0, len(store.instances), _HARM_ROWS):
-            stop = min(start + _HARM_ROWS, len(store.instances))
-            heat = store.heatmaps(run, _HARM_KIND, "real", start, stop)
-            parts.append(np.nansum(np.maximum(heat, 0.0), axis=(1, 2), dtype=np.float64))
+        for start in np.unique(iids // _HARM_ROWS) * _HARM_ROWS:
+            chosen = iids[(iids >= start) & (iids < start + _HARM_ROWS)]
+            first, stop = int(chosen[0]), int(chosen[-1]) + 1
+            heat = store.heatmaps(run, _HARM_KIND, "real", first, stop, _HARM_PLANE)
+            heat = np.maximum(heat[chosen - first], 0.0)
+            parts.append(np.nansum(heat, axis=(1, 2), dtype=np.float64))
     except NotComputedError:
         return None
-    return np.concatenate(parts)[iids]
+    return np.concatenate(parts)

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from s2rtools.data_collection.candidates import Candidates
+from s2rtools.data_collection.candidates import CandidatePoses
 from s2rtools.data_collection.evidence import Evidence
 from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
 
@@ -62,7 +62,7 @@ class LocalValues:
 
 
 def local_values(
-    candidates: Candidates, evidence: Evidence, similarity: PoseSimilarity
+    candidates: CandidatePoses, evidence: Evidence, similarity: PoseSimilarity
 ) -> LocalValues:
     """Expected errors, novelty and harm at each candidate pose."""
     harm = np.ones(len(evidence)) if evidence.harm is None else evidence.harm

@@ -16,7 +16,7 @@ from s2rstore.language import to_text
 from s2rstore.language.syntax_tree import Ids
 from s2rstore.reader import Store
 from s2rtools.data_collection.batch_choice import Batch, Coverage, add_in_order, choose_batch
-from s2rtools.data_collection.candidates import Candidates, find_candidates
+from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
 from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
@@ -129,7 +129,7 @@ def plan_collection(store: Store, request: CollectionRequest) -> CollectionPlan:
 
 
 def choose_poses(
-    candidates: Candidates, evidence: Evidence, values: LocalValues, request: CollectionRequest
+    candidates: CandidatePoses, evidence: Evidence, values: LocalValues, request: CollectionRequest
 ) -> Batch:
     """The batch of the request's method; the gains of a random one are those of `combined`."""
     weighting: Method = "combined" if request.method == "random" else request.method

@@ -49,8 +49,8 @@ class Agreement:
 class Answer:
     """A change of the run with its gain on the instances of the judgement.
 
-    fitted: gain on those of the fit. gain: in the unit of the report, with an interval that holds
-    for all answers at once. chain: the chain of the side.
+    fitted: gain of these values on whole frames of the fit. gain: in the unit of the report, with
+    an interval that holds for all answers at once. chain: the chain of the side.
     """
 
     changes: tuple[Change, ...]
@@ -103,7 +103,8 @@ class SuggestReport:
     before: mean cost on the judged instances: real error in metres (`real`), or mismatch (`sim`).
     gap: real minus sim error of the judged instances, metres. answers: by number of changes.
     best: place of the suggested answer, None where nothing helps; reason says why.
-    screening: sliders with their best value alone and its gain on the fit, best first.
+    screening: sliders with their best value alone and its gain in the search, which may take
+    subsampled frames of the fit, best first.
     factors: what each factor alone gains, by the gain on the fit, best first.
     """
 

@@ -1,14 +1,20 @@
-"""The instances of the fit and those of the judgement: alternating blocks of each trajectory."""
+"""The instances of the fit and those of the judgement: whole trajectories, or blocks of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import InconclusiveError
-from s2rstore.metrics.bootstrap import split_into_blocks
+from s2rstore.metrics.bootstrap import (
+    Blocks,
+    Interval,
+    mean_interval,
+    simultaneous,
+    split_into_blocks,
+)
 from s2rstore.metrics.run_metrics import population
 from s2rstore.reader import Store
 
@@ -19,24 +25,39 @@ _FEWEST_BLOCKS = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Instances in recording order: `iids` (n,), and the code (n,) of the block of each."""
+    """Instances in recording order: `iids` (n,), and the code (n,) of the unit of each.
+
+    Units count as independent and are what intervals resample: trajectories where
+    `split_instances` divides by them, else blocks of neighbouring instances.
+    """
 
     iids: NDArray[np.int64]
-    blocks: NDArray[np.int64]
+    units: NDArray[np.int64]
+
+    @property
+    def resampled(self) -> Blocks:
+        """The rows of each unit as one block."""
+        return split_into_blocks(self.units, self.iids.size)
+
+    def mean(self, values: NDArray[np.float64], compared: int = 1) -> Interval:
+        """The mean of values (n,) of the instances, for `compared` intervals at once."""
+        settings = replace(simultaneous(compared), block_length=max(1, self.iids.size))
+        return mean_interval(values, self.units, settings)
 
     def thinned(self, most: int) -> Part:
         """At most `most` of the instances, evenly spread."""
         n = self.iids.size
         rows = np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
-        return Part(self.iids[rows], self.blocks[rows])
+        return Part(self.iids[rows], self.units[rows])
 
 
 def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[Part, Part]:
     """At most `fitted` instances to fit on, and `judged` others to judge on.
 
-    Blocks of neighbouring instances alternate between the parts, so that neighbours, which look
-    alike, are in one part. Instances that the run's model was trained on are in neither. Raises
-    InconclusiveError where there are too few.
+    Where intervals resample whole trajectories, by the rule of `Blocks.by_trajectory`, each
+    trajectory is in one part. Else blocks of neighbouring instances alternate between the parts,
+    so that neighbours, which look alike, are in one part. Instances that the run's model was
+    trained on are in neither. Raises InconclusiveError where there are too few.
     """
     iids = store.in_recording_order(population(store, run))
     if iids.size < MIN_INSTANCES:
@@ -44,10 +65,30 @@ def split_instances(store: Store, run: str, fitted: int, judged: int) -> tuple[P
             f"{store.path}: run {run} has {iids.size} instances that its model was not trained "
             f"on; a search needs {MIN_INSTANCES}"
         )
-    trajectories = store.instances.trajectory[iids]
+    trajectories = store.instances.trajectory[iids].astype(np.int64)
     length = max(1, min(int(np.ceil(np.sqrt(iids.size))), iids.size // (2 * _FEWEST_BLOCKS)))
-    blocks = split_into_blocks(trajectories.astype(np.int64), length)
-    number = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
-    parts = (Part(iids[number % 2 == odd], number[number % 2 == odd]) for odd in (0, 1))
-    fit, judge = parts
+    blocks = split_into_blocks(trajectories, length)
+    if blocks.by_trajectory:
+        units, is_fit = trajectories, np.isin(trajectories, _fitted_trajectories(trajectories))
+    else:
+        units = np.repeat(np.arange(blocks.count), np.diff(blocks.start))
+        is_fit = units % 2 == 0
+    fit, judge = (Part(iids[chosen], units[chosen]) for chosen in (is_fit, ~is_fit))
     return fit.thinned(fitted), judge.thinned(judged)
+
+
+def _fitted_trajectories(trajectories: NDArray[np.int64]) -> list[int]:
+    """Half of the trajectories with about half of the rows; of an odd number, the smaller half.
+
+    `trajectories` (n,) are the codes of the rows. Of each two trajectories of similar length one
+    is fitted: the longer one where the fitted ones have fewer rows so far.
+    """
+    codes, rows = np.unique(trajectories, return_counts=True)
+    by_length = np.argsort(-rows, kind="stable")
+    fitted: list[int] = []
+    surplus = 0
+    for longer, shorter in zip(by_length[0::2], by_length[1::2], strict=False):
+        chosen, other = (shorter, longer) if surplus > 0 else (longer, shorter)
+        surplus += int(rows[chosen] - rows[other])
+        fitted.append(int(codes[chosen]))
+    return fitted

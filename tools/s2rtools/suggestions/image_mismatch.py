@@ -40,7 +40,7 @@ def residuals(sim: Images, real: Images, channels: Channels = "rgbd") -> Floats:
         parts.append(_colours(sim[0]) - _colours(real[0]))
     if channels != "rgb":
         parts.append(_depth_ratio(sim, real))
-        parts.append(_missing(sim[2]) - _missing(real[2]))
+        parts.append(_valid_shares(sim[2]) - _valid_shares(real[2]))
         parts.append(_noise(*sim[1:]) - _noise(*real[1:]))
     scales = [_SCALES[name] for name in _names(channels)]
     return np.concatenate([part / scale for part, scale in zip(parts, scales, strict=True)], axis=1)
@@ -86,7 +86,8 @@ def _depth_ratio(sim: Images, real: Images) -> Floats:
     return means.reshape(len(both), -1)
 
 
-def _missing(valid: NDArray[np.bool_]) -> Floats:
+def _valid_shares(valid: NDArray[np.bool_]) -> Floats:
+    """Share of valid pixels (n, cells) in each cell of masks (n, H, W)."""
     return _cell_means(valid.astype(np.float32), _MISSING_CELLS).reshape(len(valid), -1)
 
 

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from s2rstore.metrics.bootstrap import (
     DEFAULT_SETTINGS,
-    Blocks,
     Interval,
     block_counts,
     corrected,
     percentile_interval,
-    split_into_blocks,
 )
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run
@@ -67,7 +65,7 @@ class SimulatorMatch:
         `values` names all of `sliders`. A step that does not lower the cost is not made.
         """
         present = dict(values)
-        lowest = self._whole_cost(present)
+        lowest = self.whole_cost(present)
         for _ in range(_STEPS):
             normal, slope = self._normal_equations(present, sliders)
             step = -_solved(normal.sum(axis=0)[None], slope.sum(axis=0)[None])[0]
@@ -75,7 +73,7 @@ class SimulatorMatch:
                 slider.name: slider.value(slider.position(present[slider.name] + change))
                 for slider, change in zip(sliders, step.tolist(), strict=True)
             }
-            cost = self._whole_cost(moved)
+            cost = self.whole_cost(moved)
             if not cost < lowest:
                 break
             present, lowest = moved, cost
@@ -89,7 +87,7 @@ class SimulatorMatch:
         Hinkley, "Bootstrap methods and their application", 1997, section 2.7.
         """
         normal, slope = self._normal_equations(values, sliders)
-        blocks = self._blocks
+        blocks = self._fit_part.resampled
         counts = block_counts(blocks)
         steps = -_solved(
             np.einsum("rb,bpq->rpq", counts, normal), np.einsum("rb,bp->rp", counts, slope)
@@ -101,17 +99,13 @@ class SimulatorMatch:
             for column, slider in enumerate(sliders)
         }
 
-    @property
-    def _blocks(self) -> Blocks:
-        return split_into_blocks(self._fit_part.blocks)
-
-    def _whole_cost(self, values: Values) -> float:
+    def whole_cost(self, values: Values) -> float:
         """Mean cost on whole frames of the fit."""
         residuals = self._whole.residuals(self._chain(values))
         return float(image_mismatch.cost(residuals, self._weights).mean())
 
     def _normal_equations(self, values: Values, sliders: Sequence[Slider]) -> tuple[Floats, Floats]:
-        """Matrices (B, p, p) and slopes (B, p) of the robust cost, summed over each block."""
+        """Matrices (B, p, p) and slopes (B, p) of the robust cost, summed over each unit."""
         present = self._whole.residuals(self._chain(values))
         derivatives = np.stack(
             [self._derivative(values, slider) for slider in sliders], axis=-1
@@ -120,7 +114,8 @@ class SimulatorMatch:
         weighted = derivatives * weight[..., None]
         normal = np.swapaxes(weighted, 1, 2) @ derivatives
         slope = (weighted * present[..., None]).sum(axis=1)
-        return self._blocks.sums(normal), self._blocks.sums(slope)
+        units = self._fit_part.resampled
+        return units.sums(normal), units.sums(slope)
 
     def _derivative(self, values: Values, slider: Slider) -> Floats:
         """Central differences (n, m) of the residuals by the value of a slider."""

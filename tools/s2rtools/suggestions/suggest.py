@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.metrics.bootstrap import Interval, mean_interval, simultaneous
+from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.precompute.pipeline import ProgressReporter
@@ -19,7 +20,7 @@ from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.known_truth import true_values
 from s2rtools.suggestions.objective import Floats, Objective, PoseErrors, PosePredictor
 from s2rtools.suggestions.pareto_front import pareto_front, preferred
-from s2rtools.suggestions.search import Candidate, Search, SearchResult
+from s2rtools.suggestions.search import Candidate, FactorFit, Search, SearchResult
 from s2rtools.suggestions.settings import SuggestSettings
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, changed_chain, sliders_of
@@ -80,7 +81,7 @@ class _Judgement:
         """Search, judge the front, and choose the answer."""
         settings, judged = self._settings, self._objective.judged({})
         columns = self._store.run_columns(self._run.run)
-        gap = self._mean(columns.gap[self._judge.iids].astype(np.float64))
+        gap = self._judge.mean(columns.gap[self._judge.iids].astype(np.float64))
         reason = self._nothing_to_do(sliders, judged, gap)
         searched = SearchResult(float(judged.mean()))
         if not reason:
@@ -91,24 +92,25 @@ class _Judgement:
                 settings.changes, settings.evaluations, settings.seed, deadline,
                 _at_most(planned, reporter.advance),
             ).run()  # fmt: skip
-        front = pareto_front(searched.candidates.values(), searched.start)
-        order = _order(searched)
         by_name = {slider.name: slider for slider in sliders}
+        fits = searched if self._match is None else _on_whole_frames(self._match, searched, by_name)
+        front = pareto_front(fits.candidates.values(), fits.start)
+        order = _order(fits)
         truth = true_values(self._store, self._run) if settings.side == "sim" else {}
-        reporter.begin("judge", len(front) + len(searched.factors))
+        reporter.begin("judge", len(front) + len(fits.factors))
         factors = []
-        for fitted in searched.factors:
+        for fitted in fits.factors:
             after = self._objective.judged(fitted.values)
-            gain = self._judged_gain(judged, after, len(searched.factors))
-            share = self._gain(searched.start - fitted.cost, searched.start)
+            gain = self._judged_gain(judged, after, len(fits.factors))
+            share = self._gain(fits.start - fitted.cost, fits.start)
             factors.append(FactorGain(fitted.factor, fitted.values, share, gain))
             reporter.advance(1)
         answers = []
         for candidate in front:
             answers.append(self._answer(candidate, len(front), by_name, order, truth, judged,
-                                        searched.start))  # fmt: skip
+                                        fits.start))  # fmt: skip
             reporter.advance(1)
-        best, why = self._choice(front, answers, searched.start)
+        best, why = self._choice(front, answers, fits.start)
         return SuggestReport(
             run=self._run.run, side=settings.side, key=str(self._run.key), price=settings.price,
             seed=settings.seed, before=float(judged.mean()), gap=gap,
@@ -137,8 +139,6 @@ class _Judgement:
         """A candidate with its gain on the held-out instances."""
         names = sorted(candidate.values, key=lambda name: order[name])
         values = candidate.values
-        if self._match is not None:
-            values = self._match.refined(values, [sliders[name] for name in names])
         after = self._objective.judged(values)
         gain = self._judged_gain(judged, after, compared)
         chain = changed_chain(self._store, self._run, self._settings.side, values)
@@ -162,18 +162,14 @@ class _Judgement:
         The interval of the share is that of a ratio of means, by its linear terms.
         """
         if self._settings.side == "real":
-            return self._mean(before - after, compared)
+            return self._judge.mean(before - after, compared)
         mean = float(before.mean())
         share = float((before - after).mean()) / mean
-        return self._mean((before - after - share * before) / mean + share, compared)
+        return self._judge.mean((before - after - share * before) / mean + share, compared)
 
     def _gain(self, decrease: float, start: float) -> float:
         """A decrease of the cost in the unit of the report."""
         return decrease if self._settings.side == "real" else decrease / max(start, 1e-12)
-
-    def _mean(self, values: Floats, compared: int = 1) -> Interval:
-        """The mean of values (m,) of the judged instances, for `compared` intervals at once."""
-        return mean_interval(values, self._judge.blocks, simultaneous(compared))
 
     def _choice(
         self, front: Sequence[Candidate], answers: Sequence[Answer], start: float
@@ -200,9 +196,34 @@ class _Judgement:
             errors.append(np.hypot(*(poses - truth).T))
         return Agreement(
             float(errors[0].mean()), float(errors[1].mean()), float(real_error.mean()),
-            float(shifts[0].mean()), float(shifts[1].mean()), self._mean(shifts[0] - shifts[1]),
+            float(shifts[0].mean()), float(shifts[1].mean()),
+            self._judge.mean(shifts[0] - shifts[1]),
             _correlation(errors[0], real_error), _correlation(errors[1], real_error),
         )  # fmt: skip
+
+
+def _on_whole_frames(
+    match: SimulatorMatch, searched: SearchResult, sliders: dict[str, Slider]
+) -> SearchResult:
+    """The result of a search with refined candidates and all costs on whole frames of the fit.
+
+    A refined value that is the one of the run is no change.
+    """
+    factors = [
+        FactorFit(each.factor, each.values, match.whole_cost(each.values))
+        for each in searched.factors
+    ]
+    candidates: dict[int, Candidate] = {}
+    for found in pareto_front(searched.candidates.values(), searched.start):
+        values = match.refined(found.values, [sliders[name] for name in found.values])
+        values = {name: value for name, value in values.items() if value != sliders[name].base}
+        made = Candidate(values, match.whole_cost(values))
+        known = candidates.get(made.changes)
+        if values and (known is None or made.cost < known.cost):
+            candidates[made.changes] = made
+    factors.sort(key=lambda fitted: fitted.cost)
+    start = match.whole_cost({})
+    return replace(searched, start=start, factors=factors, candidates=candidates)
 
 
 def _order(searched: SearchResult) -> dict[str, int]:

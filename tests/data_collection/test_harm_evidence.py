@@ -1,0 +1,77 @@
+"""The harm of new real images: which rows, side and plane are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from s2rstore.arrays import array_writer
+from s2rstore.errors import RequestError
+from s2rstore.files import layout
+from s2rstore.index.transaction import edit
+from s2rtools.data_collection import evidence
+from tests.support import tiny
+
+N = 40
+PLANES = ("position", "heading", "loss")
+
+
+def maps(side: str) -> np.ndarray:
+    """Harm (N, 3, 2, 2): per pixel -9, iid, 0 and iid in the plane `position` of real images."""
+    rows = np.full((N, 3, 2, 2), 100.0 if side == "real" else 1000.0, dtype=np.float32)
+    if side == "real":
+        iids = np.arange(N)
+        rows[:, 0] = np.stack([np.full(N, -9), iids, 0 * iids, iids], axis=-1).reshape(N, 2, 2)
+    return rows
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tiny.build(tmp_path_factory.mktemp("harm") / "s.s2r", n=N, runs=("vanilla",))
+    with edit(path) as draft:
+        for side in ("sim", "real"):
+            relative, rows = f"vanilla/key0/harm.{side}", maps(side)
+            plan = array_writer.plan_layout(N, rows.shape[1:], "float32", 16)
+            array_writer.create(path / layout.RUNS / relative, plan)
+            for number, start in enumerate(range(0, N, 16)):
+                shard = rows[start : start + 16]
+                array_writer.write_shard(path / layout.RUNS / relative, number, shard)
+            draft.insert_row(
+                "zarr_array",
+                {"run": "vanilla", "kind": "harm", "side": side, "mode": None, "path": relative,
+                 "dtype": "float32", "shape": list(rows.shape),
+                 "axes": ["iid", "output", "row", "column"], "scale": 1.0, "zero": 0.0,
+                 "unit": "m rad loss"},
+            )  # fmt: skip
+    return path
+
+
+def test_harm_sums_the_positive_positions_of_the_new_real_images(store: Path, monkeypatch) -> None:
+    monkeypatch.setattr(evidence, "_HARM_ROWS", 8)
+    new = np.array([3, 6, 33])
+    read: list[int] = []
+    with s2rstore.open(store) as opened:
+        heatmaps = opened.heatmaps
+
+        def counted(run, kind, side, start, stop, mode=None):
+            read.extend(range(start, stop))
+            return heatmaps(run, kind, side, start, stop, mode)
+
+        monkeypatch.setattr(type(opened), "heatmaps", lambda _, *words: counted(*words))
+        np.testing.assert_array_equal(evidence._harm(opened, "vanilla", new), 2.0 * new)
+    assert set(new) <= set(read)
+    assert not set(range(8, 32)) & set(read)
+
+
+def test_an_unknown_mode_names_the_planes_of_the_kind(store: Path) -> None:
+    with s2rstore.open(store) as opened:
+        with pytest.raises(RequestError, match=r"harm has no mode 'x' \(modes: position, heading"):
+            opened.heatmaps("vanilla", "harm", "real", 0, 1, "x")
+        with pytest.raises(RequestError, match=r"'position' \(modes: x, y, heading, loss\)"):
+            opened.heatmaps("vanilla", "activation", "real", 0, 1, "position")
+        for plane, mode in enumerate(PLANES):
+            found = opened.heatmaps("vanilla", "harm", "real", 5, 7, mode)
+            np.testing.assert_array_equal(found, maps("real")[5:7, plane])
