@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -115,3 +116,33 @@ def test_invalid_options_are_named(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("address", "is_warned"),
+    [
+        ("tcp://10.0.0.5:8786", True),
+        ("node1:8786", True),
+        ("tcp://[2001:db8::1]:8786", True),
+        ("ws://node1:8786", True),
+        ("tcp://127.0.0.1:8786", False),
+        ("localhost:8786", False),
+        ("tcp://[::1]:8786", False),
+        ("tls://10.0.0.5:8786", False),
+        ("wss://node1:8786", False),
+    ],
+)
+def test_a_scheduler_without_encryption_is_warned_of(
+    monkeypatch: pytest.MonkeyPatch, address: str, is_warned: bool
+) -> None:
+    from s2rtools.precompute.executors.clusters import open_cluster
+
+    monkeypatch.setattr("distributed.Client", MagicMock())
+    lines: list[str] = []
+    with open_cluster(None, address, None, lines.append):
+        pass
+    expected = (
+        f"warning: --scheduler {address}: not encrypted; whoever reaches it can run code here and "
+        "on the workers; use tls://, or a network that you trust"
+    )
+    assert lines == [expected] * is_warned

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-import time
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,15 +11,17 @@ from typing import Any
 
 import pytest
 
+from bench.support.processes import wait_until
 from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
 from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from tests.cluster import counted_units
 from tests.cluster.counted_units import CountedComputation, assert_complete, plan_of, stage_of
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
-from s2rtools.precompute.executors import dask_executor  # noqa: E402
+from s2rtools.precompute.executors import dask_executor, dask_worker  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
 
 pytestmark = pytest.mark.xdist_group("cluster")
@@ -203,11 +205,82 @@ def test_a_lost_scheduler_is_told_and_the_rerun_computes_the_rest(tmp_path: Path
 
 
 def test_leaving_the_iterator_cancels_what_is_assigned(tmp_path: Path) -> None:
+    """The second unit is computed until the scheduler and the worker have dropped the others."""
+    is_left = threading.Event()
+    counted_units.on_start[1] = lambda: is_left.wait(30)
     plan = plan_of(tmp_path, stage_of("x"))
-    tasks = [Task(CountedComputation(tmp_path, 0.02), unit) for unit in plan.units]
+    assert len(plan.units) > 1 + dask_executor.IN_FLIGHT
+    tasks = [Task(CountedComputation(tmp_path), unit) for unit in plan.units]
     with cluster(1) as (started, client):
         for _ in DaskExecutor(client, print).run(tasks):
             break
-        time.sleep(0.3)
-        assert len(counted_units.started) <= 3
-        assert not started.scheduler.tasks
+        worker = next(iter(started.workers.values()))
+        is_dropped = wait_until(
+            lambda: not started.scheduler.tasks and len(worker.state.tasks) <= 1
+        )
+        is_left.set()
+        assert is_dropped
+    assert set(counted_units.started) <= {0, 1}
+
+
+class _Facts:
+    """Lets the second worker that is asked for its facts tell them only when `is_wanted`."""
+
+    asked = 0
+    is_second_asked = threading.Event()
+    is_wanted = threading.Event()
+
+
+def _describe_late(root: Path, dataset_hash: str) -> dask_worker.WorkerFacts:
+    _Facts.asked += 1
+    if _Facts.asked == 2:
+        _Facts.is_second_asked.set()
+        assert _Facts.is_wanted.wait(30)
+    return _DESCRIBE(root, dataset_hash)
+
+
+_DESCRIBE = dask_worker.describe
+
+
+def test_a_worker_whose_facts_come_too_late_is_asked_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It connects during the first step, which ends before its facts are there."""
+    monkeypatch.setattr(dask_worker, "describe", _describe_late)
+    late: list[Any] = []
+
+    def connect() -> None:
+        late.append(started.sync(_new_worker, started.scheduler.address))
+        assert _Facts.is_second_asked.wait(30)
+
+    counted_units.on_start[3] = connect
+    with cluster(1) as (started, client):
+        executor = DaskExecutor(client, print)
+        for name in ("x", "y"):
+            plan = plan_of(tmp_path, stage_of(name))
+            for receipt in executor.run(
+                [Task(CountedComputation(tmp_path), u) for u in plan.units]
+            ):
+                plan.finish(receipt, is_checked=True)
+            plan.close()
+            counted_units.on_start.clear()
+            _Facts.is_wanted.set()
+            if name == "x":
+                close(started, next(iter(started.workers.values())))
+        close(started, late[0])
+    assert_complete(tmp_path, stage_of("x"), stage_of("y"))
+
+
+def test_the_last_job_that_is_refused_is_told(tmp_path: Path) -> None:
+    """Its cluster has submitted two jobs again, and SLURM has refused both."""
+    plan = plan_of(tmp_path, stage_of("x"))
+    tasks = [Task(CountedComputation(tmp_path), unit) for unit in plan.units]
+    refused = {"1": "sbatch: error: Invalid account", "2": "sbatch: error: QOSMaxJobs"}
+    expected = RequestedWorkers(2, refused)
+    lines: list[str] = []
+    with (
+        cluster() as (_, client),
+        pytest.raises(RequestError, match=r"no worker is left: 2 of 2 .*\(sbatch: error: QOSMax"),
+    ):
+        list(DaskExecutor(client, lines.append, expected).run(tasks))
+    assert lines == ["2 of 2 jobs were refused (sbatch: error: QOSMaxJobs)"]

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import ipaddress
 import logging
 import re
+import signal
 import tempfile
+import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from s2rstore.errors import RequestError
 from s2rstore.security import working_folder
-from s2rtools.precompute.executors.executor import Executor
+from s2rtools.precompute.executors.executor import Executor, Task
 from s2rtools.precompute.executors.local_executors import (
     defer_interrupts,
     start_resource_tracker,
     usual_threads,
 )
-from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings, with_worker
+from s2rtools.precompute.executors.requested_workers import RequestedWorkers
+from s2rtools.precompute.executors.slurm_settings import SlurmSettings, read_settings
+from s2rtools.precompute.receipts import Receipt
 
 ReportLine = Callable[[str], None]
 
@@ -50,8 +57,8 @@ def open_cluster(
 ) -> Iterator[Executor]:
     """An executor of `cluster`, as `local:4` or a file of SLURM settings, or of a `scheduler`.
 
-    Workers that are started here end with the context. Raises RequestError for invalid names or
-    settings, without the extra [cluster], and where no scheduler answers.
+    Workers are started for the first task, and end with the context. Raises RequestError for
+    invalid names or settings, without the extra [cluster], and where no scheduler answers.
     """
     _require_extra()
     import dask
@@ -61,40 +68,48 @@ def open_cluster(
     with dask.config.set(_CONFIG), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if scheduler is not None:
-            opened = _scheduler(scheduler, report_line)
-        elif match := _LOCAL.fullmatch(cluster or ""):
-            opened = _local(int(match[1]), threads, report_line)
+            with _scheduler(scheduler, report_line) as executor:
+                yield executor
+            return
+        if match := _LOCAL.fullmatch(cluster or ""):
+            start = partial(_local, int(match[1]), threads, report_line)
         else:
-            opened = _slurm(read_settings(Path(cluster or "")), report_line)
-        with opened as executor:
-            yield executor
+            start = partial(_slurm, read_settings(Path(cluster or "")), report_line)
+        with ExitStack() as stack:
+            yield _StartedForTasks(start, stack)
+
+
+class _StartedForTasks:
+    """The executor of a cluster that is started for the first task, and ends with `stack`."""
+
+    is_remote = True
+
+    def __init__(
+        self, start: Callable[[], AbstractContextManager[Executor]], stack: ExitStack
+    ) -> None:
+        self._start, self._stack = start, stack
+        self._started: Executor | None = None
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        """See `Executor`. Raises RequestError where the cluster cannot be started, too."""
+        tasks = list(tasks)
+        if not tasks:
+            return
+        if self._started is None:
+            self._started = self._stack.enter_context(self._start())
+        yield from self._started.run(tasks)
 
 
 def job_script(cluster: str) -> str:
     """The script of one job that `cluster`, a file of SLURM settings, would submit."""
     _require_extra()
+    from s2rtools.precompute.executors.slurm_jobs import job_class
+
     if _LOCAL.fullmatch(cluster):
         raise RequestError(f"--cluster {cluster}: has no job script; name a file of SLURM settings")
     settings = read_settings(Path(cluster))
-    job = _job_class(settings)("tls://SCHEDULER:PORT", name="NAME", **settings.job_options())
+    job = job_class(settings)("tls://SCHEDULER:PORT", name="NAME", **settings.job_options())
     return str(job.job_script())
-
-
-def _job_class(settings: SlurmSettings) -> Any:
-    from dask_jobqueue.slurm import SLURMJob
-
-    script = settings.own_script()
-    if script is None:
-        return SLURMJob
-    own: str = script
-
-    class ScriptedJob(SLURMJob):
-        """A job with the user's script."""
-
-        def job_script(self) -> str:
-            return with_worker(own, self._command_template)
-
-    return ScriptedJob
 
 
 @contextmanager
@@ -109,7 +124,24 @@ def _scheduler(address: str, report_line: ReportLine) -> Iterator[Executor]:
         message = f"--scheduler {address}: no scheduler answers there ({error})"
         raise RequestError(message) from error
     with client:
+        if not _is_protected(address):
+            report_line(
+                f"warning: --scheduler {address}: not encrypted; whoever reaches it can run code "
+                "here and on the workers; use tls://, or a network that you trust"
+            )
         yield DaskExecutor(client, report_line)
+
+
+def _is_protected(address: str) -> bool:
+    """Whether a scheduler is reached by TLS, or on this machine."""
+    protocol, separator, rest = address.rpartition("://")
+    if separator and protocol in ("tls", "wss"):
+        return True
+    host = urlsplit(f"//{rest}").hostname or ""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 @contextmanager
@@ -131,7 +163,7 @@ def _local(workers: int, threads: int | None, report_line: ReportLine) -> Iterat
                 )
             )  # fmt: skip
         client = stack.enter_context(Client(cluster, set_as_default=False))
-        yield DaskExecutor(client, report_line, expected=workers)
+        yield DaskExecutor(client, report_line, RequestedWorkers(workers))
 
 
 @contextmanager
@@ -140,7 +172,9 @@ def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executo
     from distributed import Client
 
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
+    from s2rtools.precompute.executors.slurm_jobs import Submissions
 
+    submissions = Submissions(settings)
     options: dict[str, Any] = {"dashboard_address": _NO_DASHBOARD, **settings.scheduler_options()}
     with ExitStack() as stack:
         try:
@@ -149,19 +183,17 @@ def _slurm(settings: SlurmSettings, report_line: ReportLine) -> Iterator[Executo
             cluster = stack.enter_context(
                 SLURMCluster(
                     security=security, protocol="tls://", silence_logs="critical",
-                    scheduler_options=options, job_cls=_job_class(settings),
+                    scheduler_options=options, job_cls=submissions.job_class(),
                     **settings.job_options(),
                 )
             )  # fmt: skip
         except (OSError, RuntimeError, ValueError) as error:
             raise RequestError(f"{settings.file}: no cluster could be started ({error})") from error
-        report_line(
-            f"{settings.jobs} SLURM job(s) submitted; the scheduler is {cluster.scheduler_address}"
-        )
-        cluster.adapt(minimum_jobs=settings.jobs, maximum_jobs=settings.jobs)
+        count = submissions.submit(cluster)
+        report_line(f"{count} SLURM job(s) submitted; the scheduler is {cluster.scheduler_address}")
         client = stack.enter_context(Client(cluster, set_as_default=False))
         root = None if settings.store is None else Path(settings.store)
-        yield DaskExecutor(client, report_line, settings.jobs, root)
+        yield DaskExecutor(client, report_line, submissions.workers, root)
 
 
 def _security_in(folder: Path) -> Any:
@@ -184,6 +216,11 @@ def _security_in(folder: Path) -> Any:
 
 
 def _require_extra() -> None:
+    """Import the libraries of the extra [cluster], and keep what ctrl+c does.
+
+    dask_jobqueue replaces it when it is imported. Raises RequestError without the extra.
+    """
+    interrupt = signal.getsignal(signal.SIGINT)
     try:
         import cryptography  # noqa: F401
         import dask_jobqueue  # noqa: F401
@@ -192,3 +229,6 @@ def _require_extra() -> None:
         raise RequestError(
             f"{error.name} is not installed; `pip install 's2rtui[tools,cluster]'` installs it"
         ) from error
+    finally:
+        if interrupt is not None and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)

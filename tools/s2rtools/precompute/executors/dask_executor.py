@@ -12,21 +12,27 @@ import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from distributed import Client, Future, KilledWorker, as_completed
-from distributed.comm import CommClosedError
+from distributed import Client, Future, as_completed
 
-from s2rstore.errors import RequestError, S2RError
+from s2rstore.errors import RequestError
 from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors import dask_worker
+from s2rtools.precompute.executors.connected_worker import (
+    ConnectedWorker,
+    error_of,
+    error_text,
+    is_loss,
+)
 from s2rtools.precompute.executors.dask_worker import WorkerFacts
 from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.work_units import WorkUnit
 
@@ -36,54 +42,16 @@ MOST_DEATHS = 4
 """A unit during which this many workers were lost is not computed again."""
 NO_WORKERS_SECONDS = 60.0
 """How long a scheduler without workers is waited for, where none are known to be on their way."""
-_FACTS_SECONDS = 30.0
 _RUNNING, _ENDED = "running", ("closing", "closed", "failed")
 """Names of `distributed.Status`."""
 _POLL_SECONDS = 0.5
 _LONGEST_PAUSE = 0.02
 
 
-@dataclass(eq=False)
-class _Worker:
-    """A connected worker; `facts` are None until it has told them, `since` is when it was asked.
-
-    `assigned` are its tasks by the keys of their futures, the one that it computes first. `problem`
-    says why it computes nothing. One that is about to end, as at the end of its wall time, does not
-    accept tasks.
-    """
-
-    address: str
-    threads: int
-    since: float
-    facts: WorkerFacts | None = None
-    problem: str = ""
-    accepts: bool = True
-    assigned: dict[str, Task] = field(default_factory=dict)
-
-    def __str__(self) -> str:
-        where = self.address.rpartition("/")[2]
-        return where if self.facts is None else f"{where} on {self.facts.host}"
-
-    @property
-    def is_usable(self) -> bool:
-        return self.facts is not None and not self.problem
-
-    @property
-    def is_asked(self) -> bool:
-        """Whether it may still tell its facts soon."""
-        is_silent = self.facts is None and not self.problem
-        return is_silent and time.monotonic() < self.since + _FACTS_SECONDS
-
-    def environment(self, task: Task) -> ComputeEnvironment:
-        """The environment in which this worker would compute a task."""
-        assert self.facts is not None
-        return task.computation.environment(task.unit.stage, self.facts.machine, self.threads)
-
-
 class DaskExecutor:
     """Computes tasks in the workers of a Dask cluster.
 
-    `expected` is how many workers are on their way, None where nobody knows. `worker_root` is the
+    `expected` are the workers that were requested, None where nobody knows. `worker_root` is the
     folder of the store on the workers, by default the same as here.
     """
 
@@ -93,12 +61,12 @@ class DaskExecutor:
         self,
         client: Client,
         report_line: Callable[[str], None],
-        expected: int | None = None,
+        expected: RequestedWorkers | None = None,
         worker_root: Path | None = None,
     ) -> None:
         self._client, self._report_line = client, report_line
         self._expected, self._worker_root = expected, worker_root
-        self._workers: dict[str, _Worker] = {}
+        self._workers: dict[str, ConnectedWorker] = {}
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
         """See `Executor`. Raises RequestError for a lost scheduler, for workers that cannot compute
@@ -127,9 +95,9 @@ class _Dispatch:
         self,
         client: Client,
         tasks: Sequence[Task],
-        workers: dict[str, _Worker],
+        workers: dict[str, ConnectedWorker],
         report_line: Callable[[str], None],
-        expected: int | None,
+        expected: RequestedWorkers | None,
         worker_root: Path,
     ) -> None:
         self._client, self._workers = client, workers
@@ -148,7 +116,7 @@ class _Dispatch:
         self._deaths: Counter[str] = Counter()
         self._suspects: set[str] = set()
         self._failed: list[WorkUnit] = []
-        self._futures: dict[str, tuple[Future, _Worker]] = {}
+        self._futures: dict[str, tuple[Future, ConnectedWorker]] = {}
         self._finished = as_completed(loop=client.loop, with_results=True, raise_errors=False)
         self._waiting_since: float | None = None
 
@@ -169,11 +137,16 @@ class _Dispatch:
             time.sleep(pause)
 
     def cancel(self) -> None:
-        """Cancel what is assigned; a unit that a worker computes at present is not used."""
+        """Cancel what is assigned; a unit that a worker computes at present is not used.
+
+        Workers that have not told their facts are forgotten, so that the next run asks them again.
+        """
         futures = [future for future, _ in self._futures.values()]
         self._futures.clear()
-        for worker in self._workers.values():
+        for worker in [*self._workers.values()]:
             worker.assigned.clear()
+            if worker.is_silent:
+                del self._workers[worker.address]
         if futures and self._client.status == "running":
             with suppress(OSError, TimeoutError):
                 self._client.cancel(futures, force=True)
@@ -206,10 +179,12 @@ class _Dispatch:
             self._lose(self._workers.pop(address))
         for address in [each for each in connected if each not in self._workers]:
             threads = int(connected[address]["nthreads"])
-            worker = self._workers[address] = _Worker(address, threads, time.monotonic())
+            worker = self._workers[address] = ConnectedWorker(address, threads, time.monotonic())
             self._submit(worker, dask_worker.describe, self._worker_root, self._dataset_hash)
         for address, worker in self._workers.items():
             worker.accepts = connected[address]["status"] == _RUNNING
+        if self._expected is not None and (line := self._expected.news()):
+            self._report_line(line)
         self._check_workers()
 
     def _connected(self) -> dict[str, Any]:
@@ -229,11 +204,14 @@ class _Dispatch:
             self._check_refusals()
             return
         problems = [f"{worker}: {worker.problem}" for worker in workers if worker.problem]
-        if problems and len(workers) >= (self._expected or 1):
+        arriving = None if self._expected is None else self._expected.arriving
+        if problems and len(workers) >= (arriving or 1):
             raise RequestError(f"{self._root}: no worker can compute ({problems[0]})")
+        if self._expected is not None and not arriving:
+            raise RequestError(f"{self._root}: no worker is left: {self._expected.refusal}")
         if self._waiting_since is None:
             self._waiting_since = time.monotonic()
-            self._report_line(f"waiting for {self._expected or 'the'} workers to start")
+            self._report_line(f"waiting for {arriving or 'the'} workers to start")
         elif self._expected is None and (
             time.monotonic() > self._waiting_since + NO_WORKERS_SECONDS
         ):
@@ -245,7 +223,8 @@ class _Dispatch:
     def _check_refusals(self) -> None:
         """Raise RequestError for tasks that all workers are left out of."""
         workers = self._workers.values()
-        if len(workers) < (self._expected or 1) or any(worker.is_asked for worker in workers):
+        arriving = 1 if self._expected is None else self._expected.arriving
+        if len(workers) < arriving or any(worker.is_asked for worker in workers):
             return
         for folder, queue in self._queues.items():
             refusals = [self._refused.get((w.address, folder)) for w in workers if w.is_usable]
@@ -274,7 +253,7 @@ class _Dispatch:
                         key = self._submit(worker, dask_worker.compute_here, sent)
                         worker.assigned[key] = task
 
-    def _next_task(self, worker: _Worker) -> Task | None:
+    def _next_task(self, worker: ConnectedWorker) -> Task | None:
         """The next task for a worker; units with which a worker was lost are computed alone.
 
         Else one that was computed, but not received, would be taken for the cause of the loss.
@@ -288,7 +267,7 @@ class _Dispatch:
                 return queue.popleft()
         return None
 
-    def _refusal(self, worker: _Worker, folder: str, task: Task) -> str:
+    def _refusal(self, worker: ConnectedWorker, folder: str, task: Task) -> str:
         """Why a worker may not compute the arrays of a task's stage; empty where it may."""
         known = self._refused.get((worker.address, folder))
         if known is not None:
@@ -310,7 +289,9 @@ class _Dispatch:
         able = [each for each in found if each.device]
         return max(able, key=able.count)
 
-    def _submit(self, worker: _Worker, function: Callable[..., Any], *arguments: Any) -> str:
+    def _submit(
+        self, worker: ConnectedWorker, function: Callable[..., Any], *arguments: Any
+    ) -> str:
         """Let a worker call a function after all that it was given before; the future's key."""
         future = self._client.submit(
             function, *arguments, key=f"s2r-{uuid.uuid4().hex}", pure=False, fifo_timeout="0 ms",
@@ -339,25 +320,25 @@ class _Dispatch:
             assert isinstance(result, Receipt)
             return result
         elif task is None:
-            self._exclude(worker, f"cannot load s2rtools {_version()} ({_text(result)})")
-        elif future.status == "error" and not _is_loss(result[1]):
-            raise _error_of(result[1], worker)
+            self._exclude(worker, f"cannot load s2rtools {_version()} ({error_text(result)})")
+        elif future.status == "error" and not is_loss(result[1]):
+            raise error_of(result[1], worker)
         else:
             self._queues[unit_results.folder(task.unit.stage)].appendleft(task)
         return None
 
-    def _learn(self, worker: _Worker, facts: WorkerFacts) -> None:
+    def _learn(self, worker: ConnectedWorker, facts: WorkerFacts) -> None:
         worker.facts = facts
         if facts.release != _version():
             self._exclude(worker, f"has s2rtui {facts.release}, not {_version()}")
         elif facts.problem:
             self._exclude(worker, facts.problem)
 
-    def _exclude(self, worker: _Worker, problem: str) -> None:
+    def _exclude(self, worker: ConnectedWorker, problem: str) -> None:
         worker.problem = problem
         self._report_line(f"worker {worker} computes nothing: {problem}")
 
-    def _lose(self, worker: _Worker) -> None:
+    def _lose(self, worker: ConnectedWorker) -> None:
         """Queue the tasks of a lost worker again, except one that too many were lost with."""
         lost = [future for future, owner in self._futures.values() if owner is worker]
         for future in lost:
@@ -384,22 +365,3 @@ def _name(task: Task) -> str:
 
 def _version() -> str:
     return metadata.version("s2rtui")
-
-
-def _text(result: Any) -> str:
-    """The error of a future, in one line."""
-    error = result[1] if isinstance(result, tuple) else result
-    lines = str(error).splitlines()
-    return f"{type(error).__name__}: {lines[-1]}" if lines else type(error).__name__
-
-
-def _is_loss(error: BaseException) -> bool:
-    """Whether an error means that a worker was lost, which the next poll notices."""
-    return isinstance(error, KilledWorker | CommClosedError)
-
-
-def _error_of(error: BaseException, worker: _Worker) -> BaseException:
-    """An error of the store or the request names the worker; others are faults of the program."""
-    if isinstance(error, S2RError | OSError):
-        return RequestError(f"{error} (worker {worker})")
-    return error
