@@ -18,23 +18,25 @@ SHIFT = "shift"
 
 @dataclass(frozen=True, slots=True)
 class MapValue:
-    """A column in metres; `phrase` says what it is in titles."""
+    """A column in metres; `phrase` says what it is in titles, `short` where there is less room."""
 
     name: str
     phrase: str
+    short: str = ""
 
 
 MAP_VALUES: dict[str, MapValue] = {
     value.name: value
     for value in (
-        MapValue(SHIFT, "distance between the sim and the real prediction"),
+        MapValue(
+            SHIFT,
+            "distance between the sim and the real prediction",
+            "shift (sim to real prediction)",
+        ),
         MapValue("real.error", "real error"),
         MapValue("sim.error", "sim error"),
-        MapValue("gap", "gap: real error - sim error"),
-        *(
-            MapValue(f"share.{factor}", f"part of the gap due to {factor}")
-            for factor in GAP_FACTORS
-        ),
+        MapValue("gap", "gap (real error - sim error)"),
+        *(MapValue(f"share.{factor}", f"share of {factor} in the gap") for factor in GAP_FACTORS),
     )
 }
 """What the map can show, in the order of the key."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from s2rstore.files.planned_poses import PlannedPose
 from s2rstore.records import Bounds
 from s2rtui.app.titled_view import TitledView
 from s2rtui.canvas import Canvas, RenderOptions
@@ -70,6 +71,8 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "tab": lambda _, state: "rooms",
     "sort": lambda _, state: "iid",
     "descending": lambda _, state: not state.descending,
+    "first_rows": lambda _, state: (("rooms", 1),),
+    "planned": lambda _, state: (PlannedPose(1.0, 2.0, 30.0, "left", 0.5, "novelty"),),
     "viewports": lambda _, state: (("map", Bounds(2.0, 2.0, 5.0, 4.0)),),
     "fills_screen": lambda _, state: not state.fills_screen,
     "grouping": lambda _, state: "heading",
@@ -113,8 +116,7 @@ RESOURCE_CHANGES: dict[str, Callable[[Resources], object]] = {
 }
 NEVER_DRAWN = {
     "newest", "trajectories", "expression", "operator", "lasso", "message", "is_error", "past",
-    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested",
-}  # fmt: skip
+    "future", "centre", "progress", "saving", "pending", "keeps_message", "suggested", "first_rows"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,8 @@ def test_the_first_screen_shows_images_and_the_command(store: Path, size: tuple[
     assert "40 of 40" in screen[0]
     assert any("3 instance  0" in line for line in screen)
     assert sum("▀" in line for line in screen) >= 4
-    assert "no run; register one of a model (`s2r run add NAME --model" in screen[-2]
+    message = " ".join(" ".join(screen[-5:-1]).split())
+    assert "no run; register one of a model (`s2r run add NAME --model" in message
 
 
 def test_the_map_shows_true_positions(store: Path) -> None:

@@ -188,14 +188,17 @@ CUT = (
 )
 
 
-@pytest.mark.parametrize("size", [(100, 50), (60, 16), (30, 10)])
+LEGEND_ROWS = {(100, 50): 1, (60, 16): 1, (30, 10): 3}
+
+
+@pytest.mark.parametrize("size", list(LEGEND_ROWS))
 @pytest.mark.parametrize("options", [RenderOptions(), RenderOptions(ascii=True)])
 def test_what_lies_beyond_the_scale_is_marked(
     size: tuple[int, int], options: RenderOptions
 ) -> None:
     canvas = draw_history(CUT, size, options)
     model = history_model(CUT, 90)
-    layout = history_layout(model, size, legend=1 if size[0] >= 60 else 2)
+    layout = history_layout(model, size, legend=LEGEND_ROWS[size])
     up, down = options.glyphs.arrows[6], options.glyphs.arrows[2]
     assert model.is_cut
     fail = status_glyph("FAIL", options)

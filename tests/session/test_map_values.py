@@ -49,7 +49,7 @@ def test_without_shares_they_are_left_out_and_refused(
 ) -> None:
     path = copy_store(tiny_store, tmp_path / "s.s2r")
     with edit(path) as draft:
-        draft.rows("UPDATE prediction SET share_lighting = NULL")
+        draft.delete("zarr_array", kind="gap_shares")
     with s2rstore.open(path) as store:
         names = map_values.available(store, "vanilla")
         assert names == ("shift", "real.error", "sim.error", "gap")

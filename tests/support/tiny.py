@@ -186,13 +186,16 @@ def _heatmaps(path: Path, n: int, runs: tuple[str, ...], rng) -> None:
                     for side in ("sim", "real")
                     for mode in ("rgb", "depth", "rgbd")
                 ),
+                ("gap_shares", None, None, (len(GAP_SHARES),), "factor"),
             ]
             for kind, side, mode, shape, axes in specs:
                 name = ".".join(part for part in (kind, mode, side) if part)
                 relative = f"{run}/key{number}/{name}"
                 plan = array_writer.plan_layout(n, shape, "float32", 16)
                 array_writer.create(path / layout.RUNS / relative, plan)
-                rows = rng.normal(0, 1, (n, *shape)).astype(np.float32)
+                drawn = kind != "gap_shares"
+                rows = rng.normal(0, 1, (n, *shape)) if drawn else np.zeros((n, *shape))
+                rows = rows.astype(np.float32)
                 _write(path, ledger, Path(layout.RUNS, relative), rows, 16)
                 draft.insert_row(
                     "zarr_array",

@@ -46,8 +46,8 @@ class CompareView(PointsView):
     key = "9"
     pane: Pane = "centre"
     description = "two runs, or a run and its baseline, compared on the selection"
-    narrow_ratio = 2.9
-    wide_ratio = 1.0
+    narrow_ratio = 3.2
+    wide_ratio = 1.1
     loads = ("floor plan",)
     figure_size = (2100, 1200)
     deprecated = MappingProxyType({"first mean": "first_mean_m", "second mean": "second_mean_m"})

@@ -61,7 +61,7 @@ class MapView(PointsView):
     def subtitle(self, scene: Scene) -> str:
         state = scene.state
         value = map_values.shown(scene.store, state.run, state.map_value)
-        by_mode = {"colour": f"truth, coloured by {value.name} ({value.phrase})"} | _SUBTITLES
+        by_mode = {"colour": f"truth, coloured by {value.short or value.phrase}"} | _SUBTITLES
         text = by_mode[state.map_mode]
         if scene.store.missing_run:
             text = "true positions"

@@ -187,7 +187,7 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page
     """A page of `size` pixels with a heading. Raises RequestError outside 16 .. 20000 pixels.
 
     The title is wrapped to at most two lines, the subtitle to three; the rest is cut; pages of
-    paper (`FigureFormat.dpi`) have up to three and eight lines. Fonts of the other pages scale with
+    paper (`FigureFormat.dpi`) have up to three and ten lines. Fonts of the other pages scale with
     the page: 10 points are 22 pixels on 1600 x 1200, times the type size. Mathematical text is off,
     since names may contain dollar signs.
     """
@@ -211,7 +211,7 @@ def new_page(size: Pixels, theme: Theme, title: str, subtitle: str = "") -> Page
     title = form.title or title
     for text, points, weight, ink, most in (
         (title, 13 if wide > NARROW else 10, "bold", inks.text, 3 if form.dpi else 2),
-        (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 8 if form.dpi else 3),
+        (subtitle, 9 if wide > NARROW else 8, "normal", inks.muted, 10 if form.dpi else 3),
     ):
         letter = points * LETTER * (BOLD if weight == "bold" else 1.0)
         room = max(12, int((wide - 0.45) / letter))

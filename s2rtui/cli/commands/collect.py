@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.files.planned_poses import COLUMNS, as_rows
+from s2rtui.cli import store_argument
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
 
@@ -24,7 +25,7 @@ _SHOWN = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--run", help="run whose errors count (default: the first)")
     parser.add_argument("--budget", type=int, default=60, metavar="N",
                         help="number of new real images (default 60)")  # fmt: skip

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.records import SIDES, Run
 from s2rstore.security.printable_text import printable
+from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.progress import reporter
 
@@ -31,7 +32,7 @@ _AIMS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("store", type=Path, help="store folder")
+    parser.add_argument("store", type=store_argument.folder, help="store folder")
     parser.add_argument("--run", help="computed run (default: the first)")
     parser.add_argument("--for", dest="side", choices=SIDES, default="real",
                         help="real: adapt the real images so that the model works; sim: tune the "
@@ -74,10 +75,11 @@ def execute(options: argparse.Namespace) -> int:
     if not options.no_keep or options.apply is not None:
         _check_writable(options.store)
     report = _stored(options) if options.apply is not None else None
+    is_new = report is None
     if report is None:
         with reporter() as progress:
             report = suggest(options.store, options.run, settings, progress)
-        if not options.no_keep:
+        if not options.no_keep and not report.is_unfinished:
             save_report(options.store, report)
     if options.figure is not None:
         write_front(report, options.figure)
@@ -88,11 +90,14 @@ def execute(options: argparse.Namespace) -> int:
                     for answer in report.answers]  # fmt: skip
         json.dump({**report.as_json(), "commands": commands}, sys.stdout, indent=1)
         print()
-    elif options.apply is None:
+    elif is_new:
         for line in _lines(report, run, str(options.store)):
             print(printable(line))
     if options.apply is not None:
         name = apply_answer(options.store, report, options.apply, options.name)
+        if not report.answers[options.apply - 1].evident:
+            note = f"answer {options.apply} is not shown to help; it is registered all the same"
+            print(printable(note), file=sys.stderr)
         where = shlex.quote(str(options.store))
         message = f"{options.store}: run {name} registered; next: `s2r precompute {where}`"
         print(printable(message), file=sys.stderr if options.json else sys.stdout)
@@ -140,7 +145,7 @@ def _evidence(report: SuggestReport) -> list[str]:
     lines = [
         f"{before}, gap {_bounds(report.gap, 'm', signed=True)}, on {report.judged_instances} "
         f"held-out instances; fitted on {report.fitted_instances} others, "
-        f"{report.evaluations} evaluations, seed {report.seed}"
+        f"{counted(report.evaluations, 'evaluation')}, seed {report.seed}"
     ]
     if not report.complete:
         lines.append("the time was used up before the search ended; --budget allows more")
@@ -192,7 +197,7 @@ def _details(report: SuggestReport, number: int, answer: Answer) -> list[str]:
 
 def _verdict(report: SuggestReport) -> str:
     if report.best is None:
-        return f"nothing helps: {report.reason}"
+        return f"{'not known' if report.is_unfinished else 'nothing helps'}: {report.reason}"
     answer = report.answers[report.best]
     return (
         f"suggested: {_changes(answer)} ({answer.factor}), which gains "

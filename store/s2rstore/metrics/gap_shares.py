@@ -43,7 +43,7 @@ class GapShares:
 
 def has_shares(store: Store, run: str) -> bool:
     """Whether shares of the gap are computed for a run."""
-    return bool(np.isfinite(store.run_columns(run).real.share_lighting).any())
+    return any(record.kind == "gap_shares" for record in store.array_kinds(run))
 
 
 def mean_shares(store: Store, run: str, chosen: NDArray[np.bool_]) -> GapShares | None:

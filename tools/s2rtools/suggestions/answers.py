@@ -131,6 +131,11 @@ class SuggestReport:
         return self.best is not None
 
     @property
+    def is_unfinished(self) -> bool:
+        """Whether the time was used up before an answer was found."""
+        return self.best is None and not self.complete
+
+    @property
     def unit(self) -> str:
         """Unit of gains: metres of the real error, or the share of the mismatch."""
         return "m" if self.side == "real" else "share"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, counted
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
@@ -111,6 +111,9 @@ class _Judgement:
                                         fits.start))  # fmt: skip
             reporter.advance(1)
         best, why = self._choice(front, answers, fits.start)
+        if best is None and not searched.complete:
+            made = counted(searched.evaluations, "evaluation")
+            why = f"the time was used up after {made}; give a larger --budget"
         return SuggestReport(
             run=self._run.run, side=settings.side, key=str(self._run.key), price=settings.price,
             seed=settings.seed, before=float(judged.mean()), gap=gap,
