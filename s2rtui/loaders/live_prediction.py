@@ -12,6 +12,7 @@ from s2rstore.reader import Store
 from s2rtui.charts.adjust.model import live_input
 from s2rtui.loaders.loader import Fields, LoadContext
 from s2rtui.session import adjusting
+from s2rtui.session.heatmaps import without_blanks
 from s2rtui.session.loaded_data_origin import instance_provenance
 from s2rtui.session.state import State
 
@@ -70,7 +71,10 @@ class LivePredictor:
 
             for result in model.steps(state.cursor, chains, kinds, is_cancelled):
                 ready = heat if heat and any(key[0] == heat.kind for key in result.heat) else None
-                grid = ready and model.floor_grid(result, ready.kind, ready.side, ready.mode)
+                grid = None
+                if ready is not None:
+                    cells = model.floor_grid(result, ready.kind, ready.side, ready.mode)
+                    grid = without_blanks(cells, ready, "mean")
                 fields = {
                     "live": live_input(store, state, result, ready),
                     "live_source": instance_provenance(state),

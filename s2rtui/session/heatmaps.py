@@ -95,10 +95,10 @@ def run_grid(
         grid = store.map_grid(run, heat.kind, heat.side, heat.mode, aggregate)
     except NotComputedError:
         return None
-    return _without_blanks(grid, heat, aggregate)
+    return without_blanks(grid, heat, aggregate)
 
 
-def _without_blanks(
+def without_blanks(
     cells: NDArray[np.float32], heat: HeatChoice, aggregate: str
 ) -> NDArray[np.float32]:
     """The cells with NaN for those without samples, and for those where signed heat is 0."""
@@ -144,7 +144,7 @@ def selection_grid(
         if not report_share(float(np.searchsorted(iids, block.stop)) / iids.size):
             break
     cells = np.asarray(grid.aggregates()[AGGREGATES.index(aggregate)])
-    return _without_blanks(cells, heat, aggregate)
+    return without_blanks(cells, heat, aggregate)
 
 
 def sample_note(state: State) -> str:

@@ -19,7 +19,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.interactive import LiveModel, LiveResult
 from s2rtools.precompute.pipeline import precompute
 from s2rtools.precompute.run_registration import add_run
-from s2rtui.session.heatmaps import heatmap_choices, instance_grid
+from s2rtui.session.heatmaps import heatmap_choices, instance_grid, without_blanks
 from s2rtui.session.model_input import model_input
 from s2rtui.session.state import HeatChoice
 from tests.support.silent_reporter import SilentReporter
@@ -68,8 +68,9 @@ def assert_equals_stored(store: Store, run: str, result: LiveResult, live: LiveM
             np.testing.assert_allclose(
                 live_heat, stored_heat, atol=2e-3 * np.nanmax(np.abs(stored_heat))
             )
-            grid = live.floor_grid(result, kind, side, mode)
-            stored_grid = instance_grid(store, run, HeatChoice(kind, mode, side), iid)
+            choice = HeatChoice(kind, mode, side)
+            grid = without_blanks(live.floor_grid(result, kind, side, mode), choice, "mean")
+            stored_grid = instance_grid(store, run, choice, iid)
             assert (np.isnan(grid) == np.isnan(stored_grid)).all()
             np.testing.assert_allclose(
                 grid, stored_grid, atol=2e-3 * np.nanmax(np.abs(stored_heat))
