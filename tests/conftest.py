@@ -7,10 +7,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from textual import _wait
 
 from tests.support import pairs, tiny
 from tests.support.copies import copy_store
+
+settings.register_profile("any load", deadline=None)  # how long an example takes says nothing
+settings.load_profile("any load")
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
