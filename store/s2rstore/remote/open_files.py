@@ -17,7 +17,7 @@ def store_path(text: str) -> Path:
 
 
 def open_files(store: str | Path | StoreFiles) -> StoreFiles:
-    """The files of a store; nothing is read yet.
+    """Return the file interface of a folder or URL without reading anything.
 
     Raises RequestError for a URL of another kind, and where a package is missing.
     """

@@ -108,7 +108,7 @@ class _Cells:
         b: NDArray[np.float32],
         size: int,
     ) -> NDArray[np.float64]:
-        """Weighted sums of a * b over each cell, (*GRID, 3)."""
+        """Sums of weights * a * b over the pixels of each cell, (*GRID, 3)."""
         product = (a * b).reshape(-1, 3)
         sums = [np.bincount(self._cell, weights * product[:, c], size) for c in range(3)]
         return np.stack(sums, axis=-1).reshape(*GRID, 3).astype(np.float64)

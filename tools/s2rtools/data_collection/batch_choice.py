@@ -39,7 +39,7 @@ class Batch:
 
 
 class Coverage:
-    """How well each candidate pose is covered by images, (P, H) in [0, 1], and its weight."""
+    """Coverage by images (P, H), 0 to 1, and weight of each candidate pose."""
 
     def __init__(
         self, candidates: CandidatePoses, reducible: Floats, similarity: PoseSimilarity

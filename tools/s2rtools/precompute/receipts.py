@@ -1,4 +1,4 @@
-"""What an executor gives back for a computed unit."""
+"""The record that an executor returns for each computed unit."""
 
 from __future__ import annotations
 

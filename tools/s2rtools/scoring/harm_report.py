@@ -30,7 +30,7 @@ from s2rtools.scoring.repair_curves import RepairErrors, RepairScore, repair_sco
 
 POOLED = "all runs"
 RANDOM, AREA = "random", "area"
-"""Baselines: random estimates, and the number of pixels of the object."""
+"""Names of the baselines: a random estimate, and the object's number of pixels."""
 _ROWS = 64
 
 Floats = NDArray[np.float64]

@@ -167,7 +167,7 @@ class SuggestReport:
 
 
 def from_json(data: dict[str, Any]) -> SuggestReport:
-    """The report that `as_json` wrote. Raises KeyError, TypeError or ValueError for other data."""
+    """Read a report of `as_json`. Raises KeyError, TypeError or ValueError for other data."""
     if data["version"] != VERSION:
         raise ValueError("another version")
     return SuggestReport(

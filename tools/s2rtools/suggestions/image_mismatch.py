@@ -92,8 +92,10 @@ def _valid_shares(valid: NDArray[np.bool_]) -> Floats:
 
 
 def _noise(depth: NDArray[np.float32], valid: NDArray[np.bool_]) -> Floats:
-    """Log of the relative noise (n, 3) in ranges of depth: the median difference of a pixel from
-    the mean of its four neighbours. Ranges with few pixels count as noiseless.
+    """Logarithm (n, 3) of the relative depth noise in three ranges of depth.
+
+    Noise is the median difference of a pixel from the mean of its four neighbours. Ranges with few
+    pixels count as noiseless.
     """
     centre = depth[:, 1:-1, 1:-1]
     around = (depth[:, :-2, 1:-1], depth[:, 2:, 1:-1], depth[:, 1:-1, :-2], depth[:, 1:-1, 2:])

@@ -83,7 +83,7 @@ class _OutOfTimeError(Exception):
 
 
 class Search:
-    """One search over `sliders`; `costs` gives the costs (n,) of values.
+    """Search the values of `sliders` that cost least; `costs` maps values to costs (n,).
 
     `price` is the share of the first cost that a change must gain, `evaluations` the limit of each
     joint search, `deadline` the end by the clock of `time.monotonic`.

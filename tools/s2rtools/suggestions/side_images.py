@@ -70,7 +70,7 @@ class SideImages:
         self._cache = LruCache(_CACHE_BYTES, lambda block: block.nbytes)
 
     def move(self, chain: Chain) -> RigOffset:
-        """The offset of the camera by a chain. Raises RequestError where it is impossible."""
+        """The camera offset that a chain causes. Raises RequestError for an impossible camera."""
         return camera_move(chain, self._domain, self.store.dataset.frame_width)
 
     def domain(self, chain: Chain) -> Domain:

@@ -21,7 +21,7 @@ FACTORS = {
     "brightness": EXPOSURE, "contrast": EXPOSURE, "vignette": EXPOSURE,
     "depth_range": DEPTH, "depth_blur": DEPTH, "depth_noise": DEPTH, "depth_holes": DEPTH,
 }  # fmt: skip
-"""The cause that an adjustment makes up for; one that is not listed counts as its own."""
+"""The factor that each adjustment belongs to; others are factors of their own."""
 RANGES = {
     "camera_height": (-0.3, 0.3), "camera_pitch": (-10.0, 10.0), "camera_fov": (-16.0, 16.0),
     "brightness": (0.4, 2.5), "contrast": (0.4, 2.5), "temperature": (-0.6, 0.6),

@@ -197,7 +197,7 @@ class _Dispatch:
         return {a: record for a, record in workers.items() if record["status"] not in _ENDED}
 
     def _check_workers(self) -> None:
-        """Report that workers are waited for; raise RequestError where none would come."""
+        """Report that no worker is ready yet. Raises RequestError where none can come."""
         workers = self._workers.values()
         if any(worker.is_usable or worker.is_asked for worker in workers):
             self._waiting_since = None
