@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from s2rstore.records import Room
-from s2rtui.app.key_bindings import footer, help_text
+from s2rtui.app.key_bindings import footer
 from s2rtui.app.pilot import take_screenshot
+from s2rtui.app.screens.help_content import help_text
 from s2rtui.canvas import RenderOptions
 from s2rtui.charts.compare.terminal import comparison_text
 from tests.app.test_focused_view import make_app, message, press

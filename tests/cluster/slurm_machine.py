@@ -69,7 +69,10 @@ def missing_program() -> str | None:
 
 @dataclass
 class SlurmMachine:
-    """A running SLURM; `environment` are the variables of its programs."""
+    """A running SLURM; `environment` are the variables of its programs.
+
+    Jobs find the modules that this process finds.
+    """
 
     folder: Path
     environment: dict[str, str]
@@ -109,7 +112,9 @@ def slurm_machine(
             names=",".join(NODES),
         )
     )  # fmt: skip
-    environment = {**os.environ, "PATH": _SEARCHED, "SLURM_CONF": str(configuration)}
+    modules = os.pathsep.join(filter(None, sys.path))
+    environment = {**os.environ, "PATH": _SEARCHED, "PYTHONPATH": modules,
+                   "SLURM_CONF": str(configuration)}  # fmt: skip
     machine = SlurmMachine(folder, environment)
     try:
         _start_munge(machine)

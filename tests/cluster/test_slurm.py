@@ -55,10 +55,11 @@ def slurm(stores: Path) -> Iterator[SlurmMachine]:
 
 
 @pytest.fixture(scope="module")
-def serial(stores: Path, trained_store: Path) -> Path:
+def serial(slurm: SlurmMachine, stores: Path, trained_store: Path) -> Path:
     """The run as one process computes it."""
     path = Path(shutil.copytree(trained_store, stores / "serial.s2r"))
-    subprocess.run(_command(path, "--workers", "1", "--threads", "1"), check=True, timeout=_SECONDS)
+    command = _command(path, "--workers", "1", "--threads", "1")
+    subprocess.run(command, env=slurm.environment, check=True, timeout=_SECONDS)
     return path
 
 
