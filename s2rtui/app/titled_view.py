@@ -38,7 +38,7 @@ class TitledView:
         depends = self.view.cache_key(self.scene)
         if depends is None:
             return None
-        return (*depends, self._subtitle, *title)
+        return (*depends, self._subtitle, self.view.loading(self.scene), *title)
 
     @property
     def _subtitle(self) -> str:
@@ -51,8 +51,17 @@ class TitledView:
     def title(self, size: tuple[int, int], options: RenderOptions) -> list[str]:
         """The lines of the title in a view of `size` (columns, rows): label and subtitle.
 
-        The subtitle continues on a second line where it does not fit beside the label.
+        The subtitle continues on a second line where it does not fit beside the label. What is
+        being loaded takes the end of the last line and adds none.
         """
+        *first, last = self._title_lines(size, options)
+        loading = "" if self._unavailable else self.view.loading(self.scene)
+        if not loading:
+            return [*first, last]
+        note = truncated(f"(loading {loading})", size[0] // 2, options)
+        return [*first, f"{truncated(last, size[0] - len(note) - 1, options)} {note}"]
+
+    def _title_lines(self, size: tuple[int, int], options: RenderOptions) -> list[str]:
         width, height = size
         label = f"{self.view.key} {self.view.name}"
         if self.scene.state.fills_screen:

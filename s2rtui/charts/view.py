@@ -96,6 +96,14 @@ class View:
         """The text beside the title."""
         return ""
 
+    def loading(self, scene: Scene) -> str:
+        """What is being loaded for the view while it shows something older; empty if nothing is.
+
+        The title names it after the subtitle without becoming longer, so that the drawing below
+        keeps its size.
+        """
+        return ""
+
     def input(self, scene: Scene) -> Any:
         """The arrays and numbers that are drawn."""
         raise NotImplementedError

@@ -29,6 +29,15 @@ class InstanceProvenance:
         parts += [f"generation {self.generation}"] if self.generation != state.generation else []
         return ", ".join(parts)
 
+    def difference(self, other: InstanceProvenance) -> str:
+        """The parts of the label in which it differs from another; empty if they are equal."""
+        parts = [f"{self.iid}"] if self.iid != other.iid else []
+        if self.heat != other.heat:
+            parts.append(self.heat.label if self.heat else "no heat")
+        parts += [f"run {self.run}"] if self.run != other.run else []
+        parts += [f"generation {self.generation}"] if self.generation != other.generation else []
+        return ", ".join(parts)
+
 
 def instance_provenance(state: State) -> InstanceProvenance:
     """The provenance of images loaded for a state."""

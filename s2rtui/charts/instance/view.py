@@ -40,7 +40,7 @@ class InstanceView(View):
     )
 
     def subtitle(self, scene: Scene) -> str:
-        """The source of the images, then that of the images being loaded; long titles are cut."""
+        """The source of the images; long titles are cut."""
         state, resources = scene.state, scene.resources
         if state.cursor is None:
             return "none"
@@ -51,9 +51,14 @@ class InstanceView(View):
         present = resources.pictures_source.label(state)
         if present == requested:
             return present
-        if failed:
-            return f"{present} ({requested}: {failed})"
-        return f"{present} (loading {requested})"
+        return f"{present} ({requested}: {failed})" if failed else present
+
+    def loading(self, scene: Scene) -> str:
+        """By what the images being loaded differ from those that are shown."""
+        shown = scene.resources.pictures_source
+        if shown is None or "pictures" in scene.resources.failed or scene.state.cursor is None:
+            return ""
+        return instance_provenance(scene.state).difference(shown)
 
     def cache_key(self, scene: Scene) -> tuple[object, ...]:
         shown = scene.resources.pictures
