@@ -45,21 +45,6 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
 UNITS = re.compile(r"\((m|m²|°|%|ms|loss|no unit)\)|instances|%|°|median error")
 
 
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """The figures that are drawn, before they are encoded."""
-    figures: list[Figure] = []
-    encoded = paper.Page.encoded
-
-    def keep(page: paper.Page) -> bytes:
-        data = encoded(page)
-        figures.append(page.figure)
-        return data
-
-    monkeypatch.setattr(paper.Page, "encoded", keep)
-    return figures
-
-
 @pytest.fixture(scope="module")
 def stores(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """The small store, and one of 120 instances in four runs."""
@@ -67,22 +52,44 @@ def stores(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return tiny_store, tiny.build(many, 120, (*tiny.RUNS, "finetune", "perlin"))
 
 
-def draw(store: Path, name: str, width: float, folder: Path) -> bytes:
-    view, options = FIGURES[name]
-    if view == "history":
-        store = _with_nights(store, folder)
-    with open_scene(store, SceneOptions(**options), BY_NAME[view]) as scene:
-        return draw_figure(scene, BY_NAME[view], PageOptions(width=width, dpi=DPI))
-
-
-def _with_nights(store: Path, folder: Path) -> Path:
-    """A copy of the store with a gap history of three nights."""
-    own = copy_store(store, folder / "own.s2r")
+@pytest.fixture(scope="module")
+def with_nights(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the small store with a gap history of three nights."""
+    folder = tmp_path_factory.mktemp("nights")
+    own = copy_store(tiny_store, folder / "own.s2r")
     (folder / "drives").mkdir()
     week = nights.Week(nights.write_config(folder, own), {}, from_day=9)
     for night in (1, 2, 3):
         week.night(night)
     return own
+
+
+@pytest.fixture(scope="module", params=itertools.product(FIGURES, WIDTHS),
+                ids=lambda at: f"{at[0]}-{at[1]:g}")  # fmt: skip
+def figure(request: pytest.FixtureRequest, stores: tuple[Path, Path]) -> Figure:
+    """Each figure at each width, as it was before it was encoded."""
+    name, width = request.param
+    figures: list[Figure] = []
+    encoded = paper.Page.encoded
+
+    def keep(page: paper.Page) -> bytes:
+        figures.append(page.figure)
+        return encoded(page)
+
+    store = stores[name.startswith("many")]
+    if FIGURES[name][0] == "history":
+        store = request.getfixturevalue("with_nights")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paper.Page, "encoded", keep)
+        draw(store, name, width)
+    (drawn,) = figures
+    return drawn
+
+
+def draw(store: Path, name: str, width: float) -> bytes:
+    view, options = FIGURES[name]
+    with open_scene(store, SceneOptions(**options), BY_NAME[view]) as scene:
+        return draw_figure(scene, BY_NAME[view], PageOptions(width=width, dpi=DPI))
 
 
 def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
@@ -107,13 +114,7 @@ def texts(figure: Figure) -> Iterator[tuple[str, Bbox]]:
                 yield text.get_text(), box
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", FIGURES)
-def test_texts_are_whole_and_apart(
-    stores: tuple[Path, Path], tmp_path: Path, drawn: list[Figure], name: str, width: float
-) -> None:
-    draw(stores[name.startswith("many")], name, width, tmp_path)
-    (figure,) = drawn
+def test_texts_are_whole_and_apart(figure: Figure) -> None:
     wide, high = figure.bbox.size
     found = list(texts(figure))
     assert found
@@ -139,13 +140,7 @@ def _shared(one: Bbox, two: Bbox) -> bool:
     return bool(wide > 1.5 and high > 1.5)
 
 
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", FIGURES)
-def test_axes_with_numbers_have_labels_with_units(
-    stores: tuple[Path, Path], tmp_path: Path, drawn: list[Figure], name: str, width: float
-) -> None:
-    draw(stores[name.startswith("many")], name, width, tmp_path)
-    (figure,) = drawn
+def test_axes_with_numbers_have_labels_with_units(figure: Figure) -> None:
     figure.draw_without_rendering()
     for axes in figure.axes:
         for which in ("x", "y"):
@@ -179,7 +174,7 @@ def _label(figure: Figure, axes: Axes, which: str) -> str:
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_pages_have_their_size_on_paper(tiny_store: Path, tmp_path: Path, width: float) -> None:
-    data = draw(tiny_store, "map", width, tmp_path)
+def test_pages_have_their_size_on_paper(tiny_store: Path, width: float) -> None:
+    data = draw(tiny_store, "map", width)
     (pixels,) = np.frombuffer(data[16:20], dtype=">u4")
     assert int(pixels) == round(width / 25.4 * DPI)
