@@ -61,9 +61,17 @@ def _gradients(backend: Backend, inputs: Tensor, target: Tensor) -> Tensor:
         turn = torch.remainder(pose[:, 2] - target[2] + torch.pi, 2 * torch.pi) - torch.pi
         along_position = _gradient(position, x, keep=True)
         along_heading = _gradient(turn.abs(), x, keep=False)
-    weight = (2 * (1 - LOSS_GAMMA) * position.detach())[:, None, None, None]
-    along_loss = weight * along_position + LOSS_GAMMA * along_heading
-    return torch.stack([each.sum(dim=0) for each in (along_position, along_heading, along_loss)])
+    weights = torch.stack([torch.ones_like(position), 2 * (1 - LOSS_GAMMA) * position]).detach()
+    of_position, of_square = _weighted_sums(weights, along_position)
+    (of_heading,) = _weighted_sums(weights[:1], along_heading)
+    return torch.stack([of_position, of_heading, of_square + LOSS_GAMMA * of_heading])
+
+
+def _weighted_sums(weights: Tensor, gradients: Tensor) -> Tensor:
+    """Sums (m, C, h, w) of gradients (n, C, h, w) in the layout channels_last, weights (m, n)."""
+    pixels = gradients.permute(0, 2, 3, 1)
+    sums = weights @ pixels.reshape(len(pixels), -1)
+    return sums.reshape(len(weights), *pixels.shape[1:]).permute(0, 3, 1, 2)
 
 
 def _gradient(output: Tensor, x: Tensor, keep: bool) -> Tensor:

@@ -20,6 +20,8 @@ from s2rtools.models.input_check import last_line
 from s2rtools.models.pose_network import LoadedModel
 
 BATCH = 8
+CHANGED_PIXELS = 32 * 128 * 128
+"""Pixels of the inputs in a batch of `Backend.poses`: more inputs at once take less time each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,8 +116,9 @@ class Backend:
 
     def poses(self, x: NDArray[np.float32]) -> NDArray[np.float64]:
         """Poses (n, 3) of any number of inputs, in batches that the device takes."""
-        batches = range(0, len(x), self.batch)
-        found = [self.forward_all(x[start : start + self.batch]).pose for start in batches]
+        batch = max(self.batch, CHANGED_PIXELS // max(1, x[0, 0].size)) if len(x) else 1
+        batches = range(0, len(x), batch)
+        found = [self.forward_all(x[start : start + batch]).pose for start in batches]
         return np.concatenate(found) if found else np.zeros((0, 3))
 
     def _opaque_output(self, x: Tensor) -> Tensor:
