@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import platform
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.inference.first_convolution import split_first_convolution
 from s2rtools.models.input_check import last_line
 from s2rtools.models.pose_network import LoadedModel
 
@@ -76,6 +77,16 @@ class Backend:
     def is_float32(self) -> bool:
         """Whether poses are computed in float32."""
         return is_float32(self.precision)
+
+    @cached_property
+    def split_trunk(self) -> tuple[nn.Module, nn.Module]:
+        """`trunk` as a first part that is linear up to a constant, and the rest.
+
+        Raises RequestError for a network without accessible features.
+        """
+        if self.trunk is None:
+            raise RequestError(f"model {self.model.name!r} has no accessible feature maps")
+        return split_first_convolution(self.trunk)
 
     @classmethod
     def unavailable_reason(cls) -> str | None:
