@@ -19,6 +19,8 @@ from s2rtools.common.numba_cache import njit
 
 SPLATS = 3
 """Points along each side of a recorded pixel that are splatted."""
+_NEAREST = 0.05
+"""Metres from which a point counts."""
 STEEP = 0.04
 """Relative depth difference of neighbours from which depth is not interpolated between them."""
 
@@ -242,21 +244,25 @@ def _splat(
     fx, fy, cx, cy, cos, sin = lens
     height, width = metres.shape
     nearest = np.zeros((height, width), dtype=np.float32)
+    rows, columns, nearest_depth = np.float32(height), np.float32(width), np.float32(_NEAREST)
     for i in range(height * splats):
-        for j in range(width * splats):
-            planar = metres[i // splats, j // splats]
-            up = directions[1, i, j] * planar + rise
-            forward = directions[2, i, j] * planar + ahead
-            depth = cos * forward + sin * up
-            if planar <= 0 or depth <= 0.05:
+        for pixel in range(width):
+            planar = metres[i // splats, pixel]
+            if planar <= 0:
                 continue
-            x = cx + fx * (directions[0, i, j] * planar) / depth
-            y = cy - fy * (cos * up - sin * forward) / depth
-            if x < 0 or y < 0 or x >= width or y >= height:
-                continue
-            row, col = int(y), int(x)
-            if nearest[row, col] == 0 or depth < nearest[row, col]:
-                nearest[row, col] = depth
+            for j in range(pixel * splats, (pixel + 1) * splats):
+                up = directions[1, i, j] * planar + rise
+                forward = directions[2, i, j] * planar + ahead
+                depth = cos * forward + sin * up
+                if depth <= nearest_depth:
+                    continue
+                x = cx + fx * (directions[0, i, j] * planar) / depth
+                y = cy - fy * (cos * up - sin * forward) / depth
+                if x < 0 or y < 0 or x >= columns or y >= rows:
+                    continue
+                row, col = np.int32(y), np.int32(x)
+                if nearest[row, col] == 0 or depth < nearest[row, col]:
+                    nearest[row, col] = depth
     return nearest
 
 
