@@ -23,6 +23,7 @@ from bench import (
     end_to_end,
     growth,
     harm,
+    harm_cost,
     inference,
     live_prediction,
     map_grids,
@@ -57,6 +58,7 @@ _MEASUREMENTS = (
     "live_prediction",
     "precompute_memory",
     "time_delay",
+    "harm_cost",
     "end_to_end",
 )
 _ON_REQUEST = ("harm", "suggest", "collect")
@@ -135,6 +137,8 @@ def _rows(selected: list[str], options: argparse.Namespace, folder: Path) -> Ite
         yield from precompute_memory.figures((1_000, 100_000))
     if "time_delay" in selected:
         yield from time_delay.figures()
+    if "harm_cost" in selected:
+        yield from harm_cost.figures(folder)
     if "harm" in selected:
         yield from harm.figures(folder)
     if "collect" in selected:

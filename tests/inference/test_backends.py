@@ -14,6 +14,7 @@ from s2rstore.errors import RequestError
 from s2rtools.inference import Backend, MeasuredBackend, calibration, choose_backend, open_backend
 from s2rtools.inference.backend import Bfloat16Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.inference.first_convolution import split_first_convolution
 from s2rtools.models.input_contract import InputContract
 from tests.support import networks
 
@@ -116,3 +117,22 @@ def test_openvino_gives_the_same_poses() -> None:
     )
     assert np.allclose(result.pose, reference.pose, atol=0.05)
     assert result.features.shape == reference.features.shape
+
+
+@pytest.mark.parametrize("architecture", ["posest", "resposenet"])
+def test_a_trunk_is_split_after_its_first_convolution(architecture: str) -> None:
+    model = networks.build_model(architecture)
+    backend = Backend(model)
+    first, rest = backend.split_trunk
+    assert isinstance(first, nn.Conv2d)
+    x = torch.from_numpy(batch(model, 2))
+    with torch.no_grad():
+        assert torch.allclose(rest(first(x)), backend.trunk(x), atol=1e-5)
+
+
+@pytest.mark.parametrize("trunk", [networks.ResidualBlock(4), networks.Branches(), nn.ReLU()])
+def test_trunks_whose_input_has_other_readers_stay_whole(trunk: nn.Module) -> None:
+    folded = fold_batch_norm(trunk)
+    first, rest = split_first_convolution(folded)
+    assert isinstance(first, nn.Identity)
+    assert rest is folded

@@ -7,6 +7,7 @@ sensor), objects (changed content), sensor (noise and blur of colours) and camer
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,20 +42,24 @@ class ViewContents:
 
 
 def mix_sources(
-    sources: NDArray[np.float32], changed: NDArray[np.bool_], colours: int
+    sources: NDArray[np.float32],
+    changed: NDArray[np.bool_],
+    colours: int,
+    out: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Composites (16, C, h, w) of all combinations of `VIEW_FACTORS`.
+    """Composites (16, C, h, w) of all combinations of `VIEW_FACTORS`, in `out` where it is given.
 
     `sources` (4, C, h, w) are inputs made of `ViewContents.colours` and `mixed_depths`; the first
     `colours` channels are colours. `changed` (h, w) marks changed content in them. The index of a
     composite has the bit 1 << i set where factor i is that of reality: composite 0 is the sim
     image, the last one the real image.
     """
-    mixed = np.empty((16, *sources.shape[1:]), dtype=np.float32)
-    for index in range(len(mixed)):
-        lighting, depth, objects, sensor = (index >> bit & 1 for bit in range(4))
-        inside, outside = (sources[2 * content + lighting] for content in (objects, sensor))
-        np.copyto(mixed[index, :colours], outside[:colours])
-        np.copyto(mixed[index, :colours], inside[:colours], where=changed)
-        mixed[index, colours:] = sources[2 * objects + depth, colours:]
+    mixed = np.empty((16, *sources.shape[1:]), dtype=np.float32) if out is None else out
+    by_factor = mixed.reshape(2, 2, 2, 2, *sources.shape[1:])
+    for sensor, objects, lighting in product((0, 1), repeat=3):
+        inside, outside = (sources[2 * each + lighting, :colours] for each in (objects, sensor))
+        shown = outside if objects == sensor else np.where(changed, inside, outside)
+        by_factor[sensor, objects, :, lighting, :colours] = shown
+    for objects, depth in product((0, 1), repeat=2):
+        by_factor[:, objects, depth, :, colours:] = sources[2 * objects + depth, colours:]
     return mixed

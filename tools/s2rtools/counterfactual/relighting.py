@@ -14,6 +14,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from s2rtools.counterfactual.light_grid import (
+    cell_sums,
+    largest_difference,
+    lit_image,
+    robust_weights,
+    sliced,
+    smoothed,
+    unlit_image,
+    weighted_moments,
+)
+
 GRID = (6, 8, 8)
 """Cells along log depth, rows and columns."""
 ROUNDS = 3
@@ -45,7 +56,7 @@ class Relighting:
 
     def removed(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """The image (h, w, 3) with the fitted light taken out of it."""
-        return np.clip((image / self.gain - self.offset) / self.slope, 0, 255)
+        return unlit_image(np.ascontiguousarray(image), self.gain, self.slope, self.offset)
 
 
 def relight(
@@ -59,20 +70,25 @@ def relight(
     `depth` (h, w) in metres, 0 where unknown; `weight` (h, w) is the confidence that both images
     show the same content, 0 where they cannot be compared.
     """
-    levels = _Cells(depth)
+    source, target = np.ascontiguousarray(source), np.ascontiguousarray(target)
+    cells, compared = _Cells(depth), np.flatnonzero(weight > 0)
     smooth_target = _blur(target)
     slope, offset = _affine(source, target, weight)
-    lit = slope * source + offset
-    weights = weight * _robust_weights(_residual(lit, smooth_target), weight)
-    slope, offset = _affine(source, target, weights)
-    lit = slope * source + offset
-    gain = np.ones_like(lit)
+    residual = _residual(lit_image(source, slope, offset), smooth_target)
+    slope, offset = _affine(
+        source, target, robust_weights(weight, residual, _limit(residual, compared))
+    )
+    lit = lit_image(source, slope, offset)
+    prior = PRIOR_SHARE * weight.size * ((lit * lit).reshape(-1, 3).mean(axis=0) + 100)
+    image = lit
     for _ in range(ROUNDS):
-        weights = weight * _robust_weights(_residual(gain * lit, smooth_target), weight)
-        gain = levels.gains(lit, target, weights)
-    image = np.clip(gain * lit, 0, 255)
+        residual = _residual(image, smooth_target)
+        weights = robust_weights(weight, residual, _limit(residual, compared))
+        gain = cells.gains(lit, target, weights, prior)
+        image = gain * lit
+    np.clip(image, 0, 255, out=image)
     residual = _residual(image, smooth_target)
-    return Relighting(image, residual, _median(residual, weight), gain, slope, offset)
+    return Relighting(image, residual, _median(residual, compared), gain, slope, offset)
 
 
 class _Cells:
@@ -80,73 +96,40 @@ class _Cells:
 
     def __init__(self, depth: NDArray[np.float32]) -> None:
         height, width = depth.shape
-        self._shape = (height, width)
-        logs = np.log(np.maximum(depth, 0.1))
+        logs = np.log(np.maximum(depth, np.float32(0.1)))
         known = logs[depth > 0]
         low, high = np.percentile(known, (2, 98)) if known.size else (0.0, 1.0)
-        position = (logs - low) / max(float(high - low), 0.2) * (GRID[0] - 1)
-        self._level = np.clip(position, 0, GRID[0] - 1).astype(np.float32)
-        level = np.rint(self._level).astype(np.intp)
-        rows = (np.arange(height) * GRID[1] // height)[:, None]
-        cols = (np.arange(width) * GRID[2] // width)[None]
-        self._cell = ((level * GRID[1] + rows) * GRID[2] + cols).ravel()
+        position = (logs - np.float32(low)) / np.float32(
+            max(float(high - low), 0.2) / (GRID[0] - 1)
+        )
+        self._level = np.clip(position, 0, np.float32(GRID[0] - 1))
+        level = np.rint(self._level).astype(np.int32)
+        rows = (np.arange(height) * GRID[1] // height)[:, None].astype(np.int32)
+        cols = (np.arange(width) * GRID[2] // width)[None].astype(np.int32)
+        self._cell = (level * GRID[1] + rows) * GRID[2] + cols
 
     def gains(
-        self, lit: NDArray[np.float32], target: NDArray[np.float32], weights: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Gains (h, w, 3) of least squares, pulled towards 1 where a cell holds little evidence."""
-        size, flat = int(np.prod(GRID)), weights.ravel()
-        products, squares = (self._sums(flat, lit, other, size) for other in (target, lit))
-        prior = PRIOR_SHARE * flat.size * ((lit * lit).mean(axis=(0, 1)) + 100)
-        gains = (_smooth_grid(products) + prior) / (_smooth_grid(squares) + prior)
-        return self._sliced(np.clip(gains, 0.2, 5.0).astype(np.float32))
-
-    def _sums(
         self,
+        lit: NDArray[np.float32],
+        target: NDArray[np.float32],
         weights: NDArray[np.float32],
-        a: NDArray[np.float32],
-        b: NDArray[np.float32],
-        size: int,
-    ) -> NDArray[np.float64]:
-        """Sums of weights * a * b over the pixels of each cell, (*GRID, 3)."""
-        product = (a * b).reshape(-1, 3)
-        sums = [np.bincount(self._cell, weights * product[:, c], size) for c in range(3)]
-        return np.stack(sums, axis=-1).reshape(*GRID, 3).astype(np.float64)
+        prior: NDArray[np.float32],
+    ) -> NDArray[np.float32]:
+        """Gains (h, w, 3) of least squares, pulled towards 1 where a cell holds little evidence.
 
-    def _sliced(self, gains: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The grid's values at the pixels, linear along each axis, (h, w, 3)."""
-        height, width = self._shape
-        planes = np.stack([
-            cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in gains
-        ])  # fmt: skip
-        low = np.minimum(self._level.astype(np.intp), GRID[0] - 2)
-        share = (self._level - low)[..., None]
-        rows, cols = np.ogrid[:height, :width]
-        return np.asarray(
-            planes[low, rows, cols] * (1 - share) + planes[low + 1, rows, cols] * share
-        )
-
-
-def _smooth_grid(grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights 1 2 1 along each of the first three axes."""
-    for axis in range(3):
-        padded = np.concatenate([grid.take([0], axis), grid, grid.take([-1], axis)], axis=axis)
-        count = grid.shape[axis]
-        before, after = (padded.take(range(k, k + count), axis) for k in (0, 2))
-        grid = (before + 2 * grid + after) / 4
-    return grid
+        `prior` (3,) is the weight of the gain 1.
+        """
+        products, squares = cell_sums(self._cell, weights, lit, target, GRID)
+        gains = (smoothed(products) + prior) / (smoothed(squares) + prior)
+        return sliced(np.clip(gains, 0.2, 5.0).astype(np.float32), self._level)
 
 
 def _affine(
     source: NDArray[np.float32], target: NDArray[np.float32], weights: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Slope and offset (3,) per channel of weighted least squares."""
-    total = max(float(weights.sum()), 1e-6)
-    w = weights[..., None] / np.float32(total)
-    mean_s, mean_t = (w * source).sum(axis=(0, 1)), (w * target).sum(axis=(0, 1))
-    centred = source - mean_s
-    variance = (w * centred * centred).sum(axis=(0, 1))
-    covariance = (w * centred * (target - mean_t)).sum(axis=(0, 1))
+    mean_s, mean_t, squares, products = weighted_moments(source, target, weights)
+    variance, covariance = squares - mean_s * mean_s, products - mean_s * mean_t
     slope = np.clip((covariance + 25) / (variance + 25), 0.3, 3.0).astype(np.float32)
     return slope, (mean_t - slope * mean_s).astype(np.float32)
 
@@ -157,17 +140,19 @@ def _blur(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _residual(image: NDArray[np.float32], smooth: NDArray[np.float32]) -> NDArray[np.float32]:
     """Largest absolute difference of the channels (h, w) to an image that is smoothed already."""
-    return np.asarray(np.abs(_blur(image) - smooth).max(axis=2))
+    return largest_difference(_blur(image), smooth)
 
 
-def _median(residual: NDArray[np.float32], weight: NDArray[np.float32]) -> float:
-    compared = residual[weight > 0]
-    return float(np.median(compared)) if compared.size else 0.0
+def _median(residual: NDArray[np.float32], compared: NDArray[np.intp]) -> float:
+    """Median of the residual (h, w) over the numbers of pixels that can be compared; else 0."""
+    if not compared.size:
+        return 0.0
+    half = compared.size // 2
+    values = np.partition(residual.take(compared), half)  # several times as fast as np.median
+    upper = float(values[half])
+    return upper if compared.size % 2 else (float(values[:half].max()) + upper) / 2
 
 
-def _robust_weights(
-    residual: NDArray[np.float32], weight: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """1 / (1 + (residual / t)^4), with t at least the median residual times 1.5."""
-    limit = np.float32(max(1.5 * _median(residual, weight), LEAST_SPREAD))
-    return np.asarray(1 / (1 + (residual / limit) ** 4), dtype=np.float32)
+def _limit(residual: NDArray[np.float32], compared: NDArray[np.intp]) -> np.float32:
+    """Residual from which a pixel counts little: 1.5 times the median, or `LEAST_SPREAD`."""
+    return np.float32(max(1.5 * _median(residual, compared), LEAST_SPREAD))

@@ -74,7 +74,7 @@ class SceneComparison:
     @cached_property
     def rgb(self) -> NDArray[np.float32]:
         """Colours (h, w, 3) of the counterfactual: sim content under the real light."""
-        return np.where(self.view.seen[..., None], self.light.image, self.view.real)
+        return _shown(self.view.seen, self.light.image, self.view.real)
 
     @cached_property
     def depth(self) -> NDArray[np.float32]:
@@ -90,17 +90,17 @@ class SceneComparison:
 
         Both scenes show what the own side shows where the other camera does not see.
         """
-        view, light, seen = self.view, self.light, self.view.seen[..., None]
+        view, light, seen = self.view, self.light, self.view.seen
         unlit_real = light.removed(view.real)
         clean = self._tolerance.surface(view.real_depth)
         depths = (view.sim_depth, self._sensed_depth,
                   np.where(clean > 0, clean, view.sim_depth), view.real_depth)  # fmt: skip
         if own == "sim":
-            colours = (view.sim, light.image, np.where(seen, unlit_real, view.sim),
-                       np.where(seen, view.real, light.image))  # fmt: skip
+            colours = (view.sim, light.image, _shown(seen, unlit_real, view.sim),
+                       _shown(seen, view.real, light.image))  # fmt: skip
             beyond = view.sim_depth
         else:
-            colours = (np.where(seen, view.sim, unlit_real), np.where(seen, light.image, view.real),
+            colours = (_shown(seen, view.sim, unlit_real), _shown(seen, light.image, view.real),
                        unlit_real, view.real)  # fmt: skip
             beyond = view.real_depth
         shown = np.stack([np.where(view.seen, depth, beyond) for depth in depths])
@@ -142,6 +142,13 @@ class RigPair:
     def to_sim_view(self, values: NDArray[np.float32], sim: ImageArrays) -> NDArray[np.float32]:
         """Values (n, h, w) over the real RGB image in the sim view, 0 where that is not seen."""
         return self._to_sim.warped(values, self.sim.metres(*sim[1:]))
+
+
+def _shown(
+    seen: NDArray[np.bool_], image: NDArray[np.float32], elsewhere: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """An image (h, w, 3) where it is seen (h, w), another one elsewhere."""
+    return np.asarray(cv2.copyTo(image, seen.view(np.uint8), elsewhere.copy()))
 
 
 def cut_segments(change: NDArray[np.float32]) -> NDArray[np.int32]:

@@ -19,6 +19,8 @@ from s2rtools.common.numba_cache import njit
 
 SPLATS = 3
 """Points along each side of a recorded pixel that are splatted."""
+_NEAREST = 0.05
+"""Metres from which a point counts."""
 STEEP = 0.04
 """Relative depth difference of neighbours from which depth is not interpolated between them."""
 
@@ -70,11 +72,9 @@ class ViewSynthesis:
 
     def surface(self, metres: NDArray[np.float32]) -> NDArray[np.float32]:
         """Planar depth (h, w) in the target's RGB camera of the source's depth."""
-        height, width = self._frame
-        size = width * SPLATS, height * SPLATS
-        fine = cv2.resize(metres, size, interpolation=cv2.INTER_NEAREST)
-        u, v, depth = _project(self._splat_rays, fine, self._target.rgb, self._rise, self._ahead)
-        nearest = _splat(u, v, np.where(fine > 0, depth, np.float32(0)), height, width)
+        nearest = _splat(
+            self._splat_rays, metres, SPLATS, _lens(self._target.rgb), self._rise, self._ahead
+        )
         return np.asarray(cv2.medianBlur(_fill_holes(nearest), 3))
 
     def sampled(
@@ -102,11 +102,8 @@ class ViewSynthesis:
         self, surface: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
         """Source pixel (column, row) and depth there of each target pixel, and where it is seen."""
-        height, width = self._frame
-        u, v, expected = _project(self._rays, surface, self._source.rgb, -self._rise, -self._ahead)
-        known = (surface > 0) & (expected > 0)
-        seen = known & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        x, y = (np.where(known, value - np.float32(0.5), np.float32(-9)) for value in (u, v))
+        lens = _lens(self._source.rgb)
+        x, y, expected, seen = _positions(self._rays, surface, lens, -self._rise, -self._ahead)
         return x, y, expected, seen
 
 
@@ -189,43 +186,83 @@ def _directions(lens: Intrinsics, rows: NDArray[Any], cols: NDArray[Any]) -> NDA
     return np.stack([found.right, found.up, found.forward]).astype(np.float32)
 
 
-def _project(
+def _lens(lens: Intrinsics) -> NDArray[np.float32]:
+    """fx, fy, cx, cy, cosine and sine of the pitch."""
+    cos, sin = np.cos(lens.pitch), np.sin(lens.pitch)
+    return np.array([lens.fx, lens.fy, lens.cx, lens.cy, cos, sin], dtype=np.float32)
+
+
+@njit(cache=True, error_model="numpy")
+def _positions(
     directions: NDArray[np.float32],
     metres: NDArray[np.float32],
-    lens: Intrinsics,
+    lens: NDArray[np.float32],
     rise: np.float32,
     ahead: np.float32,
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Column, row and planar depth in a camera that is `rise` metres lower, `ahead` behind."""
-    right, up, forward = directions * metres
-    up += rise
-    forward += ahead
-    cos, sin = np.float32(np.cos(lens.pitch)), np.float32(np.sin(lens.pitch))
-    depth = cos * forward + sin * up
-    with np.errstate(invalid="ignore", divide="ignore"):
-        u = np.float32(lens.cx) + np.float32(lens.fx) * right / depth
-        v = np.float32(lens.cy) - np.float32(lens.fy) * (cos * up - sin * forward) / depth
-    return u, v, depth
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Where a camera `rise` metres lower and `ahead` behind sees the points at depth (h, w).
+
+    Column and row of pixel centres, -9 for unknown depth, planar depth there, and whether the
+    point lies in the image, of equal size.
+    """
+    fx, fy, cx, cy, cos, sin = lens
+    height, width = metres.shape
+    x, y = np.empty_like(metres), np.empty_like(metres)
+    expected, seen = np.zeros_like(metres), np.zeros((height, width), dtype=np.bool_)
+    half, nowhere = np.float32(0.5), np.float32(-9)
+    for i in range(height):
+        for j in range(width):
+            planar = metres[i, j]
+            up = directions[1, i, j] * planar + rise
+            forward = directions[2, i, j] * planar + ahead
+            depth = cos * forward + sin * up
+            expected[i, j] = depth
+            if planar <= 0 or depth <= 0:
+                x[i, j], y[i, j] = nowhere, nowhere
+                continue
+            u = cx + fx * (directions[0, i, j] * planar) / depth
+            v = cy - fy * (cos * up - sin * forward) / depth
+            x[i, j], y[i, j] = u - half, v - half
+            seen[i, j] = u >= 0 and u < width and v >= 0 and v < height
+    return x, y, expected, seen
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _splat(
-    u: NDArray[np.float32], v: NDArray[np.float32], depth: NDArray[np.float32],
-    height: int, width: int,
-) -> NDArray[np.float32]:  # fmt: skip
-    """Least depth (height, width) of the points that fall into each pixel, 0 where none does."""
+    directions: NDArray[np.float32],
+    metres: NDArray[np.float32],
+    splats: int,
+    lens: NDArray[np.float32],
+    rise: np.float32,
+    ahead: np.float32,
+) -> NDArray[np.float32]:
+    """Least depth (h, w) of the points that fall into each pixel of a camera, 0 where none does.
+
+    The points lie at depth (h, w) along directions (3, h * splats, w * splats). The camera, whose
+    image has the same size, is `rise` metres lower and `ahead` behind.
+    """
+    fx, fy, cx, cy, cos, sin = lens
+    height, width = metres.shape
     nearest = np.zeros((height, width), dtype=np.float32)
-    for i in range(u.shape[0]):
-        for j in range(u.shape[1]):
-            metres = depth[i, j]
-            if metres <= 0.05:
+    rows, columns, nearest_depth = np.float32(height), np.float32(width), np.float32(_NEAREST)
+    for i in range(height * splats):
+        for pixel in range(width):
+            planar = metres[i // splats, pixel]
+            if planar <= 0:
                 continue
-            x, y = u[i, j], v[i, j]
-            if x < 0 or y < 0 or x >= width or y >= height:
-                continue
-            row, col = int(y), int(x)
-            if nearest[row, col] == 0 or metres < nearest[row, col]:
-                nearest[row, col] = metres
+            for j in range(pixel * splats, (pixel + 1) * splats):
+                up = directions[1, i, j] * planar + rise
+                forward = directions[2, i, j] * planar + ahead
+                depth = cos * forward + sin * up
+                if depth <= nearest_depth:
+                    continue
+                x = cx + fx * (directions[0, i, j] * planar) / depth
+                y = cy - fy * (cos * up - sin * forward) / depth
+                if x < 0 or y < 0 or x >= columns or y >= rows:
+                    continue
+                row, col = np.int32(y), np.int32(x)
+                if nearest[row, col] == 0 or depth < nearest[row, col]:
+                    nearest[row, col] = depth
     return nearest
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import platform
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,10 +16,13 @@ from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
+from s2rtools.inference.first_convolution import split_first_convolution
 from s2rtools.models.input_check import last_line
 from s2rtools.models.pose_network import LoadedModel
 
 BATCH = 8
+CHANGED_PIXELS = 32 * 128 * 128
+"""Pixels of the inputs in a batch of `Backend.poses`: more inputs at once take less time each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +78,16 @@ class Backend:
         """Whether poses are computed in float32."""
         return is_float32(self.precision)
 
+    @cached_property
+    def split_trunk(self) -> tuple[nn.Module, nn.Module]:
+        """`trunk` as a first part that is linear up to a constant, and the rest.
+
+        Raises RequestError for a network without accessible features.
+        """
+        if self.trunk is None:
+            raise RequestError(f"model {self.model.name!r} has no accessible feature maps")
+        return split_first_convolution(self.trunk)
+
     @classmethod
     def unavailable_reason(cls) -> str | None:
         """What this machine lacks for the backend; None if it can be opened."""
@@ -114,8 +127,9 @@ class Backend:
 
     def poses(self, x: NDArray[np.float32]) -> NDArray[np.float64]:
         """Poses (n, 3) of any number of inputs, in batches that the device takes."""
-        batches = range(0, len(x), self.batch)
-        found = [self.forward_all(x[start : start + self.batch]).pose for start in batches]
+        batch = max(self.batch, CHANGED_PIXELS // max(1, x[0, 0].size)) if len(x) else 1
+        batches = range(0, len(x), batch)
+        found = [self.forward_all(x[start : start + batch]).pose for start in batches]
         return np.concatenate(found) if found else np.zeros((0, 3))
 
     def _opaque_output(self, x: Tensor) -> Tensor:

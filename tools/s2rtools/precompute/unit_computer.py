@@ -19,6 +19,7 @@ from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.process_identity import host_name
 from s2rstore.reader import Store
+from s2rtools.common.freed_memory import keep_freed_memory
 from s2rtools.inference import Backend
 from s2rtools.models.load_model import load_model
 from s2rtools.precompute import unit_results
@@ -98,6 +99,7 @@ class UnitComputer:
         self._layouts: dict[str, Layout] = {}
         torch.set_num_threads(threads)
         threadpool_limits(threads)
+        keep_freed_memory()
 
     def __call__(self, unit: WorkUnit) -> Receipt:
         """Compute the missing arrays of a unit and write them under a unique name."""

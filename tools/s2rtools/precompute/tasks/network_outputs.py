@@ -7,6 +7,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
@@ -220,5 +221,8 @@ def as_stored(values: NDArray[Any], dtype: str) -> NDArray[Any]:
     """Values in the dtype of their array; values beyond float16 are clipped, NaN stays."""
     if dtype != "float16":
         return values.astype(dtype)
-    limit = np.finfo(np.float16).max
-    return np.clip(values, -limit, limit).astype(np.float16)
+    limit = float(np.finfo(np.float16).max)
+    if values.dtype != np.float32:
+        return np.clip(values, -limit, limit).astype(np.float16)
+    exact = torch.from_numpy(np.ascontiguousarray(values))
+    return exact.clamp(-limit, limit).to(torch.float16).numpy()  # several times as fast as numpy
