@@ -12,7 +12,7 @@ from s2rtools.inference import Backend
 
 KIND = "gap_shares"
 """Name of the arrays (iid, factor) of shares, in metres."""
-VERSION = 2
+VERSION = 3
 """Changes whenever the values change."""
 
 

@@ -42,7 +42,7 @@ class _HarmKind(HeatmapKind):
     cost = "many"
     stage = STAGE
     sums_to_metres = True
-    version = 2
+    version = 3
     planes = ("position", "heading", "loss")
     unit: ClassVar[str] = "m rad loss"
 
