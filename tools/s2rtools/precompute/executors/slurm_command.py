@@ -135,8 +135,10 @@ def _follow(
             copy.more()
         if facts.has_ended:
             return facts
-        waits = facts.state in _WAITS
-        line = f"job {job} " + (f"waits ({facts.reason})" if waits else f"runs on {facts.nodes}")
+        if facts.state in _WAITS:
+            line = f"job {job} waits" + ("" if facts.reason == "None" else f" ({facts.reason})")
+        else:
+            line = f"job {job} runs on {facts.nodes}"
         if line != told:
             report_line(line)
             told, pause = line, _POLL_SECONDS
