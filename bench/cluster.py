@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -16,6 +15,7 @@ from bench.measured_stores import QUIET, frames_store, lively
 from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rstore.files.ledger import Ledger
+from s2rtools.common.processors import available_processors
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors.clusters import open_cluster
 from s2rtools.precompute.executors.executor import Executor, Task
@@ -106,19 +106,23 @@ def _sleep(executor: Executor, root: Path, count: int, seconds: float) -> float:
 
 
 def _real(folder: Path) -> Iterator[BudgetRow]:
-    """Real units with one thread each; with as many workers as there are processors, at most 4."""
+    """Real units with one thread each.
+
+    They need a processor each, so the efficiency is that of as many workers as have one: the time
+    in which one process computes the units, over the workers or processors, whichever are fewer,
+    and over the time that the workers take.
+    """
+    processors = available_processors()
     store = frames_store(folder / "frames.s2r", _PAIRS, 128, lively("resposenet"))
     serial = _Timed(SerialExecutor(1))
     expected = _computed(store, folder / "serial.s2r", serial)
     for workers in (2, 4):
-        if workers > (os.cpu_count() or 1):
-            continue
         with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
             _computed(store, folder / f"first{workers}.s2r", executor)
             timed = _Timed(executor)
             shards = _computed(store, folder / f"real{workers}.s2r", timed)
-        name = f"{workers} workers, real units"
-        efficiency = serial.computed / workers / timed.wall
+        name = f"{workers} workers on {processors} processors, real units"
+        efficiency = serial.computed / min(workers, processors) / timed.wall
         yield BudgetRow(f"efficiency of {name}", efficiency, "ratio", 0.8, "at least")
         differing = sum(expected[path] != shards.get(path) for path in expected)
         yield BudgetRow(f"shards that differ from the serial ones, {name}", differing, "files", 0)

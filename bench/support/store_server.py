@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import unquote
 
-Fault = Literal["missing", "denied", "failing", "cut", "slow", "whole"]
-"""404, 403, 503, a connection that is cut within the body, an answer that comes too late, and a
-server that ignores byte ranges."""
+Fault = Literal[
+    "missing", "denied", "login", "failing", "cut", "closed", "garbled", "slow", "whole"
+]
+"""404, 403, 401, 503, a connection that is cut within the body or closed without an answer, an
+answer that is not HTTP, an answer that comes too late, and a server that ignores byte ranges."""
 
 SLOW_SECONDS = 30.0
 _RANGE = re.compile(r"bytes=(\d*)-(\d*)\Z")
@@ -85,7 +87,11 @@ def store_server(folder: Path) -> Iterator[StoreServer]:
                 server.released.wait(SLOW_SECONDS)
                 self.close_connection = True
                 return
-            codes = {"missing": 404, "denied": 403, "failing": 503}
+            if fault in ("closed", "garbled"):
+                self.wfile.write(b"hello\r\n\r\n" if fault == "garbled" else b"")
+                self.close_connection = True
+                return
+            codes = {"missing": 404, "denied": 403, "login": 401, "failing": 503}
             file = folder / path
             if fault in codes or ".." in path or not file.is_file():
                 self.send_error(codes.get(str(fault), 404))

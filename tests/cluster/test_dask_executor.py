@@ -22,7 +22,9 @@ from tests.cluster.counted_units import CountedComputation, assert_complete, pla
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 from s2rtools.precompute.executors import dask_executor, dask_worker  # noqa: E402
+from s2rtools.precompute.executors.clusters import open_cluster  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
+from s2rtools.precompute.executors.local_executors import usual_threads  # noqa: E402
 
 pytestmark = pytest.mark.xdist_group("cluster")
 
@@ -284,3 +286,34 @@ def test_the_last_job_that_is_refused_is_told(tmp_path: Path) -> None:
     ):
         list(DaskExecutor(client, lines.append, expected).run(tasks))
     assert lines == ["2 of 2 jobs were refused (sbatch: error: QOSMaxJobs)"]
+
+
+def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path: Path) -> None:
+    """The cluster starts processes, which import the modules that this process finds."""
+    stages = [stage_of(name) for name in ("x", "y")]
+    plan = plan_of(tmp_path, *stages)
+    assert plan.units[0].stage.name == "x"
+    plan.finish(CountedComputation(tmp_path).open(2)(plan.units[0]))
+    plan = plan_of(tmp_path, *stages)
+    with open_cluster("local:1", None, None, print) as executor:
+        tasks = [Task(CountedComputation(tmp_path), u, plan.environment(u)) for u in plan.units]
+        for receipt in executor.run(tasks):
+            plan.finish(receipt, is_checked=True)
+        plan.close()
+    assert_complete(tmp_path, *stages)
+    threads: dict[str, set[int]] = {}
+    for path, entries in Ledger(tmp_path).by_path().items():
+        if path.startswith("runs.zarr"):
+            name = next(s.name for s in stages if s.specs[0].key in path)
+            threads.setdefault(name, set()).update(e.environment.threads for e in entries)
+    assert threads == {"x": {2}, "y": {usual_threads(1)}}
+
+
+def test_requested_threads_that_differ_from_a_begun_array_are_told(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, stage_of("x"))
+    plan.finish(CountedComputation(tmp_path).open(3)(plan.units[0]))
+    with (
+        cluster(1) as (_, client),
+        pytest.raises(RequestError, match=r"threads 1 instead of 3.*\(`--threads` of local:N, "),
+    ):
+        run(client, CountedComputation(tmp_path))

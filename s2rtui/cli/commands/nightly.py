@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from s2rstore.errors import RequestError
+from s2rtui.cli import slurm_job
 
 if TYPE_CHECKING:
     from s2rtools.nightly.config import NightlyConfig
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--withdraw", metavar="YYYY-MM-DD",
         help="measure nothing; move this night to the table `withdrawn` of the "
         "history")  # fmt: skip
+    slurm_job.add_arguments(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -34,6 +36,8 @@ def execute(options: argparse.Namespace) -> int:
     from s2rtools.nightly.run import nightly
 
     config = configs.read(options.config)
+    if slurm_job.is_requested(options):
+        return slurm_job.SlurmJob(options).run(words(options))
     if options.withdraw is not None:
         return _withdraw(config, options)
     result = nightly(config, _night(options.night), far=options.far_night)
@@ -44,6 +48,19 @@ def execute(options: argparse.Namespace) -> int:
     if result.night.refused:
         print(f"s2r: {result.night.reason}", file=sys.stderr)
     return result.night.exit_code
+
+
+def words(options: argparse.Namespace) -> list[str]:
+    """The arguments of `s2r` that measure the same night in another working folder.
+
+    The night is named, because the job may begin on another day.
+    """
+    night = options.night if options.withdraw is not None else str(_night(options.night))
+    dates = {"night": night, "withdraw": options.withdraw}
+    given = [f"--{name}={value}" for name, value in dates.items() if value is not None]
+    flags = {"--json": options.json, "--far-night": options.far_night}
+    given += [flag for flag, is_set in flags.items() if is_set]
+    return ["nightly", *given, str(options.config.resolve())]
 
 
 def _night(text: str | None) -> datetime.date:

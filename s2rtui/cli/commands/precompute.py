@@ -73,7 +73,7 @@ def execute(options: argparse.Namespace) -> int:
         return 0
     if options.progress == "json":
         end_with_parent()
-    kinds = tuple(options.kinds.split(",")) if options.kinds else None
+    kinds = None if options.kinds is None else tuple(options.kinds.split(","))
     with reporter(options.progress) as progress, _executor(options, progress) as executor:
         settings = PrecomputeOptions(
             kinds, options.workers, options.backend, options.trust, options.refit,
@@ -87,6 +87,9 @@ def _check(options: argparse.Namespace) -> None:
     for name in ("workers", "threads"):
         if (value := getattr(options, name)) is not None and value < 1:
             raise RequestError(f"--{name} {value}: must be at least 1")
+    for name in ("kinds", "cluster", "scheduler"):
+        if getattr(options, name) == "":
+            raise RequestError(f"--{name}: names nothing; give a value, or leave the option out")
     chosen = [f"--{name}" for name in ("workers", "cluster", "scheduler") if getattr(options, name)]
     if len(chosen) > 1:
         raise RequestError(f"{chosen[1]}: cannot be combined with {chosen[0]}; give one of them")

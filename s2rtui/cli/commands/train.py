@@ -7,7 +7,7 @@ import shlex
 import sys
 
 from s2rstore.errors import RequestError
-from s2rtui.cli import store_argument
+from s2rtui.cli import slurm_job, store_argument
 from s2rtui.cli.formatting.progress import percent_callback, reporter
 
 EXAMPLE = "s2r train --recipe finetune --from vanilla --minutes 10 --store lab.s2r"
@@ -30,10 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--minutes", type=float, default=2.0, help="training time (default 2)")
     add("--steps", type=int, help="number of batches, in place of --minutes")
     add("--seed", type=int, default=0, help="random seed (default 0)")
+    slurm_job.add_arguments(parser)
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.training.train_into_store import TrainingRequest, train_into_store
+    from s2rtools.training.train_into_store import TrainingRequest, check_request, train_into_store
 
     if not 0 < options.minutes <= 10_000 or (options.steps is not None and options.steps < 1):
         raise RequestError("--minutes, --steps: must be more than 0, and --minutes at most 10000")
@@ -43,9 +44,27 @@ def execute(options: argparse.Namespace) -> int:
         options.recipe, options.name, options.start, options.arch, options.minutes, options.steps,
         options.seed, options.translator, options.force,
     )  # fmt: skip
+    if slurm_job.is_requested(options):
+        job = slurm_job.SlurmJob(options)
+        if not options.show_job_script:
+            check_request(options.store, request)
+        seconds = 60 * options.minutes if options.steps is None else 0.0
+        return job.run(words(options, job.store_folder(options.store)), seconds, "--minutes")
     command = shlex.join(["s2r", *sys.argv[1:]])
     with reporter() as progress:
         report = percent_callback(progress, f"train {options.name or options.recipe}")
         name = train_into_store(options.store, request, report, command)
     print(f"{options.store}: run {name} registered; next: `s2r precompute {options.store}`")
     return 0
+
+
+def words(options: argparse.Namespace, store: str) -> list[str]:
+    """The arguments of `s2r` that train the same on the store in another folder."""
+    values = {
+        "store": store, "recipe": options.recipe, "from": options.start,
+        "translator": options.translator, "name": options.name, "arch": options.arch,
+        "minutes": options.minutes, "steps": options.steps, "seed": options.seed,
+    }  # fmt: skip
+    given = [f"--{name}={value}" for name, value in values.items() if value is not None]
+    flags = ["--force"] if options.force else []
+    return ["train", *given, *flags]

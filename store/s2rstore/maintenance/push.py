@@ -3,7 +3,8 @@
 Files that never change go first, `CURRENT.json` last: readers see the old generation or the new.
 `CURRENT.json` is replaced only in the version that was checked, where the server supports that.
 An object is skipped where its size and checksum are those of the file, so that an interrupted copy
-is resumed. Nothing is deleted.
+is resumed. Nothing is deleted. A lease keeps two pushes apart, because two stores may have
+different files of one name, such as the index of the same generation.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from s2rstore.files import layout, safe_files
 from s2rstore.files.ledger import LedgerEntry, generation_file
 from s2rstore.files.store_files import LocalFiles
 from s2rstore.maintenance.generation_files import GenerationFile, generation_files
+from s2rstore.maintenance.push_lease import PushLease, push_lease
 from s2rstore.reader import Store
 from s2rstore.remote.object_client import ObjectClient
 from s2rstore.remote.remote_files import RemoteFiles
@@ -42,10 +44,11 @@ _FIXED = {"Cache-Control": "max-age=31536000, immutable"}
 
 
 class Progress(Protocol):
-    """Receives the number of files, and how many were dealt with."""
+    """Receives the number of files, how many were dealt with, and messages."""
 
     def begin(self, stage: str, total: int) -> None: ...
     def advance(self, steps: int) -> None: ...
+    def say(self, line: str) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +65,9 @@ def push(root: Path, url: StoreUrl, progress: Progress, force: bool = False) -> 
     """Copy the published generation of the store in the folder `root` to a URL.
 
     With `force` a newer generation, or another data set, that is published there is replaced.
-    Raises RequestError where that is refused, CheckFailedError where a file of the store is not as
-    published, UnreachableStoreError where the server does not take a file.
+    Raises RequestError where that is refused, StoreBusyError while another process pushes there,
+    CheckFailedError where a file of the store is not as published, UnreachableStoreError where the
+    server does not take a file.
     """
     if url.scheme != "s3":
         raise RequestError(f"{url}: push needs a URL that begins with s3://")
@@ -71,13 +75,28 @@ def push(root: Path, url: StoreUrl, progress: Progress, force: bool = False) -> 
     there = RemoteFiles(url)
     if not force:
         _refuse_replacing(root, current, there)
+    with push_lease(there.client, progress.say) as lease:
+        return _push(root, current, there, progress, force, lease)
+
+
+def _push(
+    root: Path,
+    current: layout.Current,
+    there: RemoteFiles,
+    progress: Progress,
+    force: bool,
+    lease: PushLease,
+) -> PushResult:
+    """See `push`; the lease of the target is held."""
+    if not force:  # another push may have ended since the first check
+        _refuse_replacing(root, current, there)
     with Store(root) as store:
         if store.generation != current.generation:
             raise RequestError(f"{root}: a generation was published meanwhile; run it again")
         files = generation_files(store, current)
         history = store.files.stamp(layout.GAP_HISTORY) is not None
     progress.begin("push", len(files) + 2 + history)
-    transfer = _Transfer(LocalFiles(root), there.client, progress)
+    transfer = _Transfer(LocalFiles(root), there.client, progress, lease)
     transfer.send_all(files)
     transfer.send_content(generation_file(current.generation), transfer.ledger(), _FIXED)
     if history:
@@ -128,8 +147,10 @@ def _refuse_replacing(root: Path, current: layout.Current, there: RemoteFiles) -
 class _Transfer:
     """Sends files that are not there, several at a time, and counts them."""
 
-    def __init__(self, files: LocalFiles, client: ObjectClient, progress: Progress) -> None:
-        self._files, self._client, self._progress = files, client, progress
+    def __init__(
+        self, files: LocalFiles, client: ObjectClient, progress: Progress, lease: PushLease
+    ) -> None:
+        self._files, self._client, self._progress, self._lease = files, client, progress, lease
         self._entries: list[LedgerEntry] = []
         self.sent = self.bytes = self.skipped = 0
 
@@ -166,6 +187,7 @@ class _Transfer:
         name, sha256 = layout.CURRENT, hashlib.sha256(content).hexdigest()
         known = len(content), sha256, _md5(content)
         attributes = {CHECKSUM: sha256, **_CHANGING}
+        self._lease.check()
         is_there = self._is_there(name, *known)
         if not (
             is_there
@@ -182,6 +204,7 @@ class _Transfer:
         sha256 = hashlib.sha256(content).hexdigest()
         is_there = self._is_there(name, len(content), sha256, _md5(content))
         if not is_there:
+            self._lease.check()
             self._client.put(name, content, {CHECKSUM: sha256, **attributes})
         self._count(len(content), not is_there)
 
@@ -208,6 +231,7 @@ class _Transfer:
             raise CheckFailedError(f"{where}: not as published; run `s2r verify`")
         if self._is_there(file.path, file.bytes, sha256, md5):
             return entry, False
+        self._lease.check_at_times()
         self._client.put(file.path, content, {CHECKSUM: sha256, **_FIXED})
         return entry, True
 

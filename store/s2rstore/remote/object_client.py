@@ -16,8 +16,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
-from s2rstore.errors import RequestError, UnreachableStoreError
+from s2rstore.errors import RequestError, UnreachableStoreError, shortened
 from s2rstore.remote.store_url import StoreUrl
 
 if TYPE_CHECKING:
@@ -38,7 +39,15 @@ _CREDENTIALS = (
     "AWS_CONTAINER_CREDENTIALS_FULL_URI", "AWS_SKIP_SIGNATURE",
 )  # fmt: skip
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+_CLOSED = re.compile(r"hyper::Error\(\s*IncompleteMessage\b")
+_NO_HTTP = re.compile(r"hyper::Error\(\s*Parse\b")
+_SENT = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_TOKEN",
+         "AWS_REGION", "AWS_DEFAULT_REGION")  # fmt: skip
+_SENDABLE = re.compile(r"[!-~]*")
+_SERVER = re.compile(r"https?://[A-Za-z0-9._:\[\]-]+(/[A-Za-z0-9._~/-]*)?")
 _KIND = re.compile(r"kind: (Timeout|TimedOut|Connect|Interrupted)\b")
+_PANIC_MODULE = "pyo3_runtime"
+"""Module of the exception that a panic of obstore's Rust code raises; it is no `Exception`."""
 _NO_SUCH_RANGE = "416"
 """Status of a request for a part of an empty object."""
 _CONFLICT, _NOT_IMPLEMENTED = "409", "501"
@@ -78,7 +87,7 @@ class ObjectClient:
                 f"{self.url}: reading from a server needs the Python package {error.name}; "
                 "install it with `pip install 's2rtui[remote]'`"
             ) from error
-        endpoint = next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), None)
+        endpoint = _endpoint()
         address = (endpoint or "https:") if self.url.scheme == "s3" else str(self.url)
         client: ClientConfig = {
             "timeout": timedelta(seconds=self._timeout),
@@ -98,6 +107,7 @@ class ObjectClient:
             settings: dict[str, Any] = {"endpoint": endpoint} if endpoint else {}
             if not _has_credentials():
                 settings["skip_signature"] = True
+            _check_credentials()
             return S3Store(
                 self.url.host, prefix=self.url.key or None, client_options=client,
                 retry_config=retry, **settings,
@@ -240,10 +250,17 @@ class ObjectClient:
         except FileNotFoundError as error:
             raise FileNotFoundError(errno.ENOENT, "not found (404)", where) from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
-            message = f"{where}: cannot be {done} (access denied, 403){self._permission_hint}"
+            is_login = isinstance(error, UnauthenticatedError)
+            reason = "the server asks for a login, 401" if is_login else "access denied, 403"
+            message = f"{where}: cannot be {done} ({reason}){self._permission_hint}"
             raise UnreachableStoreError(message) from error
         except (BaseError, ValueError, OSError) as error:
             reason = self._reason(str(error))
+            raise UnreachableStoreError(f"{where}: cannot be {done} ({reason})") from error
+        except BaseException as error:
+            if type(error).__module__ != _PANIC_MODULE:
+                raise
+            reason = "obstore failed; check the URL and the variables AWS_..."
             raise UnreachableStoreError(f"{where}: cannot be {done} ({reason})") from error
 
     @property
@@ -266,7 +283,41 @@ class ObjectClient:
             return "no connection to the server; check the address and the network"
         if kind is not None:
             return "the connection was cut; try again"
+        if _CLOSED.search(text):
+            return "the server closed the connection without an answer; try again"
+        if _NO_HTTP.search(text):
+            return "what answers is no web server, or one with TLS; check port and http(s)://"
         return "the server gave an unexpected answer"
+
+
+def _endpoint() -> str | None:
+    """The server that the environment names; None for Amazon's.
+
+    Raises RequestError for a text that is no URL, at which obstore would end the process.
+    """
+    name = next((name for name in _ENDPOINTS if os.environ.get(name)), None)
+    if name is None:
+        return None
+    text = os.environ[name]
+    try:
+        parts = urlsplit(text)
+        is_url = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_url = False
+    if not is_url or not _SERVER.fullmatch(text):
+        shown = "..." if "@" in text else shortened(text)
+        raise RequestError(f"{name}={shown}: not the URL of a server, such as https://minio:9000")
+    return text
+
+
+def _check_credentials() -> None:
+    """Raise RequestError for keys and regions with characters that no request may have."""
+    for name in _SENT:
+        if not _SENDABLE.fullmatch(os.environ.get(name, "")):
+            raise RequestError(
+                f"{name}: has a blank, a line break or another character that no key and no region "
+                "has; set it again"
+            )
 
 
 def _has_credentials() -> bool:

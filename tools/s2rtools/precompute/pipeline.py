@@ -21,7 +21,7 @@ from s2rtools.precompute import depth_calibration, rig_calibration, unit_results
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
-from s2rtools.precompute.executors.executor import Executor, Task, largest_first
+from s2rtools.precompute.executors.executor import Executor, Task, by_threads, largest_first
 from s2rtools.precompute.executors.local_executors import (
     local_executor,
     usual_threads,
@@ -343,10 +343,7 @@ def _compute_stages(
 def _assigned(
     tasks: Sequence[Task], instances: int, options: PrecomputeOptions
 ) -> Iterator[tuple[Executor, list[Task]]]:
-    """Executors with the tasks that each computes, one after the other.
-
-    Without a requested number of threads, an array that is begun keeps that with which it was.
-    """
+    """Executors with the tasks that each computes, one after the other."""
     if options.executor is not None:
         yield options.executor, list(tasks)
         return
@@ -354,12 +351,8 @@ def _assigned(
     workers = min(workers, len(tasks), available_processors())
     if any(task.computation.uses_gpu(task.unit.stage) for task in tasks):
         workers = 1
-    by_threads: dict[int, list[Task]] = {}
-    for task in tasks:
-        begun = None if task.environment is None else task.environment.threads
-        threads = options.threads or begun or usual_threads(workers)
-        by_threads.setdefault(threads, []).append(task)
-    for threads, some in by_threads.items():
+    groups = by_threads(tasks, options.threads, usual_threads(workers))
+    for threads, some in groups.items():
         yield local_executor(workers, threads), some
 
 

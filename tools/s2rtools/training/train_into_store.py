@@ -67,29 +67,12 @@ def train_into_store(
     An interrupted training continues from its checkpoint when the same request is repeated. Raises
     RequestError for unknown names and names that exist already.
     """
-    name = checked_name(request.name or request.recipe, "run")
-    recipe = find_recipe(request.recipe)
-    check_writable(root)
     with s2rstore.open(root) as store:
-        store.require_poses("training")
-        if name in store.runs or name in store.models:
-            raise RequestError(f"--name {name}: already in {root}; choose another")
-        if recipe.needs_start and request.start is None:
-            raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
-        start, start_splits = None, None
-        if request.start is not None:
-            model = store.run(request.start).network("training that begins with it")
-            start = load_model(store, model)
-            facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
-            start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
-        contract = start.contract if start else build_network(request.architecture).contract
-        _check_trainable(contract, start)
-        domains = find_domain(store, "sim", None), find_domain(store, "real", None)
-        if contract.has_depth:
-            store.require_depth(domains, f"architecture {request.architecture}")
-        chain = _translation(store, recipe, request, domains[0])
+        plan = _plan(store, root, request)
+        start, start_splits, contract = plan.start, plan.start_splits, plan.contract
+        domains, chain = plan.domains, plan.chain
         checkpoint = _checkpoint(store, request, start, contract, chain)
-        frames = _frames(store, recipe, domains, contract, chain, checkpoint.parent)
+        frames = _frames(store, plan.recipe, domains, contract, chain, checkpoint.parent)
         result = train(
             frames,
             request.recipe,
@@ -103,9 +86,53 @@ def train_into_store(
             adjustments=chain,
         )
     splits = {**(start_splits or {}), **result.splits}
-    _publish(root, name, result, contract, splits, domains, chain, command)
+    _publish(root, plan.name, result, contract, splits, domains, chain, command)
     checkpoint.unlink(missing_ok=True)
-    return name
+    return plan.name
+
+
+def check_request(root: Path, request: TrainingRequest) -> None:
+    """Raise RequestError where `train_into_store` would, without training anything."""
+    with s2rstore.open(root) as store:
+        _plan(store, root, request)
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What a request means in a store; `start_splits` are the splits of `start` by domain."""
+
+    name: str
+    recipe: TrainingRecipe
+    start: LoadedModel | None
+    start_splits: dict[str, Any] | None
+    contract: InputContract
+    domains: tuple[str, str]
+    chain: list[dict[str, Any]]
+
+
+def _plan(store: Store, root: Path, request: TrainingRequest) -> _Plan:
+    """Check a request. Raises RequestError for unknown names and names that exist already."""
+    name = checked_name(request.name or request.recipe, "run")
+    recipe = find_recipe(request.recipe)
+    check_writable(root)
+    store.require_poses("training")
+    if name in store.runs or name in store.models:
+        raise RequestError(f"--name {name}: already in {root}; choose another")
+    if recipe.needs_start and request.start is None:
+        raise RequestError(f"--recipe {recipe.name}: name the run to begin with by --from RUN")
+    start, start_splits = None, None
+    if request.start is not None:
+        model = store.run(request.start).network("training that begins with it")
+        start = load_model(store, model)
+        facts, n = store.provenance(f"model:{start.name}"), len(store.instances)
+        start_splits = {d: decode_split(facts.get(f"split:{d}"), n) for d in store.domains}
+    contract = start.contract if start else build_network(request.architecture).contract
+    _check_trainable(contract, start)
+    domains = find_domain(store, "sim", None), find_domain(store, "real", None)
+    if contract.has_depth:
+        store.require_depth(domains, f"architecture {request.architecture}")
+    chain = _translation(store, recipe, request, domains[0])
+    return _Plan(name, recipe, start, start_splits, contract, domains, chain)
 
 
 def _translation(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import logging
 import re
@@ -16,9 +17,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, first_line
 from s2rstore.security import working_folder
-from s2rtools.precompute.executors.executor import Executor, Task
+from s2rtools.precompute.executors.executor import Executor, Task, by_threads
 from s2rtools.precompute.executors.local_executors import (
     defer_interrupts,
     start_resource_tracker,
@@ -31,7 +32,7 @@ from s2rtools.precompute.receipts import Receipt
 ReportLine = Callable[[str], None]
 
 _LOCAL = re.compile(r"local:([1-9]\d{0,3})")
-_CONNECT_SECONDS = 20
+_CONNECT_SECONDS, _ANSWER_SECONDS = 20, 5
 _NO_DASHBOARD = "127.0.0.1:0"
 """Dask's HTTP servers cannot be left out; this one is reached from this machine only."""
 _CONFIG = {
@@ -60,7 +61,7 @@ def open_cluster(
     Workers are started for the first task, and end with the context. Raises RequestError for
     invalid names or settings, without the extra [cluster], and where no scheduler answers.
     """
-    _require_extra()
+    require_extra()
     import dask
 
     for name in ("distributed", "tornado", "asyncio", "dask_jobqueue"):
@@ -71,12 +72,26 @@ def open_cluster(
             with _scheduler(scheduler, report_line) as executor:
                 yield executor
             return
-        if match := _LOCAL.fullmatch(cluster or ""):
-            start = partial(_local, int(match[1]), threads, report_line)
-        else:
-            start = partial(_slurm, read_settings(Path(cluster or "")), report_line)
+        count = local_workers(cluster or "")
         with ExitStack() as stack:
-            yield _StartedForTasks(start, stack)
+            if count is not None:
+                yield _LocalWorkers(count, threads, report_line, stack)
+            else:
+                settings = read_settings(Path(cluster or ""))
+                yield _StartedForTasks(partial(_slurm, settings, report_line), stack)
+
+
+def local_workers(cluster: str) -> int | None:
+    """The number of workers that `local:N` names; None where `cluster` is a file of settings.
+
+    Raises RequestError for another number.
+    """
+    if not cluster.startswith("local:"):
+        return None
+    match = _LOCAL.fullmatch(cluster)
+    if match is None:
+        raise RequestError(f"--cluster {cluster}: use local:N, with 1 to 9999 workers")
+    return int(match[1])
 
 
 class _StartedForTasks:
@@ -100,12 +115,43 @@ class _StartedForTasks:
         yield from self._started.run(tasks)
 
 
+class _LocalWorkers:
+    """The executor of workers of this machine.
+
+    Without a requested number of threads they are started again where an array that is begun needs
+    another number. They end with `stack`.
+    """
+
+    is_remote = True
+
+    def __init__(
+        self, workers: int, threads: int | None, report_line: ReportLine, stack: ExitStack
+    ) -> None:
+        self._workers, self._threads, self._report_line = workers, threads, report_line
+        self._stack = stack.enter_context(ExitStack())
+        self._started: tuple[int, Executor] | None = None
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
+        """See `Executor`."""
+        groups = by_threads(tasks, self._threads, usual_threads(self._workers))
+        for threads, some in groups.items():
+            yield from self._with_threads(threads).run(some)
+
+    def _with_threads(self, threads: int) -> Executor:
+        if self._started is None or self._started[0] != threads:
+            self._started = None
+            self._stack.close()
+            cluster = _local(self._workers, threads, self._report_line)
+            self._started = threads, self._stack.enter_context(cluster)
+        return self._started[1]
+
+
 def job_script(cluster: str) -> str:
     """The script of one job that `cluster`, a file of SLURM settings, would submit."""
-    _require_extra()
+    require_extra()
     from s2rtools.precompute.executors.slurm_jobs import job_class
 
-    if _LOCAL.fullmatch(cluster):
+    if local_workers(cluster) is not None:
         raise RequestError(f"--cluster {cluster}: has no job script; name a file of SLURM settings")
     settings = read_settings(Path(cluster))
     job = job_class(settings)("tls://SCHEDULER:PORT", name="NAME", **settings.job_options())
@@ -118,10 +164,11 @@ def _scheduler(address: str, report_line: ReportLine) -> Iterator[Executor]:
 
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
 
+    _require_scheduler(address)
     try:
         client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        message = f"--scheduler {address}: no scheduler answers there ({error})"
+        message = f"--scheduler {address}: no scheduler answers there ({first_line(error)})"
         raise RequestError(message) from error
     with client:
         if not _is_protected(address):
@@ -130,6 +177,30 @@ def _scheduler(address: str, report_line: ReportLine) -> Iterator[Executor]:
                 "here and on the workers; use tls://, or a network that you trust"
             )
         yield DaskExecutor(client, report_line)
+
+
+def _require_scheduler(address: str) -> None:
+    """Raise RequestError unless something at `address` answers as Dask does."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    where = f"--scheduler {address}"
+
+    async def greet() -> None:
+        options = Security().get_connection_args("client")
+        comm = await asyncio.wait_for(connect(address, timeout=3, **options), _ANSWER_SECONDS)
+        comm.abort()
+
+    try:
+        asyncio.run(greet())
+    except TimeoutError as error:
+        raise RequestError(
+            f"{where}: no Dask scheduler answers there within {_ANSWER_SECONDS} s; check host and "
+            "port, and use tls:// where the scheduler does"
+        ) from error
+    except Exception as error:  # what another program answers may be taken for anything
+        reason = first_line(error)[:200]
+        raise RequestError(f"{where}: no Dask scheduler answers there ({reason})") from error
 
 
 def _is_protected(address: str) -> bool:
@@ -145,7 +216,7 @@ def _is_protected(address: str) -> bool:
 
 
 @contextmanager
-def _local(workers: int, threads: int | None, report_line: ReportLine) -> Iterator[Executor]:
+def _local(workers: int, threads: int, report_line: ReportLine) -> Iterator[Executor]:
     from distributed import Client, LocalCluster, Security
 
     from s2rtools.precompute.executors.dask_executor import DaskExecutor
@@ -156,7 +227,7 @@ def _local(workers: int, threads: int | None, report_line: ReportLine) -> Iterat
         with defer_interrupts():  # ctrl+c reaches this process only, which ends the workers
             cluster = stack.enter_context(
                 LocalCluster(
-                    n_workers=workers, threads_per_worker=threads or usual_threads(workers),
+                    n_workers=workers, threads_per_worker=threads,
                     processes=True, host="127.0.0.1", dashboard_address=_NO_DASHBOARD,
                     worker_dashboard_address=_NO_DASHBOARD, security=Security.temporary(),
                     protocol="tls://", memory_limit=None, silence_logs=logging.CRITICAL,
@@ -215,7 +286,7 @@ def _security_in(folder: Path) -> Any:
     return Security(require_encryption=True, tls_ca_file=files["ca_file"], **roles)
 
 
-def _require_extra() -> None:
+def require_extra() -> None:
     """Import the libraries of the extra [cluster], and keep what ctrl+c does.
 
     dask_jobqueue replaces it when it is imported. Raises RequestError without the extra.

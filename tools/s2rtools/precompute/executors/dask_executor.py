@@ -44,6 +44,7 @@ NO_WORKERS_SECONDS = 60.0
 """How long a scheduler without workers is waited for, where none are known to be on their way."""
 _RUNNING, _ENDED = "running", ("closing", "closed", "failed")
 """Names of `distributed.Status`."""
+_THREADS_HOW = " (`--threads` of local:N, `cores` of SLURM settings, `dask worker --nthreads`)"
 _POLL_SECONDS = 0.5
 _LONGEST_PAUSE = 0.02
 
@@ -229,11 +230,12 @@ class _Dispatch:
         for folder, queue in self._queues.items():
             refusals = [self._refused.get((w.address, folder)) for w in workers if w.is_usable]
             if queue and all(refusals):
-                stage = queue[0].unit.stage
+                stage, reason = queue[0].unit.stage, str(refusals[0])
+                how = _THREADS_HOW if reason.startswith("threads ") else ""
                 raise RequestError(
-                    f"{self._root}: no worker may compute {stage.run}: {stage.name}: "
-                    f"{refusals[0]}, with which its arrays were begun; all values of an array come "
-                    "from one kind of worker: use that one, or add --restart to begin these arrays "
+                    f"{self._root}: no worker may compute {stage.run}: {stage.name}: {reason}, "
+                    "with which its arrays were begun; all values of an array come from one kind "
+                    f"of worker: go on with that kind{how}, or add --restart to begin these arrays "
                     "again"
                 )
 

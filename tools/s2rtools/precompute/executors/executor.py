@@ -58,6 +58,18 @@ def close() -> None:
     _opened = None
 
 
+def by_threads(tasks: Iterable[Task], requested: int | None, usual: int) -> dict[int, list[Task]]:
+    """Tasks by the number of threads with which a worker of this machine computes them.
+
+    Without a requested number, an array that is begun keeps that with which it was.
+    """
+    groups: dict[int, list[Task]] = {}
+    for task in tasks:
+        begun = None if task.environment is None else task.environment.threads
+        groups.setdefault(requested or begun or usual, []).append(task)
+    return groups
+
+
 def largest_first(units: Iterable[WorkUnit]) -> list[WorkUnit]:
     """Units in the order in which several processes finish them the earliest."""
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 import shlex
 import sys
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
 from s2rstore.errors import RequestError
+from s2rstore.files.input_files import read_text, read_toml
 
 _Positive = Annotated[int, msgspec.Meta(ge=1, le=10_000)]
 _TIME = re.compile(r"(?:(\d+)-)?(\d+):(\d\d)(?::(\d\d))?")
-_LARGEST_FILE = 65_536
+_LARGEST_SCRIPT = 65_536
+_EXPECTED = "name a TOML file with a table [slurm]"
 
 
 class SlurmSettings(
@@ -90,9 +91,9 @@ class SlurmSettings(
             return None
         path = Path(self.file).parent / Path(self.script).expanduser()
         try:
-            text = path.read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise RequestError(f"{self.file}: script {path} cannot be read ({error})") from error
+            text = read_text(path, _LARGEST_SCRIPT)
+        except RequestError as error:
+            raise RequestError(f"{self.file}: script {error}") from error
         if sum(WORKER_MODULE in line for line in text.splitlines()) != 1:
             raise RequestError(f"{path}: needs one line with {WORKER_MODULE}, as printed")
         return text
@@ -129,20 +130,14 @@ _ENVIRONMENT = (
 def read_settings(path: Path) -> SlurmSettings:
     """Read a file with a table [slurm]. Raises RequestError that names what is wrong in it."""
     try:
-        with path.open("rb") as file:
-            content = file.read(_LARGEST_FILE + 1)
-    except OSError as error:
-        raise RequestError(
-            f"--cluster {path}: {error.strerror}; use local:N, or a file of SLURM settings"
-        ) from error
-    if len(content) > _LARGEST_FILE:
-        raise RequestError(f"--cluster {path}: larger than {_LARGEST_FILE} bytes")
+        table = read_toml(path).get("slurm")
+    except RequestError as error:
+        raise RequestError(f"--cluster {error}; {_EXPECTED}") from error
+    if not isinstance(table, dict):
+        raise RequestError(f"--cluster {path}: has no table [slurm]; {_EXPECTED}")
     try:
-        table = tomllib.loads(content.decode()).get("slurm")
-        if not isinstance(table, dict):
-            raise RequestError(f"{path}: has no table [slurm]")
         settings = msgspec.convert(table, SlurmSettings)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+    except msgspec.ValidationError as error:
         raise RequestError(f"{path}: {error}") from error
     if settings.file:
         raise RequestError(f"{path}: object contains unknown field `file`")
