@@ -272,27 +272,29 @@ def _recompute_differences(
         content = [_patch_change(backend.model, change, patches[number]) for number in numbers]
         stacked = torch.stack(content, dim=1).permute(0, 1, 2, 5, 3, 4)
         changes = graph.recompute(base, stacked, [regions[number] for number in numbers])
-        for position, number in enumerate(numbers):
-            raw = network.head(embed(changes[:, position], regions[number][output]).flatten(0, 1))
-            poses[:, number] = backend.pose(raw).reshape(len(inputs), modes, 3)
+        raw = network.head(embed(changes, [regions[number][output] for number in numbers]))
+        poses[:, numbers] = backend.pose(raw).reshape(len(inputs), len(numbers), modes, 3)
     return _poses(backend, features), poses
 
 
-Embed = Callable[[Tensor, PixelRegion], Tensor]
+Embed = Callable[[Tensor, list[PixelRegion]], Tensor]
 
 
 def _embedding_of_changes(network: PoseNetwork, features: Tensor) -> Embed:
-    """Function (N, M, C, h, w), region -> (N, M, D): embeddings of the changed features.
+    """Function (N, P, M, C, h, w), P regions -> (N P M, D): embeddings of the changed features.
 
-    It takes changes of a region of `features` (N, C, fh, fw). Where the embedding is an average
+    It takes changes of regions of `features` (N, C, fh, fw). Where the embedding is an average
     pool, only the change is pooled.
     """
     pool = network.average_pool
 
-    def embed(changes: Tensor, region: PixelRegion) -> Tensor:
-        full = features[:, None].repeat(1, changes.shape[1], 1, 1, 1)
-        full[..., region.r0 : region.r1, region.c0 : region.c1] += changes
-        return network.embed(full.flatten(0, 1)).unflatten(0, changes.shape[:2])
+    def embed(changes: Tensor, regions: list[PixelRegion]) -> Tensor:
+        parts = []
+        for position, region in enumerate(regions):
+            full = features[:, None].repeat(1, changes.shape[2], 1, 1, 1)
+            full[..., region.r0 : region.r1, region.c0 : region.c1] += changes[:, position]
+            parts.append(network.embed(full.flatten(0, 1)).unflatten(0, full.shape[:2]))
+        return torch.stack(parts, dim=1).flatten(0, 2)
 
     if pool is None:
         return embed
@@ -301,10 +303,15 @@ def _embedding_of_changes(network: PoseNetwork, features: Tensor) -> Embed:
     lengths = zip(features.shape[-2:], sides, strict=True)
     rows, columns = (_pool_weights(n, n if side is None else side, features) for n, side in lengths)
 
-    def pooled(changes: Tensor, region: PixelRegion) -> Tensor:
-        vertical, horizontal = rows[:, region.r0 : region.r1], columns[:, region.c0 : region.c1]
-        means = torch.einsum("nmchw,ih,jw->nmcij", changes, vertical, horizontal)
-        return unchanged[:, None] + means.flatten(2)
+    def pooled(changes: Tensor, regions: list[PixelRegion]) -> Tensor:
+        weights = torch.stack([
+            torch.kron(rows[:, r.r0 : r.r1].contiguous(), columns[:, r.c0 : r.c1].contiguous())
+            for r in regions
+        ])  # fmt: skip
+        last = changes.permute(0, 1, 2, 4, 5, 3).flatten(3, 4)
+        means = weights[None, :, None] @ last
+        embeddings = unchanged[:, None, None] + means.transpose(-1, -2).flatten(3)
+        return embeddings.flatten(0, 2)
 
     return pooled
 
