@@ -17,7 +17,7 @@ from s2rtools.inference import MeasuredBackend, open_backend
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import backend_choice, pipeline
 from s2rtools.precompute.executors.executor import Task
-from s2rtools.precompute.executors.local_executors import ProcessExecutor
+from s2rtools.precompute.executors.local_executors import ProcessExecutor, WorkerPool
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_backends import BackendIdentity, RunBackends
 from s2rtools.precompute.unit_computer import Computation
@@ -148,7 +148,7 @@ def test_one_process_uses_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
         units = [WorkUnit(Stage(name, "run", (spec,), 1), number, ()) for number in range(80)]
         tasks = [Task(computation, unit) for unit in units]
         options = PrecomputeOptions(workers=8)
-        ((executor, assigned),) = pipeline._assigned(tasks, 80, options)
+        ((executor, assigned),) = pipeline._assigned(tasks, 80, options, WorkerPool())
         assert isinstance(executor, ProcessExecutor) == (workers > 1)
         assert assigned == tasks
 

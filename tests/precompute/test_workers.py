@@ -51,6 +51,15 @@ def test_units_that_take_the_longest_come_first() -> None:
     ]  # fmt: skip
 
 
+def test_processes_are_kept_until_more_are_needed() -> None:
+    with local_executors.WorkerPool() as pool:
+        first = pool.processes(2)
+        assert pool.processes(1) is first
+        assert pool.processes(3) is not first
+        pool.close()
+        assert pool.processes(2) is not first
+
+
 def test_available_memory_is_positive_where_it_is_known() -> None:
     memory = available_memory()
     assert memory is None or memory > 0

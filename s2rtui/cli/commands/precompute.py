@@ -53,10 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print the script of a job that --cluster FILE submits, and compute nothing",
     )
-    add("--backend", default="auto",
-        help="what runs the network: torch, torch-bfloat16, openvino, openvino-float32, cuda, "
-        "cuda-float16, cuda-bfloat16, or auto (default): that of the run so far, else the fastest "
-        "that stays within 1 cm and 0.5 degrees of float32 on images of this store")  # fmt: skip
+    add(
+        "--backend",
+        default="auto",
+        help="what runs the network: torch, torch-bfloat16, winograd, openvino, openvino-float32, "
+        "cuda, cuda-float16, cuda-bfloat16, or auto (default): that of the run so far, else the "
+        "fastest that stays within 1 cm and 0.5 degrees of float32 on images of the store",
+    )
     add("--progress", choices=STYLES, default="auto",
         help="json prints one object per line on standard output and ends "
         "together with the parent process")  # fmt: skip

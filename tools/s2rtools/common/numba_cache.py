@@ -24,6 +24,7 @@ __all__ = ["cached", "njit", "prange"]
 
 _FILES = (
     "datasets/files/jpeg_entropy.py",
+    "incremental_inference/base_pass.py",
     "incremental_inference/fused_update.py",
     "synthetic_world/raycaster.py",
     "synthetic_world/materials.py",

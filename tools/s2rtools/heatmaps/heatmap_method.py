@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -16,6 +16,7 @@ from torch import Tensor
 from s2rstore.errors import RequestError
 from s2rtools.counterfactual.counterfactual_inputs import CounterfactualInputs
 from s2rtools.heatmaps.harmonization import HarmonisedPair, ImageAlignment
+from s2rtools.incremental_inference import BaseOutputs
 from s2rtools.inference import Backend
 from s2rtools.models.pose_network import LoadedModel
 
@@ -43,7 +44,7 @@ class SideBatch:
 
     x (B, C, h, w) tensor, the network's input; the images as in `SideImages`; features
     (B, F, fh, fw) and embedding (B, D) tensors; prediction and truth (B, 3) in metres, metres,
-    radians.
+    radians; base, the outputs of all operations of the trunk, where the backend keeps them.
     """
 
     x: Tensor
@@ -55,6 +56,7 @@ class SideBatch:
     embedding: Tensor
     prediction: NDArray[np.float64]
     truth: NDArray[np.float64]
+    base: BaseOutputs | None = None
 
 
 class ImagePair:
@@ -189,6 +191,10 @@ class HeatmapKind(ABC):
         `differences` is the precision of the differences of the backend, see `Backend`.
         """
         return {}
+
+    def uses_base(self, attributes: Mapping[str, str]) -> bool:
+        """Whether `compute`, by what `attributes` state, goes on from the trunk's operations."""
+        return False
 
     @abstractmethod
     def compute(self, pair: PairBatch) -> HeatArrays:

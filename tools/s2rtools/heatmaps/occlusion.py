@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,9 +14,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from s2rstore.geometry import angles
-from s2rstore.records import SIDES
+from s2rstore.records import SIDES, Side
 from s2rtools.heatmaps.heatmap_method import HeatArrays, HeatmapKind, OutputSpec, PairBatch, Ray
 from s2rtools.incremental_inference import (
+    BaseOutputs,
     DifferenceGraph,
     LocalGraph,
     PixelRegion,
@@ -32,14 +33,33 @@ _MODES: dict[str, tuple[Mode, ...]] = {
     "rgb": ("rgb",), "depth": ("depth",), "rgbd": ("rgb", "depth", "rgbd"),
 }  # fmt: skip
 """What can be replaced, by the channels of a network's input."""
+_BY_LOCALITY = "by locality"
 _BATCH = 8
-_PIXELS_AT_ONCE = 16 * 128 * 128
+_PIXELS_AT_ONCE = 32 * 128 * 128
 _PIXELS_AT_ONCE_ON_GPU = 128 * 128 * 128
 
 Mode = Literal["rgb", "depth", "rgbd"]
 Poses = tuple[NDArray[np.float64], NDArray[np.float64]]
-Recompute = Callable[[Backend, Tensor, Tensor, list[PixelRegion]], Poses]
-"""Poses (N, 3) of unchanged inputs (N, C, h, w), and (N, P, M, 3) with patches of the others."""
+_OTHER: dict[Side, Side] = {"sim": "real", "real": "sim"}
+
+
+class Recompute(Protocol):
+    """Poses (N, 3) of unchanged inputs (N, C, h, w), and (N, P, M, 3) with patches of the others.
+
+    `base` are the outputs of all operations for the unchanged inputs, None where they are not kept.
+    """
+
+    def __call__(
+        self,
+        backend: Backend,
+        inputs: Tensor,
+        others: Tensor,
+        patches: list[PixelRegion],
+        *,
+        base: BaseOutputs | None = None,
+    ) -> Poses: ...
+
+
 _METHODS: WeakKeyDictionary[Backend, tuple[str, Recompute]] = WeakKeyDictionary()
 
 
@@ -75,11 +95,14 @@ class Occlusion(HeatmapKind):
         if reason is not None:
             return {"method": f"in full: {reason}"}
         if differences != "float32":
-            return {"method": f"by locality, differences in {differences}"}
+            return {"method": f"{_BY_LOCALITY}, differences in {differences}"}
         cost = local_cost(LocalGraph(trunk), model.contract.shape, self._patches(model))
         if cost < 1:
-            return {"method": "by locality"}
+            return {"method": _BY_LOCALITY}
         return {"method": "in full: locality does not save time"}
+
+    def uses_base(self, attributes: Mapping[str, str]) -> bool:
+        return attributes["method"].startswith(_BY_LOCALITY)
 
     def is_local(self, model: LoadedModel) -> bool:
         """Whether the trunk can be recomputed locally."""
@@ -92,32 +115,40 @@ class Occlusion(HeatmapKind):
         height, width = pair.model.contract.size
         at_once = max(1, _pixels_at_once(pair.backend) // (height * width))
         method = self._method_of(pair.backend)
-        parts = [
-            self._chunk(pair, method, slice(start, start + at_once))
-            for start in range(0, len(pair.sim.x), at_once)
-        ]
-        return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        heat: HeatArrays = {}
+        for side in SIDES:
+            parts = [
+                self._chunk(pair, side, method, slice(start, start + at_once))
+                for start in range(0, len(pair.sim.x), at_once)
+            ]
+            changes = np.concatenate(parts)
+            for number, mode in enumerate(occlusion_modes(pair.model)):
+                heat[side, mode] = changes[:, :, :, :, number]
+        return heat
 
     def _method_of(self, backend: Backend) -> Recompute:
         """The function that recomputes the poses of changed inputs."""
         return _chosen_method(self, backend)
 
-    def _chunk(self, pair: PairBatch, recompute: Recompute, rows: slice) -> HeatArrays:
-        count, modes = self.params["patches"], occlusion_modes(pair.model)
-        inputs = torch.cat([pair.sim.x[rows], pair.real.x[rows]])
-        others = torch.cat([pair.real.x[rows], pair.sim.x[rows]])
+    def _chunk(
+        self, pair: PairBatch, side: Side, recompute: Recompute, rows: slice
+    ) -> NDArray[np.float32]:
+        """Changes (B, 2, patches, patches, modes) of the errors of one side's inputs."""
+        count, changed, other = self.params["patches"], pair.side(side), pair.side(_OTHER[side])
+        base = None if changed.base is None else changed.base.images(rows)
+        patches = self._patches(pair.model)
         with torch.inference_mode():
-            before, after = recompute(pair.backend, inputs, others, self._patches(pair.model))
-        truth = np.concatenate([pair.sim.truth[rows], pair.real.truth[rows]])
+            before, after = recompute(
+                pair.backend, changed.x[rows], other.x[rows], patches, base=base
+            )
+        truth = changed.truth[rows]
         change = (
             _pose_errors(after, truth[:, None, None]) - _pose_errors(before, truth)[:, None, None]
-        ).reshape(2, -1, count, count, len(modes), 2)
-        change[1] *= -1
-        return {
-            (side, mode): np.moveaxis(part[..., number, :], -1, 1).astype(np.float32)
-            for side, part in zip(SIDES, change, strict=True)
-            for number, mode in enumerate(modes)
-        }
+        )
+        if side == "real":
+            change = -change
+        grid = change.reshape(len(truth), count, count, -1, 2)
+        return np.moveaxis(grid, -1, 1).astype(np.float32)
 
     def ray(self, mode: str | None) -> Ray:
         return "depth" if mode == "depth" else "rgb"
@@ -134,11 +165,12 @@ def _chosen_method(kind: Occlusion, backend: Backend) -> Recompute:
     if backend not in _METHODS or _METHODS[backend][0] != key:
         method = kind.attributes(backend.model, key)["method"]
         recompute: Recompute = _recompute_fully
-        if method.startswith("by locality") and backend.trunk is not None:
-            local = LocalGraph(backend.trunk)
+        if method.startswith(_BY_LOCALITY) and backend.trunk is not None:
+            given = backend.base_pass
+            local = LocalGraph(backend.trunk) if given is None else given.graph
             recompute = partial(_recompute_locally, graph=local)
             if key != "float32" or (backend.device.type == "cpu" and local.has_dense_3x3):
-                differences = DifferenceGraph(local, key)
+                differences = DifferenceGraph(given or local, key)
                 recompute = partial(_recompute_differences, graph=differences)
         _METHODS[backend] = key, recompute
     return _METHODS[backend][1]
@@ -170,16 +202,34 @@ def _patch_content(
     return content
 
 
+def _patch_change(model: LoadedModel, change: Tensor, region: PixelRegion) -> Tensor:
+    """Change of a patch in each mode, (N, M, h, w, C), from that of the images, (N, H, W, C)."""
+    part = change[:, region.r0 : region.r1, region.c0 : region.c1]
+    modes = occlusion_modes(model)
+    content = part.new_zeros(len(part), len(modes), *part.shape[1:])
+    for number, mode in enumerate(modes):
+        first, *others = model.contract.rows(mode)
+        channels = slice(first, first + 1 + len(others))
+        content[:, number, ..., channels] = part[..., channels]
+    return content
+
+
 def _poses(backend: Backend, features: Tensor) -> NDArray[np.float64]:
     network = backend.model.network
     return backend.pose(network.head(network.embed(features)))
 
 
 def _recompute_locally(
-    backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion], graph: LocalGraph
+    backend: Backend,
+    inputs: Tensor,
+    others: Tensor,
+    patches: list[PixelRegion],
+    graph: LocalGraph,
+    base: BaseOutputs | None = None,
 ) -> Poses:
     """Poses (N, 3) of the unchanged inputs and (N, P, M, 3) of the changed ones."""
-    base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
+    if base is None:
+        base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     features = base.outputs[graph.output]
     modes = len(occlusion_modes(backend.model))
     poses = np.empty((len(inputs), len(patches), modes, 3))
@@ -206,46 +256,45 @@ def _recompute_differences(
     others: Tensor,
     patches: list[PixelRegion],
     graph: DifferenceGraph,
+    base: BaseOutputs | None = None,
 ) -> Poses:
     """Like `_recompute_locally`, by differences in the precision of the graph."""
-    base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
+    if base is None:
+        base = graph.compute_base(inputs.contiguous(memory_format=torch.channels_last))
     output = graph.graph.output
     features, network = base.outputs[output], backend.model.network
+    change = (others - inputs).permute(0, 2, 3, 1)
     embed = _embedding_of_changes(network, features)
     modes = len(occlusion_modes(backend.model))
     poses = np.empty((len(inputs), len(patches), modes, 3))
     regions = [graph.graph.affected_regions(patch, base) for patch in patches]
     for numbers in _batches(graph.graph, regions):
-        content = [
-            _patch_content(backend.model, inputs, others, patches[number])
-            - inputs[:, None, :, patches[number].r0 : patches[number].r1,
-                     patches[number].c0 : patches[number].c1]
-            for number in numbers
-        ]  # fmt: skip
-        changes = graph.recompute(
-            base, torch.stack(content, dim=1), [regions[number] for number in numbers]
-        )
-        for position, number in enumerate(numbers):
-            raw = network.head(embed(changes[:, position], regions[number][output]).flatten(0, 1))
-            poses[:, number] = backend.pose(raw).reshape(len(inputs), modes, 3)
+        content = [_patch_change(backend.model, change, patches[number]) for number in numbers]
+        stacked = torch.stack(content, dim=1).permute(0, 1, 2, 5, 3, 4)
+        changes = graph.recompute(base, stacked, [regions[number] for number in numbers])
+        raw = network.head(embed(changes, [regions[number][output] for number in numbers]))
+        poses[:, numbers] = backend.pose(raw).reshape(len(inputs), len(numbers), modes, 3)
     return _poses(backend, features), poses
 
 
-Embed = Callable[[Tensor, PixelRegion], Tensor]
+Embed = Callable[[Tensor, list[PixelRegion]], Tensor]
 
 
 def _embedding_of_changes(network: PoseNetwork, features: Tensor) -> Embed:
-    """Function (N, M, C, h, w), region -> (N, M, D): embeddings of the changed features.
+    """Function (N, P, M, C, h, w), P regions -> (N P M, D): embeddings of the changed features.
 
-    It takes changes of a region of `features` (N, C, fh, fw). Where the embedding is an average
+    It takes changes of regions of `features` (N, C, fh, fw). Where the embedding is an average
     pool, only the change is pooled.
     """
     pool = network.average_pool
 
-    def embed(changes: Tensor, region: PixelRegion) -> Tensor:
-        full = features[:, None].repeat(1, changes.shape[1], 1, 1, 1)
-        full[..., region.r0 : region.r1, region.c0 : region.c1] += changes
-        return network.embed(full.flatten(0, 1)).unflatten(0, changes.shape[:2])
+    def embed(changes: Tensor, regions: list[PixelRegion]) -> Tensor:
+        parts = []
+        for position, region in enumerate(regions):
+            full = features[:, None].repeat(1, changes.shape[2], 1, 1, 1)
+            full[..., region.r0 : region.r1, region.c0 : region.c1] += changes[:, position]
+            parts.append(network.embed(full.flatten(0, 1)).unflatten(0, full.shape[:2]))
+        return torch.stack(parts, dim=1).flatten(0, 2)
 
     if pool is None:
         return embed
@@ -254,10 +303,15 @@ def _embedding_of_changes(network: PoseNetwork, features: Tensor) -> Embed:
     lengths = zip(features.shape[-2:], sides, strict=True)
     rows, columns = (_pool_weights(n, n if side is None else side, features) for n, side in lengths)
 
-    def pooled(changes: Tensor, region: PixelRegion) -> Tensor:
-        vertical, horizontal = rows[:, region.r0 : region.r1], columns[:, region.c0 : region.c1]
-        means = torch.einsum("nmchw,ih,jw->nmcij", changes, vertical, horizontal)
-        return unchanged[:, None] + means.flatten(2)
+    def pooled(changes: Tensor, regions: list[PixelRegion]) -> Tensor:
+        weights = torch.stack([
+            torch.kron(rows[:, r.r0 : r.r1].contiguous(), columns[:, r.c0 : r.c1].contiguous())
+            for r in regions
+        ])  # fmt: skip
+        last = changes.permute(0, 1, 2, 4, 5, 3).flatten(3, 4)
+        means = weights[None, :, None] @ last
+        embeddings = unchanged[:, None, None] + means.transpose(-1, -2).flatten(3)
+        return embeddings.flatten(0, 2)
 
     return pooled
 
@@ -278,7 +332,11 @@ def _batches(graph: LocalGraph, regions: list[dict[str, PixelRegion]]) -> list[l
 
 
 def _recompute_fully(
-    backend: Backend, inputs: Tensor, others: Tensor, patches: list[PixelRegion]
+    backend: Backend,
+    inputs: Tensor,
+    others: Tensor,
+    patches: list[PixelRegion],
+    base: BaseOutputs | None = None,
 ) -> Poses:
     """Like `_recompute_locally`, by running the whole network on every changed input."""
     modes = len(occlusion_modes(backend.model))

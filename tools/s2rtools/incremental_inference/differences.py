@@ -11,7 +11,6 @@ A rectifier and a pooling that follow a convolution are computed with its sums i
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -20,15 +19,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from s2rtools.incremental_inference.fused_update import Placement, RectifiedPool, update
-from s2rtools.incremental_inference.graph import (
-    BaseOutputs,
-    LocalGraph,
-    Operation,
-    convolve_directly,
-)
+from s2rtools.incremental_inference.base_pass import BasePass
+from s2rtools.incremental_inference.fused_update import Placement, update
+from s2rtools.incremental_inference.graph import BaseOutputs, LocalGraph, Operation
 from s2rtools.incremental_inference.regions import PixelRegion
-from s2rtools.incremental_inference.winograd import KERNEL, WinogradConvolution
+from s2rtools.incremental_inference.winograd import TILES
 
 SHARES = {"float32": 2.0, "bfloat16": 0.25, "bfloat16-broad": 0.1}
 """By precision of differences: the share of a network's multiply-adds from which one of its
@@ -40,35 +35,16 @@ Regions = Sequence[dict[str, PixelRegion]]
 class DifferenceGraph:
     """A `LocalGraph` that is recomputed by differences, large convolutions in reduced precision."""
 
-    def __init__(self, graph: LocalGraph, precision: str) -> None:
-        """`precision` is one of `SHARES`."""
-        self.graph, self._share = graph, SHARES[precision]
+    def __init__(self, graph: LocalGraph | BasePass, precision: str) -> None:
+        """`precision` is one of `SHARES`. The base may be computed by a given pass."""
+        self._pass = graph if isinstance(graph, BasePass) else BasePass(graph)
+        self.graph, self._share = self._pass.graph, SHARES[precision]
         self._weights: dict[str, Tensor] = {}
         self._packed: dict[str, Tensor] = {}
-        self._winograd: dict[str, WinogradConvolution] = {}
-        self._pools = {
-            step.name: pool
-            for step in graph.steps
-            if step.convolution is not None
-            and (pool := RectifiedPool.of(step.convolution.merged)) is not None
-        }
-        self._readers = _only_readers(graph)
 
     def compute_base(self, x: Tensor) -> BaseOutputs:
         """Run the trunk on unchanged images in float32, as the base of later calls."""
-        if not self._weights:
-            self._weights = self._converted_weights(
-                self.graph.compute_base(x[:1], convolve_directly)
-            )
-            if x.device.type == "cpu":
-                self._winograd = {
-                    step.name: WinogradConvolution(step.convolution.weight)
-                    for step in self.graph.steps
-                    if step.convolution is not None
-                    and step.convolution.is_dense
-                    and step.convolution.weight.shape[2:] == (KERNEL, KERNEL)
-                }
-        return self.graph.compute_base(x, self._convolve)
+        return self._pass(x)
 
     def _converted_weights(self, base: BaseOutputs) -> dict[str, Tensor]:
         """The weights of every convolution in the precision in which it is computed."""
@@ -89,6 +65,8 @@ class DifferenceGraph:
         `differences` (N, P, M, C, h, w): for each of N base images and P places, M changes of the
         patch. Returns (N, P, M, C', h', w') at `regions[p][graph.output]`.
         """
+        if not self._weights:
+            self._weights = self._converted_weights(base)
         lead = differences.shape[:3]
         parts = {self.graph.input: differences.flatten(0, 2)}
         canvases: dict[str, Tensor] = {}
@@ -103,8 +81,8 @@ class DifferenceGraph:
                     name, dtype = step.inputs[0], self._weights[step.name].dtype
                     canvas = self._canvas(step, name, parts[name], regions, dtype)
                 change = self._linear(step, canvas, self._weights[step.name])
-                reader = self._readers.get(step.name)
-                if step.name not in self._pools or differences.device.type != "cpu":
+                reader = self._pass.readers.get(step.name)
+                if step.name not in self._pass.pools or differences.device.type != "cpu":
                     parts[step.name] = self._minus_base(step, change, base, regions, lead)
                 elif reader is None or regions[0][reader.name].empty:
                     parts[step.name] = self._update(step, change, base, regions)
@@ -137,7 +115,7 @@ class DifferenceGraph:
         starts = np.array([(r * rows, c * cols, r, c) for r, c in corners], dtype=np.int64)
         target = torch.empty(len(change), *shape, change.shape[1], dtype=dtype)
         update(
-            change, base.sums[step.name], base.outputs[step.name], self._pools[step.name],
+            change, base.sums[step.name], base.outputs[step.name], self._pass.pools[step.name],
             Placement(starts, size, offset), _channels_second(target),
         )  # fmt: skip
         return _channels_second(target)
@@ -159,21 +137,13 @@ class DifferenceGraph:
         after = part.after(_channels_second(changed.flatten(0, 2)))
         return _minus(after, base.outputs[step.name], [r[step.name] for r in regions], lead)
 
-    def _convolve(self, step: Operation, x: Tensor) -> Tensor:
-        """The convolution of unchanged values (N, C, h, w) in float32, without bias."""
-        assert step.convolution is not None
-        return self._linear(step, x, step.convolution.weight)
-
     def _linear(self, step: Operation, x: Tensor, weight: Tensor) -> Tensor:
         """A convolution without padding and bias, in the precision of `weight`."""
         assert step.convolution is not None
-        if weight.dtype == torch.bfloat16 and x.device.type == "cpu" and _can_pack():
+        if weight.dtype == torch.float32:
+            return self._pass.convolve(step, x, TILES)
+        if x.device.type == "cpu" and _can_pack():
             return self._packed_convolution(step, x, weight)
-        winograd = self._winograd.get(step.name)
-        if winograd is not None and weight.dtype == torch.float32:
-            height, width = (side - KERNEL + 1 for side in x.shape[-2:])
-            if (tile := winograd.tile((height, width))) is not None:
-                return winograd(x, tile)
         return step.convolution.linear(x, weight)
 
     def _packed_convolution(self, step: Operation, x: Tensor, weight: Tensor) -> Tensor:
@@ -226,18 +196,6 @@ class DifferenceGraph:
         pasted = part[..., top - row : size[0] - row, left - col : size[1] - col]
         canvas[..., top : top + pasted.shape[-2], left : left + pasted.shape[-1]] = pasted
         return canvas
-
-
-def _only_readers(graph: LocalGraph) -> dict[str, Operation]:
-    """By operation: the convolution that alone reads its output."""
-    users = Counter([graph.output, *(name for step in graph.steps for name in step.inputs)])
-    return {
-        name: step
-        for step in graph.steps
-        if step.convolution is not None
-        for name in step.inputs
-        if users[name] == 1
-    }
 
 
 def _input_size(step: Operation, regions: Regions) -> tuple[int, int]:

@@ -141,29 +141,53 @@ def _update(
     size: Any, offset: Any, target: Any,
 ) -> None:  # fmt: skip
     places, channels = len(starts), change.shape[3]
-    best = np.empty(channels, np.float32)
-    wide = np.empty(channels, np.float32)
+    used = ((size[1] - 1) * stride[1] + pool[1]) * channels
+    length = size[1] * channels
+    start = max(0, offset[1]) * channels
+    stop = max(start, min(target.shape[2], offset[1] + size[1]) * channels)
+    cut = start - offset[1] * channels
+    largest = np.empty(used, np.float32)
+    wide = np.empty(max(used, length), np.float32)
     bits = wide.view(np.uint32)
+    zero = np.float32(0)
     for b in range(len(change)):
         n, p = b // (places * modes), b // modes % places
+        first, begin = starts[p, 1] * channels, starts[p, 3] * channels
         for y in range(target.shape[1]):
             r = y - offset[0]
-            for x in range(target.shape[2]):
-                c = x - offset[1]
-                if r < 0 or r >= size[0] or c < 0 or c >= size[1]:
-                    target[b, y, x, :] = 0
-                    continue
-                best[:] = 0
-                for i in range(pool[0]):
-                    for j in range(pool[1]):
-                        row, col = r * stride[0] + i, c * stride[1] + j
-                        _widen(change[b, row, col], wide, bits)
-                        unchanged = sums[n, starts[p, 0] + row, starts[p, 1] + col]
+            if r < 0 or r >= size[0]:
+                target[b, y] = 0
+                continue
+            for i in range(pool[0]):
+                row = r * stride[0] + i
+                _widen(change[b, row].reshape(-1)[:used], wide[:used], bits[:used])
+                unchanged = sums[n, starts[p, 0] + row].reshape(-1)[first : first + used]
+                if i == 0:
+                    for k in range(used):
+                        value = wide[k] + unchanged[k]
+                        largest[k] = value if value > zero else zero
+                else:
+                    for k in range(used):
+                        value = wide[k] + unchanged[k]
+                        largest[k] = value if value > largest[k] else largest[k]
+            before = outputs[n, starts[p, 2] + r].reshape(-1)[begin : begin + length]
+            if pool[1] == 1 and stride[1] == 1:
+                for k in range(length):
+                    wide[k] = largest[k] - before[k]
+            else:
+                for c in range(size[1]):
+                    best = wide[c * channels : (c + 1) * channels]
+                    at = c * stride[1] * channels
+                    for k in range(channels):
+                        best[k] = largest[at + k]
+                    for j in range(1, pool[1]):
                         for k in range(channels):
-                            value = wide[k] + unchanged[k]
-                            if value > best[k]:
-                                best[k] = value
-                before = outputs[n, starts[p, 2] + r, starts[p, 3] + c]
-                for k in range(channels):
-                    wide[k] = best[k] - before[k]
-                _narrow(wide, bits, target[b, y, x])
+                            value = largest[at + j * channels + k]
+                            best[k] = value if value > best[k] else best[k]
+                for k in range(length):
+                    wide[k] -= before[k]
+            filled = target[b, y].reshape(-1)
+            filled[:start] = 0
+            _narrow(wide[cut : cut + stop - start], bits[cut : cut + stop - start],
+                    filled[start:stop])  # fmt: skip
+            filled[stop:] = 0

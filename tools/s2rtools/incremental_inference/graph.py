@@ -97,15 +97,32 @@ class BaseOutputs:
     padded: dict[str, Tensor]
     sums: dict[str, Tensor]
 
+    def images(self, rows: slice) -> BaseOutputs:
+        """The outputs for some of the images."""
+        kept = ({k: v[rows] for k, v in d.items()} for d in (self.outputs, self.padded, self.sums))
+        return BaseOutputs(*kept)
+
 
 Convolve = Callable[[Operation, Tensor], Tensor]
 """Convolution of an operation's padded input (N, C, h, w), without bias."""
+Finish = Callable[[Operation, Tensor], tuple[Tensor, Tensor, Tensor | None] | None]
+"""From a convolution without bias: with bias; the operation's output; the padded input of the one
+operation that reads it, if there is one. None where it does not know the merged operations."""
 
 
 def convolve_directly(step: Operation, x: Tensor) -> Tensor:
     """The convolution of an operation by its own function."""
     assert step.convolution is not None
     return step.convolution.linear(x, step.convolution.weight)
+
+
+def _finish_separately(step: Operation, sums: Tensor) -> tuple[Tensor, Tensor, None]:
+    """Bias, then the operations merged into the convolution one after the other."""
+    part = step.convolution
+    assert part is not None
+    if part.bias is not None:
+        sums = sums + part.bias[:, None, None]
+    return sums, part.after(sums), None
 
 
 class LocalGraph:
@@ -151,25 +168,32 @@ class LocalGraph:
         """Name under which the input image stands among the outputs of operations."""
         return self._input
 
-    def compute_base(self, x: Tensor, convolve: Convolve | None = None) -> BaseOutputs:
+    def compute_base(
+        self, x: Tensor, convolve: Convolve | None = None, finish: Finish = _finish_separately
+    ) -> BaseOutputs:
         """Run the trunk on unchanged images, as the base of later calls.
 
-        With `convolve`, which computes the convolutions without bias, their outputs are kept.
+        With `convolve`, which computes the convolutions without bias, their outputs are kept;
+        `finish` computes what follows them.
         """
         outputs = {self._input: x}
         padded: dict[str, Tensor] = {}
         kept: dict[str, Tensor] = {}
+        ready: dict[str, Tensor] = {}
         for step in self._steps:
             values = [outputs[name] for name in step.inputs]
             if step.windows is not None:
-                values = [_pad(values[0], *step.windows, step.fill)]
+                if step.inputs[0] in ready:
+                    values = [ready[step.inputs[0]]]
+                else:
+                    values = [_pad(values[0], *step.windows, step.fill)]
                 padded[step.name] = values[0]
             if convolve is not None and step.convolution is not None:
-                part, result = step.convolution, convolve(step, values[0])
-                if part.bias is not None:
-                    result = result + part.bias[:, None, None]
-                kept[step.name] = result
-                outputs[step.name] = part.after(result)
+                result = convolve(step, values[0])
+                finished = finish(step, result) or _finish_separately(step, result)
+                kept[step.name], outputs[step.name], following = finished
+                if following is not None:
+                    ready[step.name] = following
             else:
                 outputs[step.name] = step.call(*values)
         return BaseOutputs(outputs, padded, kept)

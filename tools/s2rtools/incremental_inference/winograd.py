@@ -51,15 +51,15 @@ class WinogradConvolution:
         self._weight = weight
         self._transformed: dict[int, Tensor] = {}
 
-    def tile(self, size: tuple[int, int]) -> int | None:
-        """Side of the tiles for outputs of a size (rows, columns); None if direct costs less.
+    def tile(self, size: tuple[int, int], tiles: tuple[int, ...] = TILES) -> int | None:
+        """Which of `tiles` suits outputs of a size (rows, columns); None if direct costs less.
 
         It does not depend on the number of images, so that an image has the same result in every
         batch up to the order of float additions.
         """
         outputs, channels = self._weight.shape[:2]
         direct = _USUAL_COUNT * math.prod(size) * KERNEL**2 * outputs * channels
-        costs = {tile: _cost(tile, size, outputs, channels) for tile in TILES}
+        costs = {tile: _cost(tile, size, outputs, channels) for tile in tiles}
         best = min(costs, key=lambda tile: costs[tile])
         return best if costs[best] < direct else None
 
@@ -73,12 +73,13 @@ class WinogradConvolution:
         outputs, channels = self._weight.shape[:2]
         values = math.prod(tiles) * (tile + KERNEL - 1) ** 2 * (channels + outputs)
         at_once = max(1, _VALUES_AT_ONCE // values)
-        parts = [self._convolved(part, tile, tiles) for part in x.split(at_once)]
-        whole = parts[0] if len(parts) == 1 else torch.cat(parts)
+        whole = x.new_empty(len(x), tiles[0] * tile, tiles[1] * tile, outputs)
+        for part, target in zip(x.split(at_once), whole.split(at_once), strict=True):
+            self._convolve(part, tile, tiles, target)
         return whole[:, :height, :width].permute(0, 3, 1, 2)
 
-    def _convolved(self, x: Tensor, tile: int, tiles: tuple[int, int]) -> Tensor:
-        """x (B, C, H, W) of whole tiles -> (B, H - 2, W - 2, O)."""
+    def _convolve(self, x: Tensor, tile: int, tiles: tuple[int, int], target: Tensor) -> None:
+        """x (B, C, H, W) of whole tiles -> `target` (B, H - 2, W - 2, O)."""
         side = tile + KERNEL - 1
         count, channels = x.shape[:2]
         windows = x.permute(0, 2, 3, 1).unfold(1, side, tile).unfold(2, side, tile)
@@ -86,8 +87,8 @@ class WinogradConvolution:
         inputs = _transformed(samples, 0, tile).view(side * side, -1, channels)
         products = torch.bmm(inputs, self._weights(tile)).view(side, side, -1)
         outputs = _transformed(products, 2, tile).view(tile, tile, count, *tiles, -1)
-        rows, columns = tiles[0] * tile, tiles[1] * tile
-        return outputs.permute(2, 3, 0, 4, 1, 5).reshape(count, rows, columns, -1)
+        split = target.view(count, tiles[0], tile, tiles[1], tile, -1)
+        split.copy_(outputs.permute(2, 3, 0, 4, 1, 5))
 
     def _weights(self, tile: int) -> Tensor:
         """The transformed weights (side^2, C, O)."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from s2rstore.errors import RequestError
+from s2rtools.incremental_inference import BaseOutputs, BasePass
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.inference.first_convolution import split_first_convolution
 from s2rtools.models.input_check import last_line
@@ -29,13 +30,15 @@ CHANGED_PIXELS = 32 * 128 * 128
 class ForwardOutput:
     """x (B, C, h, w) and features (B, F, fh, fw) as tensors; embedding (B, D) and pose (B, 3).
 
-    `features` is None for a network without accessible features.
+    `features` is None for a network without accessible features. `base` are the outputs of all
+    operations of the trunk, where the backend keeps them.
     """
 
     x: Tensor
     features: Tensor | None
     embedding: Tensor
     pose: NDArray[np.float64]
+    base: BaseOutputs | None = None
 
 
 def is_float32(precision: str) -> bool:
@@ -49,7 +52,8 @@ class Backend:
     `name` and `precision` belong to the keys of arrays, so they state all that changes the values
     by more than the order of additions does: a backend of another device has another name. `trunk`
     is the network's trunk in float32 with batch norm folded, None without accessible features.
-    `differences` is the precision of the differences from which occlusion is computed.
+    `differences` is the precision of the differences from which occlusion is computed. `base_pass`
+    runs the trunk where the outputs of its operations are kept.
     """
 
     name: ClassVar[str] = "torch"
@@ -58,6 +62,7 @@ class Backend:
     precision = "float32"
     batch = BATCH
     differences = "float32"
+    base_pass: BasePass | None = None
 
     def __init__(self, model: LoadedModel, threads: int = 0) -> None:
         """`threads` 0 keeps torch's setting."""
@@ -93,6 +98,15 @@ class Backend:
         """What this machine lacks for the backend; None if it can be opened."""
         return None
 
+    @classmethod
+    def suits(cls, model: LoadedModel) -> bool:
+        """Whether the backend can run a model, and may be faster than others."""
+        return True
+
+    def run_trunk(self, x: Tensor) -> tuple[Tensor, BaseOutputs | None]:
+        """Trunk features in float32, and the outputs of all operations if they are kept."""
+        return self.features(x), None
+
     def features(self, x: Tensor) -> Tensor:
         """Trunk features in float32."""
         if self.trunk is None:
@@ -110,13 +124,14 @@ class Backend:
             if self.trunk is None:
                 raw = self._opaque_output(tensor)
                 return ForwardOutput(tensor, None, raw, self.pose(raw))
-            features = self.features(tensor)
+            features, base = self.run_trunk(tensor)
             embedding = self.model.network.embed(features)
             raw = self.model.network.head(embedding)
             for name, values in (("features", features), ("embeddings", embedding)):
                 if len(values) != len(tensor):
                     raise self._error(f"returns {len(values)} {name} for {len(tensor)} images")
-            return ForwardOutput(tensor, features, embedding, self.pose(self._checked(raw, tensor)))
+            pose = self.pose(self._checked(raw, tensor))
+            return ForwardOutput(tensor, features, embedding, pose, base)
 
     def input_only(self, x: NDArray[np.float32]) -> ForwardOutput:
         """The input batch on the backend's device without a forward pass: poses are NaN."""

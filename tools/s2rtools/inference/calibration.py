@@ -14,6 +14,7 @@ from s2rstore.geometry import angles
 from s2rtools.inference.backend import Backend, Bfloat16Backend
 from s2rtools.inference.cuda_backend import CudaBackend, CudaBfloat16Backend, CudaFloat16Backend
 from s2rtools.inference.openvino_backend import OpenVinoBackend, OpenVinoFloat32Backend
+from s2rtools.inference.winograd_backend import WinogradBackend
 from s2rtools.models.pose_network import LoadedModel
 
 TOLERANCE_METRES = 0.01
@@ -26,7 +27,7 @@ SLOWEST = 2.0
 BACKENDS: dict[str, type[Backend]] = {
     backend.name: backend
     for backend in (
-        Backend, OpenVinoFloat32Backend, OpenVinoBackend, Bfloat16Backend,
+        Backend, WinogradBackend, OpenVinoFloat32Backend, OpenVinoBackend, Bfloat16Backend,
         CudaBackend, CudaFloat16Backend, CudaBfloat16Backend,
     )
 }  # fmt: skip
@@ -103,6 +104,7 @@ def _fastest(model: LoadedModel, sample: NDArray[np.float32], threads: int) -> M
         for name, kind in BACKENDS.items()
         if kind is not Backend
         and kind.unavailable_reason() is None
+        and kind.suits(model)
         and issubclass(kind, CudaBackend) == gpu
     ]
     for measured in measure_backends(model, sample, candidates, threads):
@@ -121,25 +123,28 @@ def measure_backends(
     """Deviation and speed of backends against torch in float32 on the sample.
 
     The backends take turns, so that a load of the machine that changes meanwhile affects all;
-    the fastest of three rounds over the first batch counts. One that takes more than `slowest`
-    times as long for one image is left out.
+    that batch counts which takes the shortest time per image, of at least three. One that takes
+    more than `slowest` times as long for one image is left out.
     """
     reference = Backend(model, threads)
     limit = slowest * _seconds_per_image(reference, sample)
     backends = [backend for backend in backends if _seconds_per_image(backend, sample) <= limit]
     every = [reference, *backends]
-    poses = [_poses(backend, sample) for backend in every]
-    timed = sample[: max(backend.batch for backend in every)]
-    seconds = np.full((_ROUNDS, len(every)), np.inf)
-    for turn in range(_ROUNDS):
+    size = max(backend.batch for backend in every)
+    batches = [sample[start : start + size] for start in range(0, len(sample), size)]
+    found: list[list[NDArray[np.float64]]] = [[] for _ in every]
+    seconds = np.full(len(every), np.inf)
+    for turn in range(max(_ROUNDS, len(batches))):
+        images = batches[turn % len(batches)]
         for number, backend in enumerate(every):
             began = time.perf_counter()
-            _poses(backend, timed)
-            seconds[turn, number] = time.perf_counter() - began
-    fastest = seconds.min(axis=0)
+            found[number].append(_poses(backend, images))
+            taken = (time.perf_counter() - began) / len(images)
+            seconds[number] = min(seconds[number], taken)
+    poses = [np.concatenate(parts[: len(batches)]) for parts in found]
     return [
-        MeasuredBackend(backend, float(fastest[0] / taken), *_deviation(predicted, poses[0]))
-        for backend, taken, predicted in zip(backends, fastest[1:], poses[1:], strict=True)
+        MeasuredBackend(backend, float(seconds[0] / taken), *_deviation(predicted, poses[0]))
+        for backend, taken, predicted in zip(backends, seconds[1:], poses[1:], strict=True)
     ]
 
 

@@ -26,7 +26,9 @@ from s2rtools.heatmaps.heatmap_method import HeatArrays
 from s2rtools.heatmaps.occlusion import Occlusion
 from s2rtools.incremental_inference.winograd import WinogradConvolution
 from s2rtools.inference import Backend, MeasuredBackend, choose_backend, open_backend, open_float32
-from s2rtools.inference.calibration import AUTO, SPEED_MARGIN
+from s2rtools.inference.calibration import AUTO, SPEED_MARGIN, measure_backends
+from s2rtools.inference.cuda_backend import CudaBackend
+from s2rtools.inference.winograd_backend import WinogradBackend
 from s2rtools.models.load_model import load_model
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.array_keys import content_key
@@ -48,6 +50,8 @@ _WORTHWHILE = 1.5
 _CHOICE_BYTES = 65_536
 _PLACES, _PAIRS_PER_PLACE = 8, 2
 _OCCLUSION_PLACES = 2
+_WINOGRAD_IMAGES = 16
+"""So few images suffice for a backend whose error is that of float32."""
 _FEWEST_INSTANCES = 64
 """In smaller stores, measuring reduced precision of occlusion costs more than it saves."""
 
@@ -167,7 +171,8 @@ def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) 
     """Measure the backends, and the heatmaps that the chosen one gives, on the sample.
 
     Where heatmaps of `kinds` need the passes of another backend than the fastest, `auto` takes the
-    predictions from these passes.
+    predictions from these passes. Occlusion by locality needs a pass in float32 that keeps the
+    outputs of all operations: no other backend is measured then.
     """
     if requested == Backend.name:
         backend = open_backend(sample.model, requested, sample.threads)
@@ -176,6 +181,12 @@ def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) 
             backend,
             {"inputs": inputs, "requested": requested},
         )
+    if requested == AUTO and _needs_base(sample.model, kinds):
+        backend = WinogradBackend(sample.model, sample.threads)
+        images = sample.inputs()[:_WINOGRAD_IMAGES]
+        for kept in measure_backends(sample.model, images, [backend], sample.threads):
+            if kept.accurate and kept.speed >= 1:
+                return _backends(kept, backend, {"inputs": inputs, "requested": requested})
     measured = choose_backend(sample.model, sample.inputs(), requested, sample.threads)
     heat, facts = measured.backend, {"inputs": inputs, "requested": requested}
     if heat.precision not in (FLOAT32, "openvino f32"):
@@ -191,6 +202,18 @@ def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) 
         else:
             facts["heatmap_error"] = f"{error:.2g}"
     return _backends(measured, heat, facts)
+
+
+def _needs_base(model: LoadedModel, kinds: Sequence[str]) -> bool:
+    """Whether occlusion of a model goes on from a forward pass on the processor."""
+    kind = Occlusion()
+    return (
+        kind.name in kinds
+        and CudaBackend.unavailable_reason() is not None
+        and kind.suits(model)
+        and WinogradBackend.suits(model)
+        and kind.uses_base(kind.attributes(model))
+    )
 
 
 def _backends(measured: MeasuredBackend, heat: Backend, facts: dict[str, str]) -> RunBackends:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +15,7 @@ from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.processors import available_processors
 from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
+from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute import depth_calibration, rig_calibration, unit_results
@@ -23,6 +24,7 @@ from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
 from s2rtools.precompute.executors.executor import Executor, Task, by_threads, largest_first
 from s2rtools.precompute.executors.local_executors import (
+    WorkerPool,
     local_executor,
     usual_threads,
     usual_workers,
@@ -40,7 +42,7 @@ from s2rtools.precompute.tasks.umap_projection import projection_stages
 from s2rtools.precompute.unit_computer import Computation
 from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.usable_kinds import domains_without_depth, usable_kinds
-from s2rtools.precompute.work_units import Stage
+from s2rtools.precompute.work_units import Stage, WorkUnit
 
 
 class ProgressReporter(Protocol):
@@ -92,6 +94,7 @@ def precompute(
     with (
         locks.compute_lock(root, report_line=reporter.say) as lease,
         CurrentStore(root) as current,
+        WorkerPool() as pool,
     ):
         store = current.get()
         store.require_poses("precompute")
@@ -102,7 +105,7 @@ def precompute(
         published = [
             name for name in names
             if name not in untrusted
-            and _compute_run(current, name, kinds, options, reporter, lease)
+            and _compute_run(current, name, kinds, options, reporter, lease, pool)
         ]  # fmt: skip
         if untrusted:
             raise RequestError(
@@ -124,6 +127,7 @@ def _compute_run(
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
+    pool: WorkerPool,
 ) -> bool:
     """Bring one run up to date; True if a new generation was published.
 
@@ -131,12 +135,14 @@ def _compute_run(
     """
     lease.check()
     root, run = current.root, current.get().run(name)
+    if run.key is None and run.model is not None:
+        _start_workers(pool, len(current.get().instances), options)
     if run.is_imported:
         kinds = _without_network(name, kinds, reporter)
     kinds = usable_kinds(current.get(), run, kinds, reporter.say)
     _calibrate(current, run, kinds, reporter, lease)
     if run.model is None:
-        return _compute_imported(current, run, kinds, options, reporter, lease)
+        return _compute_imported(current, run, kinds, options, reporter, lease, pool)
     model = model_outline(current.get(), run.model, options.trust)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
     if options.kinds is None:
@@ -161,11 +167,11 @@ def _compute_run(
         _discard_begun(store, stages)
     for group in groups:
         lease.check()
-        _compute_stages(store, group, backends, options, reporter, lease)
+        _compute_stages(store, group, backends, options, reporter, lease, pool)
     if current.get().parts != planned:
         reporter.say(f"{name}: instances were added meanwhile; computing them, too")
         options = replace(options, restart=False)
-        return _compute_run(current, name, kinds, options, reporter, lease)
+        return _compute_run(current, name, kinds, options, reporter, lease, pool)
     is_new = publish_run(current.get(), name, stages, backends.record(), lease.check)
     atomic_writes.remove(root, f"{layout.UNITS}/{name}")  # with the choice of backends
     reporter.say(f"{name}: {'published' if is_new else 'up to date'}")
@@ -227,6 +233,7 @@ def _compute_imported(
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
+    pool: WorkerPool,
 ) -> bool:
     """Bring a run of imported predictions up to date; True if a new generation was published.
 
@@ -255,7 +262,7 @@ def _compute_imported(
         _discard_begun(store, [stage for group in groups for stage in group])
     for group in groups:
         lease.check()
-        _compute_stages(store, group, None, options, reporter, lease)
+        _compute_stages(store, group, None, options, reporter, lease, pool)
     stages = [*forwards, *(stage for group in groups for stage in group)]
     is_new = publish_run(current.get(), run.run, stages, None, lease.check)
     atomic_writes.remove(current.root, f"{layout.UNITS}/{run.run}")
@@ -318,6 +325,7 @@ def _compute_stages(
     options: PrecomputeOptions,
     reporter: ProgressReporter,
     lease: Lease,
+    pool: WorkerPool,
 ) -> None:
     """Compute what is missing of some stages, each array in one environment."""
     root = store.path
@@ -331,7 +339,7 @@ def _compute_stages(
         tasks = [
             Task(computation, unit, plan.environment(unit)) for unit in largest_first(plan.units)
         ]
-        for executor, some in _assigned(tasks, total, options):
+        for executor, some in _assigned(tasks, _passes(plan.units), options, pool):
             for receipt in executor.run(some):
                 lease.raise_if_lost()
                 unit = plan.finish(receipt, is_checked=executor.is_remote)
@@ -340,8 +348,27 @@ def _compute_stages(
     plan.close()
 
 
+def _passes(units: Iterable[WorkUnit]) -> int:
+    """Instances of units; twice those of units with kinds that need one pass and many passes."""
+    return sum(
+        len(unit.instances) * len({_needs_many_passes(spec.kind) for spec in unit.missing})
+        for unit in units
+    )
+
+
+def _needs_many_passes(kind: str) -> bool:
+    return kind in HEATMAP_KINDS and HEATMAP_KINDS[kind].cost == "many"
+
+
+def _start_workers(pool: WorkerPool, instances: int, options: PrecomputeOptions) -> None:
+    """Start the processes that will compute a new run, while its backends are measured."""
+    workers = min(options.workers or available_processors(), usual_workers(instances))
+    if workers > 1 and options.executor is None and CudaBackend.unavailable_reason() is not None:
+        pool.start(workers)
+
+
 def _assigned(
-    tasks: Sequence[Task], instances: int, options: PrecomputeOptions
+    tasks: Sequence[Task], instances: int, options: PrecomputeOptions, pool: WorkerPool
 ) -> Iterator[tuple[Executor, list[Task]]]:
     """Executors with the tasks that each computes, one after the other."""
     if options.executor is not None:
@@ -353,7 +380,7 @@ def _assigned(
         workers = 1
     groups = by_threads(tasks, options.threads, usual_threads(workers))
     for threads, some in groups.items():
-        yield local_executor(workers, threads), some
+        yield local_executor(workers, threads, pool), some
 
 
 def _discard_begun(store: Store, stages: Sequence[Stage]) -> None:

@@ -15,6 +15,7 @@ from s2rtools.inference import Backend, open_backend
 from s2rtools.inference.backend import is_float32
 from s2rtools.inference.calibration import BACKENDS
 from s2rtools.inference.cuda_backend import CudaBackend
+from s2rtools.inference.winograd_backend import WinogradBackend
 from s2rtools.models.pose_network import LoadedModel
 
 FLOAT32 = "float32"
@@ -43,6 +44,11 @@ class BackendIdentity:
     @property
     def uses_gpu(self) -> bool:
         return issubclass(BACKENDS.get(self.name, Backend), CudaBackend)
+
+    @property
+    def keeps_base(self) -> bool:
+        """Whether a forward pass keeps the outputs of all operations of the trunk."""
+        return issubclass(BACKENDS.get(self.name, Backend), WinogradBackend)
 
     def facts(self) -> dict[str, str]:
         return {"name": self.name, "precision": self.precision}
@@ -95,6 +101,11 @@ class RunBackends:
         differences = known.differences if known.heatmaps else FLOAT32
         facts = {k: v for k, v in record.items() if k not in ("name", "precision", "heatmaps")}
         return cls(predictions, heatmaps, differences, facts)
+
+    @property
+    def keep_base(self) -> bool:
+        """Whether heatmaps can go on from the forward pass of the predictions."""
+        return self.predictions == self.heatmaps and self.predictions.keeps_base
 
     def record(self) -> dict[str, Any]:
         return {

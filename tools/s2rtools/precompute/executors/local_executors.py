@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from typing import Self
 
 from threadpoolctl import threadpool_limits
 
@@ -45,9 +46,47 @@ def usual_threads(workers: int) -> int:
     return max(1, available_processors() // workers)
 
 
-def local_executor(workers: int, threads: int) -> Executor:
-    """The executor of some workers of this machine."""
-    return SerialExecutor(threads) if workers == 1 else ProcessExecutor(workers, threads)
+def local_executor(workers: int, threads: int, pool: WorkerPool) -> Executor:
+    """The executor of some workers of this machine, which belong to `pool`."""
+    return SerialExecutor(threads) if workers == 1 else ProcessExecutor(workers, threads, pool)
+
+
+class WorkerPool:
+    """Worker processes of this machine, kept for later tasks until `close`."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._workers = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def start(self, workers: int) -> None:
+        """Let processes import what they need, while this one does something else."""
+        pool = self.processes(workers)
+        with defer_interrupts():
+            for _ in range(workers):
+                pool.submit(close)  # has nothing to close yet, but is imported with `compute`
+
+    def processes(self, workers: int) -> ProcessPoolExecutor:
+        """At least so many processes, which start when they are given tasks."""
+        if self._pool is None or self._workers < workers:
+            self.close()
+            working_folder.distrust()
+            start_resource_tracker()
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(workers, context, _end_with_parent)
+            self._workers = workers
+        return self._pool
+
+    def close(self) -> None:
+        """End the processes after the tasks that they compute; others are not begun."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool, self._workers = None, 0
 
 
 class SerialExecutor:
@@ -70,33 +109,34 @@ class SerialExecutor:
 class ProcessExecutor:
     """Computes tasks in processes of this machine, which end with this one.
 
-    `run` raises RequestError if a worker process is killed.
+    They belong to `pool`, or, without one, to one call of `run`, which raises RequestError if a
+    worker process is killed.
     """
 
     is_remote = False
 
-    def __init__(self, workers: int, threads: int) -> None:
+    def __init__(self, workers: int, threads: int, pool: WorkerPool | None = None) -> None:
         self._workers, self._threads = workers, threads
+        self._pool, self._is_kept = pool or WorkerPool(), pool is not None
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
-        tasks = list(tasks)
-        working_folder.distrust()
-        context = multiprocessing.get_context("spawn")
-        start_resource_tracker()
-        with ProcessPoolExecutor(self._workers, context, _end_with_parent) as pool:
-            try:
-                with defer_interrupts():
-                    futures = [pool.submit(compute, task, self._threads) for task in tasks]
-                for future in as_completed(futures):
-                    yield future.result()
-            except BrokenProcessPool as error:
-                raise RequestError(
-                    f"{tasks[0].computation.root}: a worker process was killed (out of memory?); "
-                    "finished units are stored; run the command again, with --workers 1 if memory "
-                    "is short"
-                ) from error
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+        tasks, is_complete = list(tasks), False
+        processes = self._pool.processes(self._workers)
+        try:
+            with defer_interrupts():
+                futures = [processes.submit(compute, task, self._threads) for task in tasks]
+            for future in as_completed(futures):
+                yield future.result()
+            is_complete = True
+        except BrokenProcessPool as error:
+            raise RequestError(
+                f"{tasks[0].computation.root}: a worker process was killed (out of memory?); "
+                "finished units are stored; run the command again, with --workers 1 if memory "
+                "is short"
+            ) from error
+        finally:
+            if not (is_complete and self._is_kept):
+                self._pool.close()
 
 
 def start_resource_tracker() -> None:

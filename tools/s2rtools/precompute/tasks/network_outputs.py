@@ -29,6 +29,9 @@ DEPTH_MODES = ("depth", "rgbd")
 """Modes of heatmaps that need depth on both sides."""
 FORWARD_ROWS = 256
 HEATMAP_ROWS = 64
+SMALL_ROWS = 16
+_SMALL_PART = 2048
+"""Instances up to which units are so small that all processes finish at about the same time."""
 _DESCRIBED: WeakKeyDictionary[Any, dict[tuple[str, str, InputContract], Any]] = WeakKeyDictionary()
 """Outputs and attributes of heatmap kinds by network, for each of its input contracts."""
 
@@ -45,9 +48,10 @@ def network_stages(
 ) -> tuple[Stage, list[Stage]]:
     """The forward stage of a part, and the stages of the heatmap kinds that need many passes.
 
-    The forward stage computes predictions, embeddings and every heatmap kind that needs one pass
-    only. The shares of the gap belong to the stage of the harm kinds. `frames` are the arrays of
-    rendered frames that the stages read. `has_depth` tells whether both domains have depth.
+    The forward stage computes predictions, embeddings, every heatmap kind that needs one pass
+    only, and those that go on from that pass. The shares of the gap belong to the stage of the
+    harm kinds. `frames` are the arrays of rendered frames that the stages read. `has_depth` tells
+    whether both domains have depth.
     """
     rendered = [spec.key for spec in frames]
     key = keys.prediction(backends.predictions.facts(), rendered)
@@ -76,7 +80,8 @@ def network_stages(
         described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
         key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
         heatmaps = heatmap_specs(part, kind, *described, *key_of_kind, has_depth)
-        if HEATMAP_KINDS[kind].cost == "forward":
+        goes_on = backends.keep_base and HEATMAP_KINDS[kind].uses_base(described[1])
+        if HEATMAP_KINDS[kind].cost == "forward" or goes_on:
             specs += heatmaps
         else:
             grouped.setdefault(HEATMAP_KINDS[kind].stage or kind, []).extend(heatmaps)
@@ -87,7 +92,10 @@ def network_stages(
         Stage(name, run.run, tuple(of_stage), HEATMAP_ROWS, frames)
         for name, of_stage in grouped.items()
     ]
-    return Stage(FORWARD, run.run, tuple(specs), FORWARD_ROWS, frames), stages
+    rows = FORWARD_ROWS
+    if backends.predictions.keeps_base:
+        rows = min(rows, SMALL_ROWS if part.instances <= _SMALL_PART else HEATMAP_ROWS)
+    return Stage(FORWARD, run.run, tuple(specs), rows, frames), stages
 
 
 def _share_spec(part: Part, key: str) -> ArraySpec:
@@ -214,6 +222,7 @@ def side_batch(
         embedding=forward.embedding,
         prediction=forward.pose,
         truth=poses,
+        base=forward.base,
     )
 
 
