@@ -21,6 +21,7 @@ from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support import nights, tiny
 from tests.support.copies import copy_store
+from tests.support.suggestions import store_reports
 
 WIDTHS = (80.0, 160.0)
 MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter")
@@ -40,6 +41,7 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     "instance with heat": ("instance", {"heat": "occlusion:rgb"}),
     "list by gap": ("list", {"sort": "gap"}),
     "overview of all": ("overview", {}),
+    "suggestions of one direction": ("suggestions", {"run": "dataaug"}),
     **{f"many: {view}": (view, {}) for view in MANY},
 }
 UNITS = re.compile(r"\((m|m²|°|%|ms|loss|no unit)\)|instances|%|°|median error")
@@ -71,6 +73,10 @@ def draw(store: Path, name: str, width: float, folder: Path) -> bytes:
     view, options = FIGURES[name]
     if view == "history":
         store = _with_nights(store, folder)
+    if view == "suggestions":
+        store = copy_store(store, folder / "own.s2r")
+        store_reports(store, "vanilla", "real", "sim")
+        store_reports(store, "dataaug", "sim")
     with open_scene(store, SceneOptions(**options), BY_NAME[view]) as scene:
         return draw_figure(scene, BY_NAME[view], PageOptions(width=width, dpi=DPI))
 

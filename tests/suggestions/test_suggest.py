@@ -12,6 +12,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
+from s2rstore.suggestions import SuggestReport, from_json, read_report
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
@@ -20,13 +21,12 @@ from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
 from s2rtools.suggestions import SuggestSettings, suggest
-from s2rtools.suggestions.answers import SuggestReport, from_json
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
 from s2rtools.suggestions.settings import parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
-from s2rtools.suggestions.stored_reports import apply_answer, read_report, save_report
+from s2rtools.suggestions.stored_reports import apply_answer, save_report
 from s2rtools.suggestions.suggest import _on_whole_frames
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
@@ -197,6 +197,8 @@ def test_the_command_prints_stores_draws_and_applies(null_world: Path, tmp_path:
     assert main([*arguments, "--json", "--no-keep"]) == 3
     assert json.loads(capsys.readouterr().out)["helps"] is False
     assert main([*arguments, "--apply", "1", "--name", "x"]) == 2
+    assert "--frames: --apply takes the stored result of run r" in capsys.readouterr().err
+    assert main(["suggest", str(path), "--for", "sim", "--apply", "1", "--name", "x"]) == 2
     assert "it has no answer" in capsys.readouterr().err
     assert main(["findings", str(path), "--json"]) == 0
     kinds = [each["kind"] for each in json.loads(capsys.readouterr().out)["findings"]]
@@ -245,7 +247,11 @@ def test_sliders_start_at_the_values_of_the_run(camera_world: Path) -> None:
         (["--frames", "2"], "--frames 2: 8 .. 4096"),
         (["--evaluations", "1"], "--evaluations 1: 10 .. 100000"),
         (["--name", "x"], "--name: names the run of --apply"),
-        (["--figure", "front.txt"], "--figure front.txt: must end in .png, .svg or .pdf"),
+        (["--apply", "1", "--name", "a/b"], "a/b"),
+        (["--apply", "1", "--name", "dataaug"], "already in"),
+        (["--apply", "0"], "--apply 0: answers are counted from 1"),
+        (["--figure", "no/front.png"], "--figure no/front.png: there is no folder"),
+        (["--figure", "front.txt"], "--figure front.txt: must end in .png, .svg, .pdf"),
         (["--run", "nobody"], "nobody"),
     ],
 )

@@ -30,7 +30,6 @@ def add_run(
     Raises RequestError, also if a chain moves cameras that cannot be rendered, or translates by a
     translator that failed a check of its content; `force` allows the latter.
     """
-    checked_name(name, "run")
     for side, chain in chains.items():
         names = [str(step["name"]) for step in chain]
         repeated = next((name for name in names if names.count(name) > 1), None)
@@ -38,8 +37,7 @@ def add_run(
             raise RequestError(f"--adjust {side}: {repeated} twice; name each adjustment once")
     with s2rstore.open(root) as store:
         store.require_poses("a run")
-        if name in store.runs:
-            raise RequestError(f"run {name!r}: already in {root}; choose another name")
+        check_run_name(store, name)
         if model not in store.models:
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
@@ -57,6 +55,13 @@ def add_run(
         check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
+
+
+def check_run_name(store: Store, name: str) -> None:
+    """Raise RequestError for a name that no new run of a store can have."""
+    checked_name(name, "run")
+    if name in store.runs:
+        raise RequestError(f"run {name!r}: already in {store.path}; choose another name")
 
 
 def checked_translators(

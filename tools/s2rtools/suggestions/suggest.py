@@ -14,8 +14,8 @@ from s2rstore.errors import RequestError, counted
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.precompute.pipeline import ProgressReporter
-from s2rtools.suggestions.answers import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.known_truth import true_values
 from s2rtools.suggestions.objective import Floats, Objective, PoseErrors, PosePredictor
