@@ -10,7 +10,7 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
-from s2rstore.geometry.camera_offset import UNMOVED, camera_move
+from s2rstore.geometry.camera_offset import UNCHANGED, render_change
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -49,7 +49,7 @@ def add_run(
         if store.models[model].channels != "rgb":
             store.require_depth(domains, f"model {model}")
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
-            if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
+            if render_change(chain, store.domain(domain), store.dataset.frame_width) != UNCHANGED:
                 open_renderer(store, domain)
     with edit(root) as draft:
         check_name_free(draft, "run", name)
