@@ -36,16 +36,20 @@ class Line:
     start: int = 0
 
 
+ChosenLines = Literal["all", "command", "action", "none"]
+
+
 @dataclass(frozen=True, slots=True)
 class _Extent:
     """What is shown: values of all answers or of the chosen one, and further texts.
 
-    chosen: lines about the chosen answer: all of them, its command, or none.
+    chosen: lines about the chosen answer: all of them, how it is applied with its command or
+    without, or none.
     """
 
     all_values: bool
     evidence: bool
-    chosen: Literal["all", "command", "none"]
+    chosen: ChosenLines
 
 
 _EXTENTS = (
@@ -53,6 +57,7 @@ _EXTENTS = (
     _Extent(False, True, "all"),
     _Extent(False, False, "all"),
     _Extent(False, False, "command"),
+    _Extent(False, False, "action"),
     _Extent(False, False, "none"),
 )
 
@@ -81,7 +86,7 @@ def _lines(data: SuggestionsInput, width: int, extent: _Extent, legend: str) -> 
         if extent.evidence:
             lines += _wrapped(legend, width, "muted")
         if extent.chosen != "none":
-            lines += [Line(""), *_details(*chosen, width, extent.chosen == "all")]
+            lines += [Line(""), *_details(*chosen, width, extent.chosen)]
     return lines
 
 
@@ -122,15 +127,17 @@ def _started(line: Line, start: int) -> Line:
     return Line(line.text, line.style, line.index, line.direction, line.drawn, start)
 
 
-def _details(direction: Direction, number: int, width: int, everything: bool) -> list[Line]:
-    """The chosen answer: how it is applied and, with `everything`, fitted values and agreement."""
+def _details(direction: Direction, number: int, width: int, what: ChosenLines) -> list[Line]:
+    """The chosen answer: how it is applied, fitted values and agreement, and its command."""
     name = "enter adjusts the real images live; there S saves them as a run"
     if direction.side == "sim":
         name = "enter copies the command"
     texts = [f"answer {number + 1}: {name}"]
-    if everything:
+    if what == "all":
         texts += details(direction, number)
     lines = [line for text in texts for line in _wrapped(text, width, "plain")]
+    if what == "action":
+        return lines
     return [*lines, *_wrapped(direction.commands[number], width, "muted")]
 
 

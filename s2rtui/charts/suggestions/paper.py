@@ -19,7 +19,13 @@ from s2rtui.charts.shared.paper import (
     set_panel_title,
     style_axes,
 )
-from s2rtui.charts.suggestions.model import Direction, details, evidence_text, gain_scale
+from s2rtui.charts.suggestions.model import (
+    Direction,
+    details,
+    evidence_text,
+    finite,
+    gain_scale,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,8 +105,11 @@ def _draw_front(page: Page, axes: Axes, report: SuggestReport, font: float) -> N
 
 
 def _limits(report: SuggestReport, scale: float) -> tuple[float, float]:
-    low, high = (scale * end for end in gain_scale(report))
-    high = max([high, *(scale * answer.fitted for answer in report.answers)])
+    """The ends of the axis, which holds all gains, intervals and prices."""
+    gains = [(each.gain.low, each.gain.high, each.fitted) for each in report.answers]
+    values = [scale * value for values in gains for value in finite(values)]
+    values += [scale * end for end in gain_scale(report)]
+    low, high = min(values), max(values)
     margin = 0.08 * (high - low)
     return low - margin, high + margin
 
