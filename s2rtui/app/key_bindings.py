@@ -285,7 +285,7 @@ ACTIONS: tuple[Action, ...] = (
            _do(suggestions.choose, 1), when="suggestions"),
     Action("previous_answer", "up", "move", "previous answer of the suggestions",
            _do(suggestions.choose, -1), when="suggestions"),
-    Action("apply_answer", "enter", "adjust",
+    Action("apply_answer", "enter", "review",
            "apply the answer: adjust real images live; copy the command for the simulator",
            None, "apply", when="suggestions", command=lambda app: app.suggestions.apply()),
     Action("other_run", "k", "review", "compare with the next run",

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
+from s2rstore.index.transaction import edit
 from s2rtui.app.app import S2RApp
 from s2rtui.app.pilot import settle, take_screenshot
 from s2rtui.canvas import RenderOptions
@@ -119,3 +120,14 @@ async def test_the_finding_leads_to_the_view(store: Path) -> None:
         app.session.set_state(replace(app.session.state, finding=finding))
         await press(app, pilot, "enter")
         assert app.session.state.view == "suggestions"
+
+
+async def test_a_store_without_a_run_says_so(store: Path) -> None:
+    with edit(store) as draft:
+        for table in ("prediction", "projection", "zarr_array", "run"):
+            draft.delete(table)
+    app = make_app(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "enter", "down")
+        assert app.session.state.view == "suggestions"
+    assert app.fault is None

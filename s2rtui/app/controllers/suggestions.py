@@ -21,8 +21,11 @@ class SuggestionController:
     def apply(self) -> None:
         """Apply the chosen answer, or say why there is none."""
         session = self._app.session
-        chosen = SUGGESTIONS.input(self._app.renderer.scene).chosen_answer
-        if chosen is None:
+        reason = SUGGESTIONS.unavailable(session.store)
+        chosen = None if reason else SUGGESTIONS.input(self._app.renderer.scene).chosen_answer
+        if reason:
+            session.show_message(reason)
+        elif chosen is None:
             session.show_message("there is no answer to apply")
         else:
             direction, number = chosen
