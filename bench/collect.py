@@ -23,6 +23,7 @@ import torch
 
 from bench.budget import BudgetRow
 from bench.support.collection_trial import Trial, TrialSettings
+from bench.support.json_log import append_log, read_log
 from s2rstore.metrics.bootstrap import BootstrapSettings, Interval, mean_interval
 from s2rtools.data_collection import Method
 
@@ -140,9 +141,7 @@ def main() -> int:
     if unknown := set(methods) - set(get_args(Method)):
         parser.error(f"--methods {', '.join(unknown)}: one of {', '.join(get_args(Method))}")
     sizes = [int(size) for size in options.sizes.split(",")]
-    known: list[Result] = []
-    if options.log is not None and options.log.exists():
-        known = [json.loads(line) for line in options.log.read_text().splitlines()]
+    known: list[Result] = read_log(options.log) if options.log else []
     if not options.report:
         settings = TrialSettings(options.model, options.steps, layers=options.layers)
         seeds = range(options.first, options.first + options.seeds)
@@ -150,8 +149,7 @@ def main() -> int:
             known.append(result)
             print(json.dumps(result), flush=True)
             if options.log is not None:
-                with options.log.open("a") as file:
-                    file.write(json.dumps(result) + "\n")
+                append_log(options.log, result)
     print(report(known))
     return 0
 

@@ -31,6 +31,7 @@ from s2rtui.app.controllers.navigation import NavigationController
 from s2rtui.app.controllers.prompt import PromptController
 from s2rtui.app.controllers.run_save import RunSaveController
 from s2rtui.app.controllers.store_updates import CHECK_SECONDS, StoreUpdateController
+from s2rtui.app.controllers.suggestions import SuggestionController
 from s2rtui.app.key_bindings import ACTIONS, BY_NAME, find_action, permitted_actions
 from s2rtui.app.load_scheduler import LoadScheduler
 from s2rtui.app.messages import (
@@ -82,6 +83,7 @@ class S2RApp(GuardedApp):
     export: ExportController
     run_save: RunSaveController
     navigation: NavigationController
+    suggestions: SuggestionController
 
     def __init__(
         self,
@@ -113,6 +115,7 @@ class S2RApp(GuardedApp):
         self.export = ExportController(self)
         self.run_save = RunSaveController(self)
         self.navigation = NavigationController(self)
+        self.suggestions = SuggestionController(self)
         self.load_results = LoadResultController(self)
         self.store_updates = StoreUpdateController(self)
         self.renderer = Renderer(self)

@@ -20,6 +20,7 @@ from s2rtui.session import (
     instance_list,
     navigation,
     selection,
+    suggestions,
     undo_history,
     view_settings,
 )
@@ -29,7 +30,9 @@ from s2rtui.session.state import State
 if TYPE_CHECKING:
     from s2rtui.app.app import S2RApp
 
-_OF_ONE_VIEW: tuple[When, ...] = ("list", "adjust", "rooms", "findings", "table")
+_OF_ONE_VIEW: tuple[When, ...] = (
+    "list", "adjust", "rooms", "findings", "suggestions", "table",
+)  # fmt: skip
 """Situations in which one view is active."""
 _PAGE, _ALL_ROWS = 10, 1 << 30
 """Rows of a table that the page keys scroll, and more than any table has."""
@@ -169,7 +172,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("alike", "l", "select", "instances whose embeddings are most similar to this one",
            _do(_select_similar), when="still"),
     Action("all", "c", "select", "select all", _do(selection.select, "all", "replace"),
-           "clear", when="still"),
+           "all", when="still"),
     *_OPERATORS,
     *_BRUSHING,
     *_ADJUSTING,
@@ -278,6 +281,13 @@ ACTIONS: tuple[Action, ...] = (
            when="findings"),
     Action("open_finding", "enter", "select", "select the instances of the finding", None, "select",
            when="findings", command=lambda app: app.navigation.open_finding()),
+    Action("next_answer", "down", "move", "next answer of the suggestions",
+           _do(suggestions.choose, 1), when="suggestions"),
+    Action("previous_answer", "up", "move", "previous answer of the suggestions",
+           _do(suggestions.choose, -1), when="suggestions"),
+    Action("apply_answer", "enter", "review",
+           "apply the answer: adjust real images live; copy the command for the simulator",
+           None, "apply", when="suggestions", command=lambda app: app.suggestions.apply()),
     Action("other_run", "k", "review", "compare with the next run",
            _do(view_settings.change_other)),
     Action("note", "e", "review", "write a note on this instance",

@@ -19,6 +19,7 @@ NAMES = (
     "compare",
     "history",
     "findings",
+    "suggestions",
     "adjust",
 )
 """Folders of `s2rtui.charts`, in the order in which views are listed."""

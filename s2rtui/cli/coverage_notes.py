@@ -32,6 +32,21 @@ def print_population(scene: Scene) -> None:
         )  # fmt: skip
 
 
+def print_missing_shares(
+    store: Store, expression: str, run: str, saved: Mapping[str, Node]
+) -> None:
+    """Print a line for each run that has no shares of the gap, where an expression names them."""
+    from s2rstore.language import parse
+    from s2rstore.language.evaluation import named_fields
+    from s2rstore.metrics.gap_shares import has_shares
+
+    fields = named_fields(parse(expression), store, saved)
+    for name in sorted({field.run or run for field in fields if field.name.startswith("share.")}):
+        if name and not has_shares(store, name):
+            command = f"`s2r precompute {store.path} --run {name} --kinds harm` computes them"
+            print(f"run {name} has no shares of the gap; {command}", file=sys.stderr)
+
+
 def print_left_out(
     store: Store,
     expression: str,

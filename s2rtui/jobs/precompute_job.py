@@ -21,9 +21,9 @@ from typing import IO, Any, Literal
 
 import s2rstore
 from s2rstore.files import locks
-from s2rstore.geometry.camera_offset import UNMOVED
+from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.records import SIDES, Side
-from s2rstore.run_inputs import run_camera_move
+from s2rstore.run_inputs import run_render_change
 from s2rstore.security import working_folder
 
 _NICE = 10
@@ -65,7 +65,7 @@ def save_run(root: Path, name: str, from_run: str, chains: Chains) -> Precompute
         sim, real = ([*chains.get(side, run.adjustments(side))] for side in SIDES)
         add_run(root, name, model, run.sim_domain, run.real_domain, {"sim": sim, "real": real})
         adjusted = replace(run, sim_adjustments=sim, real_adjustments=real)
-        moves_camera = any(run_camera_move(store, adjusted, side) != UNMOVED for side in SIDES)
+        moves_camera = any(run_render_change(store, adjusted, side) != UNCHANGED for side in SIDES)
     try:
         return PrecomputeJob(root, name, _STAGES + moves_camera)
     except OSError:

@@ -29,6 +29,7 @@ SOURCE_IMAGES = {"rgb": "source_rgb", "depth": "source_depth"}
 """Arrays of images at the size of their source, where that is not the frame size."""
 
 LOOSE_METRES, LOOSE_DEGREES = 1e-3, 0.01
+_COMPARABLE_METRES, _COMPARABLE_DEGREES = 0.02, 0.5
 """Offsets of a pair up to which both images count as having one pose."""
 
 _COLUMN_BYTES = 384 * 2**20
@@ -128,6 +129,13 @@ class DatasetReader(IndexCatalog):
         truth = self.instances
         is_far = truth.pair_offset_m > LOOSE_METRES
         return bool((is_far | (truth.pair_offset_deg > LOOSE_DEGREES)).any())
+
+    @cached_property
+    def comparable_pairs(self) -> NDArray[np.bool_]:
+        """(N,) the pairs whose images have nearly one pose, so that their contents compare."""
+        truth = self.instances
+        is_near: NDArray[np.bool_] = truth.pair_offset_m <= _COMPARABLE_METRES
+        return is_near & (truth.pair_offset_deg <= _COMPARABLE_DEGREES)
 
     def require_depth(self, domains: Iterable[str], purpose: str) -> None:
         """Raise RequestError where one of the domains has no depth, which `purpose` needs."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from s2rstore.arrays import stored_array
 from s2rstore.dataset_reader import Frame
-from s2rstore.geometry.camera_offset import UNMOVED, RigOffset, camera_move
+from s2rstore.geometry.camera_offset import UNCHANGED, RenderChange, render_change
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
 
@@ -33,15 +33,15 @@ def _step_text(name: str, value: float) -> str:
     return f"{kind}={translator}" if value == 1 else f"{kind}={translator}@{value:g}"
 
 
-def run_camera_move(store: Store, run: Run, side: Side) -> RigOffset:
-    """The camera offset of one side of a run."""
+def run_render_change(store: Store, run: Run, side: Side) -> RenderChange:
+    """What the adjustments of one side of a run change in rendering its domain."""
     domain = store.domain(run.domain(side))
-    return camera_move(run.adjustments(side), domain, store.dataset.frame_width)
+    return render_change(run.adjustments(side), domain, store.dataset.frame_width)
 
 
 def run_domain(store: Store, run: Run, side: Side) -> Domain:
     """A side's domain with the cameras of the run's frames."""
-    return run_camera_move(store, run, side).applied(store.domain(run.domain(side)))
+    return run_render_change(store, run, side).applied(store.domain(run.domain(side)))
 
 
 def run_frame(store: Store, run: Run, side: Side, iid: int) -> Frame:
@@ -63,7 +63,7 @@ def run_frames(
     images: tuple[str, ...] = ("rgb", "depth"),
 ) -> dict[str, NDArray[Any]]:
     """A side's images of iids [start, stop), in the form of `Store.frames`."""
-    if run_camera_move(store, run, side) == UNMOVED:
+    if run_render_change(store, run, side) == UNCHANGED:
         return store.frames(run.domain(side), start, stop, images)
     frames = {}
     for image in images:

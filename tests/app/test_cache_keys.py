@@ -30,6 +30,7 @@ from s2rtui.session.state import Adjust, Brush, HistoryFile, PendingTarget, Slid
 from s2rtui.user_data.notebook import Notes, Remark
 from tests.charts.examples import finding_report
 from tests.support import gaps, tiny
+from tests.support.suggestions import store_reports
 
 SIZE = (100, 40)
 SLIDER = Slider("real", "brightness", 0.5, 1.5, 1.0, 0.05, "")
@@ -79,6 +80,7 @@ STATE_CHANGES: dict[str, Callable[[Session, State], object]] = {
     "group_sort": lambda _, state: "n",
     "group_descending": lambda _, state: not state.group_descending,
     "finding": lambda _, state: state.finding + 1,
+    "suggestion": lambda _, state: state.suggestion + 1,
     "history": lambda _, state: HistoryFile(Path("gap.duckdb"), (1, 2, 3)),
     "message": lambda _, state: "something",
     "is_error": lambda _, state: True,
@@ -124,6 +126,7 @@ NEVER_DRAWN = {
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     path = tiny.build(tmp_path_factory.mktemp("three") / "s.s2r", runs=("vanilla", "b", "c"))
+    store_reports(path, "vanilla", "real", "sim")
     opened = Session(path)
     opened.select("worst(40%, real.error)")
     yield opened
@@ -161,13 +164,14 @@ def scenes(session: Session) -> dict[str, Scene]:
         "rich": replace(plain, state=rich, resources=heated),
         "sliding": replace(plain, state=sliding, resources=heated),
         "findings": replace(plain, state=replace(state, view="findings")),
+        "suggestions": replace(plain, state=replace(state, view="suggestions")),
         "trained": replace(
             plain, state=replace(state, with_trained=True, trained=state.base & (rank % 2 > 0))
         ),
     }
 
 
-@pytest.fixture(params=["plain", "rich", "sliding", "findings", "trained"])
+@pytest.fixture(params=["plain", "rich", "sliding", "findings", "suggestions", "trained"])
 def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 

@@ -23,6 +23,7 @@ from s2rtui.charts.rooms.groups_terminal import draw_groups
 from s2rtui.charts.rooms.terminal import draw_rooms
 from s2rtui.charts.scatter.terminal import draw_scatter
 from s2rtui.charts.shared.image_pair_terminal import draw_instance
+from s2rtui.charts.suggestions.terminal import draw_suggestions
 from s2rtui.charts.umap.terminal import draw_umap
 from s2rtui.terminal.strips import to_strips
 from tests.charts.examples import (
@@ -41,6 +42,7 @@ from tests.charts.examples import (
     umap_input,
 )
 from tests.support import gaps
+from tests.support.suggestions import suggestions_input
 
 Draw = Callable[[tuple[int, int], RenderOptions], Canvas]
 BOX = Mark("map", ((2.0, 2.0), (9.0, 5.0)))
@@ -97,6 +99,10 @@ VIEWS: dict[str, Draw] = {
     ),
     "findings": lambda size, options: draw_findings(
         FindingsInput(finding_report(), 6), size, options
+    ),
+    "suggestions": lambda size, options: draw_suggestions(suggestions_input(), size, options),
+    "no suggestions": lambda size, options: draw_suggestions(
+        suggestions_input(real=0, sim=0), size, options
     ),
     "no findings": lambda size, options: draw_findings(
         FindingsInput(finding_report(0)), size, options

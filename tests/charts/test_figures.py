@@ -22,6 +22,7 @@ from s2rtui.charts.rooms.groups_paper import groups_figure
 from s2rtui.charts.rooms.paper import rooms_figure
 from s2rtui.charts.scatter.paper import scatter_figure
 from s2rtui.charts.shared.paper import colour_bar_ticks
+from s2rtui.charts.suggestions.paper import suggestions_figure
 from s2rtui.charts.umap.paper import umap_figure
 from tests.charts.examples import (
     ROWS,
@@ -38,6 +39,7 @@ from tests.charts.examples import (
     side,
     umap_input,
 )
+from tests.support.suggestions import suggestions_input
 
 Draw = Callable[[tuple[int, int], Theme], bytes]
 FIGURES: dict[str, Draw] = {
@@ -60,6 +62,9 @@ FIGURES: dict[str, Draw] = {
     "scatter": lambda size, theme: scatter_figure(scatter_input(cursor=5), size, theme),
     "groups": lambda size, theme: groups_figure(groups_input(), size, theme, "vanilla"),
     "findings": lambda size, theme: findings_figure(finding_report(), size, theme, "vanilla"),
+    "suggestions": lambda size, theme: suggestions_figure(
+        suggestions_input().directions, size, theme, "vanilla"
+    ),
     "errors": lambda size, theme: errors_figure(errors_input(cursor=5), size, theme),
 }
 

@@ -21,6 +21,7 @@ from s2rtui.export.figures import PageOptions, draw_figure
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from tests.support import nights, tiny
 from tests.support.copies import copy_store
+from tests.support.suggestions import store_reports
 
 WIDTHS = (80.0, 160.0)
 MANY = ("overview", "map", "umap", "orientation", "rooms", "errors", "compare", "scatter")
@@ -40,8 +41,11 @@ FIGURES: dict[str, tuple[str, dict[str, Any]]] = {
     "instance with heat": ("instance", {"heat": "occlusion:rgb"}),
     "list by gap": ("list", {"sort": "gap"}),
     "overview of all": ("overview", {}),
+    "suggestions of one direction": ("suggestions", {"run": "dataaug"}),
     **{f"many: {view}": (view, {}) for view in MANY},
 }
+OWN_STORES = {"history": "with_nights", "suggestions": "with_suggestions"}
+"""Fixture of the store from which a view is drawn where it is not the small one."""
 UNITS = re.compile(r"\((m|m²|°|%|ms|loss|no unit)\)|instances|%|°|median error")
 
 
@@ -64,6 +68,15 @@ def with_nights(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     return own
 
 
+@pytest.fixture(scope="module")
+def with_suggestions(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the small store with stored suggestions of both directions."""
+    own = copy_store(tiny_store, tmp_path_factory.mktemp("suggestions") / "own.s2r")
+    store_reports(own, "vanilla", "real", "sim")
+    store_reports(own, "dataaug", "sim")
+    return own
+
+
 @pytest.fixture(scope="module", params=itertools.product(FIGURES, WIDTHS),
                 ids=lambda at: f"{at[0]}-{at[1]:g}")  # fmt: skip
 def figure(request: pytest.FixtureRequest, stores: tuple[Path, Path]) -> Figure:
@@ -77,8 +90,8 @@ def figure(request: pytest.FixtureRequest, stores: tuple[Path, Path]) -> Figure:
         return encoded(page)
 
     store = stores[name.startswith("many")]
-    if FIGURES[name][0] == "history":
-        store = request.getfixturevalue("with_nights")
+    if of_view := OWN_STORES.get(FIGURES[name][0]):
+        store = request.getfixturevalue(of_view)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper.Page, "encoded", keep)
         draw(store, name, width)

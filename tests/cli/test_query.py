@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.index.transaction import edit
 from s2rstore.language import evaluation
 from s2rtui.cli import main
 from s2rtui.export.rows.formats import write_rows
 from s2rtui.user_data.notebook import Notebook, SavedSelection
+from tests.support.copies import copy_store
 
 DEFAULT_HEADER = (
     "iid,trajectory,seq,x_m,y_m,heading_deg,room,sim_error_m,real_error_m,gap_m,"
@@ -177,3 +179,16 @@ def test_an_empty_result_suggests_expressions_that_select_something(
             assert query(tiny_store, capsys, expression, "--count").strip() == count != "0"
     assert main(["query", str(tiny_store), "ids(3)"]) == 0
     assert "nothing is selected" not in capsys.readouterr().err
+
+
+def test_runs_without_shares_of_the_gap_are_named(tiny_store: Path, tmp_path: Path, capsys) -> None:
+    path = copy_store(tiny_store, tmp_path / "own.s2r")
+    assert main(["query", str(path), "share.lighting > -99", "--run", "vanilla", "--count"]) == 0
+    captured = capsys.readouterr()
+    assert int(captured.out) > 0
+    assert "shares" not in captured.err
+    with edit(path) as draft:
+        draft.delete("zarr_array", kind="gap_shares", run="dataaug")
+    words = ["query", str(path), 'all & run("dataaug").share.lighting > 1', "--run", "vanilla"]
+    assert main([*words, "--count"]) == 0
+    assert "run dataaug has no shares of the gap; `s2r precompute" in capsys.readouterr().err

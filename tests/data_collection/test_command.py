@@ -102,3 +102,39 @@ def test_the_map_shows_planned_poses(tiny_store: Path, tmp_path: Path) -> None:
     assert main([*base, str(second), "--poses", str(poses)]) == 0
     assert first.read_text().count("planned poses") == 0
     assert second.read_text().count("planned poses") >= 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--budget", "0"], "--budget 0: must be 1 to 5000"),
+        (["--out", "nowhere/poses.csv"], "--out nowhere/poses.csv: there is no folder"),
+    ],
+)
+def test_options_are_checked_before_the_store_is_read(tmp_path: Path, options, message, capsys):
+    assert main(["collect", str(tmp_path / "none.s2r"), *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_progress_is_told_on_standard_error(tiny_store: Path, capsys) -> None:
+    assert main(["collect", str(tiny_store), "--run", "vanilla", "--budget", "3", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert len(json.loads(captured.out)["poses"]) == 3
+    assert "choosing 3 of" in captured.err
+
+
+def test_poses_are_refused_where_no_map_is_drawn(tiny_store: Path, tmp_path: Path, capsys) -> None:
+    poses, figure = tmp_path / "poses.csv", tmp_path / "f.png"
+    poses.write_text("x_m,y_m,heading_deg\n1,2,90\n")
+    words = ["export", str(tiny_store), "--poses", str(poses), "--out", str(figure)]
+    assert main([*words, "--view", "rooms"]) == 2
+    assert "--poses: drawn on the map; use --view map in place of rooms" in capsys.readouterr().err
+    assert main([*words, "--view", "map"]) == 0
+
+
+@pytest.mark.parametrize("row", ["1e7,2,3", "1,-1e9,3", "1,2,1e300"])
+def test_poses_far_beyond_any_building_are_refused(tmp_path: Path, row: str) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text(f"x_m,y_m,heading_deg\n{row}\n")
+    with pytest.raises(RequestError, match="beyond 1,000,000"):
+        read_planned_poses(path)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import UNMOVED, RigOffset, camera_move, hfov
+from s2rstore.geometry.camera_offset import UNCHANGED, RenderChange, hfov, render_change
 from s2rstore.records import Domain, Intrinsics
 
 WIDTH = 128
@@ -29,8 +29,8 @@ def chain(**values: float) -> list[dict[str, object]]:
 def test_neutral_adjustments_return_the_same_domain() -> None:
     original = domain()
     for steps in ([], chain(brightness=1.4), chain(camera_height=0.0, camera_fov=0.0)):
-        move = camera_move(steps, original, WIDTH)
-        assert move == UNMOVED
+        move = render_change(steps, original, WIDTH)
+        assert move == UNCHANGED
         assert move.applied(original) is original
 
 
@@ -43,7 +43,7 @@ def test_camera_parameters_change_by_the_adjustments(
 ) -> None:
     original = domain(hfov_before, pitch=tilt)
     steps = chain(camera_height=up, camera_pitch=pitch, camera_fov=hfov_change)
-    moved = camera_move(steps, original, WIDTH).applied(original)
+    moved = render_change(steps, original, WIDTH).applied(original)
     assert moved.camera_height == pytest.approx(original.camera_height + up)
     assert hfov(moved.rgb, WIDTH) == pytest.approx(hfov(original.rgb, WIDTH) + hfov_change)
     for lens, before in ((moved.rgb, original.rgb), (moved.depth, original.depth)):
@@ -59,9 +59,9 @@ def test_camera_parameters_change_by_the_adjustments(
 
 def test_repeated_camera_adjustments_add_up_and_others_are_ignored() -> None:
     steps = [*chain(camera_height=0.1), *chain(contrast=2.0), *chain(camera_height=0.25)]
-    assert camera_move(steps, domain(), WIDTH) == RigOffset(height=pytest.approx(0.35))
+    assert render_change(steps, domain(), WIDTH) == RenderChange(height=pytest.approx(0.35))
     cancelling = [*chain(camera_fov=5.0), *chain(camera_fov=-5.0)]
-    assert camera_move(cancelling, domain(), WIDTH) == UNMOVED
+    assert render_change(cancelling, domain(), WIDTH) == UNCHANGED
 
 
 @pytest.mark.parametrize(
@@ -75,4 +75,4 @@ def test_repeated_camera_adjustments_add_up_and_others_are_ignored() -> None:
 )
 def test_impossible_cameras_are_rejected(steps: list[dict], expected: str) -> None:
     with pytest.raises(RequestError, match=expected.replace("+", r"\+")):
-        camera_move(steps, domain(), WIDTH)
+        render_change(steps, domain(), WIDTH)

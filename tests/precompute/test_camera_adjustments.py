@@ -13,7 +13,7 @@ import torch
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.geometry.camera import rays, to_floor
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.index.transaction import edit
 from s2rstore.maintenance.prune import prune
 from s2rstore.maintenance.verify import verify
@@ -104,7 +104,7 @@ def test_depth_matches_the_floor_only_with_the_moved_rig(store: Store) -> None:
 def test_a_tiny_move_renders_the_stored_frames(store: Store, side: str) -> None:
     """Poses and noise of each view are those of its instance."""
     n = len(store.instances)
-    rgb, depth = open_renderer(store, side).frames(side, 0, n, RigOffset(height=1e-7))
+    rgb, depth = open_renderer(store, side).frames(side, 0, n, RenderChange(height=1e-7))
     stored = store.frames(side, 0, n)
     differs_rgb = np.abs(rgb.astype(np.float32) - stored["rgb"]) > 3
     differs_depth = np.abs(depth.astype(np.float32) - stored["depth"]) > 20

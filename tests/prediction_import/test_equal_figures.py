@@ -112,7 +112,8 @@ def test_all_rows_are_equal(imported: Path) -> None:
 
 
 @pytest.mark.parametrize("view", [name for name in registry.NAMES if name not in (
-    "adjust", "history", "overview", "umap", "list", "compare", "findings")])  # fmt: skip
+    "adjust", "history", "overview", "umap", "list", "compare", "findings",
+    "suggestions")])  # fmt: skip
 def test_views_print_the_same(
     imported: Path, view: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,3 +60,12 @@ def test_without_calibrated_rigs_the_reason_is_told(
 ) -> None:
     assert main(["score", str(world_with_all_factors), "--image-repairs", "--views", "3"]) == 2
     assert "not calibrated" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("views", ["1", "-3", "100001"])
+def test_numbers_of_views_out_of_range_are_refused(
+    world_with_all_factors: Path, capsys: pytest.CaptureFixture[str], views: str
+) -> None:
+    words = ["score", str(world_with_all_factors), "--image-repairs", "--views", views]
+    assert main(words) == 2
+    assert f"--views {views}: 2 .. 100000" in capsys.readouterr().err

@@ -12,6 +12,7 @@ import pytest
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.index.transaction import edit
+from s2rstore.suggestions import SuggestReport, from_json, read_report
 from s2rtools.datasets import IMPORTERS
 from s2rtools.datasets.scan import ScanOptions
 from s2rtools.datasets.writing.build import build
@@ -19,15 +20,15 @@ from s2rtools.models import build_network
 from s2rtools.models.model_registration import pack_weights, register_model
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import insert_run
-from s2rtools.suggestions import SuggestSettings, suggest
-from s2rtools.suggestions.answers import SuggestReport, from_json
+from s2rtools.suggestions import SuggestSettings, simulator_match, suggest
 from s2rtools.suggestions.held_out_split import split_instances
 from s2rtools.suggestions.search import Candidate, FactorFit, SearchResult
 from s2rtools.suggestions.settings import parse_duration, parse_share
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, sliders_of
-from s2rtools.suggestions.stored_reports import apply_answer, read_report, save_report
+from s2rtools.suggestions.stored_reports import apply_answer, save_report
 from s2rtools.suggestions.suggest import _on_whole_frames
+from s2rtools.suggestions.time_budget import TimeBudget
 from s2rtools.synthetic_world.factors import parse_factors
 from s2rtui.cli import main
 from tests.support.copies import copy_store
@@ -118,7 +119,7 @@ class _Bowl:
     def whole_cost(self, values) -> float:
         return 1 + (values.get("a", 0.0) - 0.5) ** 2 + values.get("b", 0.0) ** 2
 
-    def refined(self, values, sliders):
+    def refined(self, values, sliders, has_time):
         return {name: {"a": 0.5, "b": 0.0}[name] for name in values}
 
 
@@ -197,6 +198,8 @@ def test_the_command_prints_stores_draws_and_applies(null_world: Path, tmp_path:
     assert main([*arguments, "--json", "--no-keep"]) == 3
     assert json.loads(capsys.readouterr().out)["helps"] is False
     assert main([*arguments, "--apply", "1", "--name", "x"]) == 2
+    assert "--frames: --apply takes the stored result of run r" in capsys.readouterr().err
+    assert main(["suggest", str(path), "--for", "sim", "--apply", "1", "--name", "x"]) == 2
     assert "it has no answer" in capsys.readouterr().err
     assert main(["findings", str(path), "--json"]) == 0
     kinds = [each["kind"] for each in json.loads(capsys.readouterr().out)["findings"]]
@@ -245,7 +248,11 @@ def test_sliders_start_at_the_values_of_the_run(camera_world: Path) -> None:
         (["--frames", "2"], "--frames 2: 8 .. 4096"),
         (["--evaluations", "1"], "--evaluations 1: 10 .. 100000"),
         (["--name", "x"], "--name: names the run of --apply"),
-        (["--figure", "front.txt"], "--figure front.txt: must end in .png, .svg or .pdf"),
+        (["--apply", "1", "--name", "a/b"], "a/b"),
+        (["--apply", "1", "--name", "dataaug"], "already in"),
+        (["--apply", "0"], "--apply 0: answers are counted from 1"),
+        (["--figure", "no/front.png"], "--figure no/front.png: there is no folder"),
+        (["--figure", "front.txt"], "--figure front.txt: must end in .png, .svg, .pdf"),
         (["--run", "nobody"], "nobody"),
     ],
 )
@@ -257,3 +264,44 @@ def test_invalid_options_name_the_argument(tiny_store: Path, options, message, c
 def test_times_and_shares_are_parsed() -> None:
     assert [parse_duration(text) for text in ("90s", "5m", "1.5h")] == [90.0, 300.0, 5400.0]
     assert [parse_share(text) for text in ("2%", "0.02", "0")] == [0.02, 0.02, 0.0]
+
+
+class _Clock:
+    """A clock that only moves when images are compared, by a second for each 8 images."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.seconds = 0.0
+        compare = simulator_match._Pairs.residuals
+
+        def residuals(pairs, chain):
+            made = compare(pairs, chain)
+            self.seconds += len(made) / 8
+            return made
+
+        monkeypatch.setattr(simulator_match._Pairs, "residuals", residuals)
+
+    def __call__(self) -> float:
+        return self.seconds
+
+
+@pytest.mark.parametrize("budget", [60.0, 100.0])
+def test_the_budget_is_kept(camera_world: Path, monkeypatch, budget: float) -> None:
+    clock = _Clock(monkeypatch)
+    settings = SuggestSettings("sim", budget=budget, frames=8, judged=16, changes=2)
+    report = suggest(camera_world, "r", settings, SilentReporter(), clock)
+    assert 0.5 * budget < clock() <= budget
+    assert not report.complete
+    assert report.answers
+
+
+def test_a_step_that_would_end_too_late_does_not_fit() -> None:
+    now = [0.0]
+    budget = TimeBudget(10.0, lambda: now[0])
+    for taken in (4.0, 1.0, 2.0):
+        with budget.step("a"):
+            now[0] += taken
+    assert budget.seconds("a") == 2.0
+    assert budget.fits("a")
+    assert budget.fits("a", reserve=1.0)
+    assert not budget.fits("a", reserve=1.5)
+    assert budget.fits("b", reserve=3.0)

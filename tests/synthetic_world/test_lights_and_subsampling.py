@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from s2rstore.geometry.camera_offset import LAMPS, UNMOVED, WINDOWS, RigOffset, camera_move
+from s2rstore.geometry.camera_offset import LAMPS, UNCHANGED, WINDOWS, RenderChange, render_change
 from s2rstore.records import Domain, Intrinsics
 from s2rtools.synthetic_world.dataset import WorldData, WorldRecipe
 
@@ -40,7 +40,7 @@ def test_a_subsampled_camera_sees_the_centres_of_its_pixels(data: WorldData, str
 def test_lights_of_a_chain_multiply_and_move_no_camera() -> None:
     domain = Domain("sim", "sim", LENS, LENS, 0.6, 0.0, 0.001, 1, 10_000)
     steps = [{"name": LAMPS, "value": 0.5}, {"name": WINDOWS, "value": 2.0}]
-    move = camera_move(steps, domain, 32)
-    assert move == RigOffset(lamps=0.5, windows=2.0)
-    assert move != UNMOVED
+    move = render_change(steps, domain, 32)
+    assert move == RenderChange(lamps=0.5, windows=2.0)
+    assert move != UNCHANGED
     assert move.applied(domain) is domain

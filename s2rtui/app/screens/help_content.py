@@ -58,12 +58,13 @@ QUESTIONS = (
         ("other_run", "compare with the next run"),
     )),
     Question("What triggers it?", (
-        ("view('instance')", "images and the most trusted heatmap, with a note on it"),
-        ("overlay overlay view('map')", "that heat on the map, of the selection"),
-        ("next_heat", "the next heatmap kind; the last one is none"),
+        ("worst_real view('shares')", "metres that each factor causes in the worst 15 %"),
+        ("view('instance') next_heat", "images with heat; kind harm: metres of changed parts"),
+        ("overlay view('map')", "that heat on the map; o again: of the selection"),
     )),
     Question("What should change, and on which instances?", (
         ("findings open_finding", "findings (?: not evident); enter selects the instances"),
+        ("view('suggestions') apply_answer", "changes that s2r suggest found; enter applies one"),
         ("view('list')", "these instances, the largest error first"),
         ("write_selection", "write them as CSV, JSON or Parquet"),
     )),

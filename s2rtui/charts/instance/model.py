@@ -15,6 +15,7 @@ from s2rstore.metrics.heatmap_scores import trust_line
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, SPLITS, Side
 from s2rstore.security.printable_text import printable
+from s2rtui.analysis.connected_regions import connected_regions, place_in_image
 from s2rtui.charts.shared.image_pair_model import (
     InstanceInput,
     PoseNumbers,
@@ -28,6 +29,10 @@ from s2rtui.session.state import HeatChoice
 
 NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
+_SUMS_TO_METRES = ("harm", "harm_fine")
+"""Heatmap kinds whose sum over a region is metres of the error."""
+_REGIONS = 4
+"""Regions whose metres are listed."""
 
 
 def instance_input(
@@ -63,6 +68,7 @@ def instance_input(
         notes=(
             *missing,
             *_heat_note(store, run, None if missing else heat),
+            *_harm_note(None if heat is None else heat.kind, heats["real"]),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
             *_predicted_notes(store, run, iid, population),
@@ -88,6 +94,26 @@ def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[st
     """What the shown heatmap means and how far it can be trusted; nothing without one."""
     text = trust_line(store, run, heat.kind, heat.mode) if heat is not None else ""
     return [("heat", text)] if text else []
+
+
+def _harm_note(kind: str | None, heat: NDArray[np.float32] | None) -> list[tuple[str, str]]:
+    """The metres of the real image's regions, for heat that sums to metres; else nothing.
+
+    Regions are connected changed parts, the largest gains first; fine heat has none.
+    """
+    if kind not in _SUMS_TO_METRES or heat is None:
+        return []
+    values = np.nan_to_num(np.asarray(heat, dtype=np.float64))
+    total = f"{values.sum():+.2f} m in all"
+    if kind == "harm_fine":
+        worse, better = (values[sign * values > 0].sum() for sign in (1, -1))
+        return [("harm", f"{total}: {worse:+.2f} m of parts that harm, {better:+.2f} m of others")]
+    regions = connected_regions(values != 0)
+    gains = sorted(((float(values[region].sum()), region) for region in regions),
+                   key=lambda pair: -abs(pair[0]))  # fmt: skip
+    shown = [f"{gain:+.2f} m {place_in_image(region)}" for gain, region in gains[:_REGIONS]]
+    more = f", {len(gains) - _REGIONS} more" if len(gains) > _REGIONS else ""
+    return [("harm", f"{total}: {', '.join(shown)}{more}" if shown else "no changed part")]
 
 
 def _split_note(columns: RunColumns, iid: int) -> list[tuple[str, str]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from s2rstore.errors import counted
 from s2rstore.metrics.gap_shares import FactorShare, GapShares
 from s2rtui.charts.shared.axis_scale import Interval, non_empty
 
@@ -51,6 +52,13 @@ class SharesModel:
     scale: Interval
     n: int
     gap: float
+    loose: int = 0
+
+    @property
+    def counted(self) -> str:
+        """The mean gap and the instances it is of: `mean gap +3.32 m, n 50`."""
+        loose = f"; {counted(self.loose, 'loose pair')} left out" if self.loose else ""
+        return f"mean gap {self.gap:+.2f} m, n {self.n}{loose}"
 
 
 def shares_model(data: SharesInput) -> SharesModel | None:
@@ -67,4 +75,5 @@ def shares_model(data: SharesInput) -> SharesModel | None:
     ends = np.clip([*means, *(v for v in bounds if math.isfinite(v))],
                    min(means) - margin, max(means) + margin)  # fmt: skip
     scale = non_empty(float(ends.min()), float(ends.max()))
-    return SharesModel(bars, scale, data.selected.n, data.selected.gap)
+    chosen = data.selected
+    return SharesModel(bars, scale, chosen.n, chosen.gap, chosen.loose)

@@ -42,8 +42,7 @@ def shares_figure(
     axes.set_ylim(-0.6, len(model.bars) - 0.2)
     axes.set_xlabel("mean share of the gap (m)")
     notes = [
-        f"mean gap {model.gap:+.2f} m, n {model.n}; diamond: all instances; line: 95 % interval "
-        "for all factors at once",
+        f"{model.counted}; diamond: all instances; line: 95 % interval for all factors at once",
         CONTRIBUTION,
     ]
     letters = max(20, int((page.inches[0] - 0.6) / (LETTER * font)))

@@ -89,7 +89,7 @@ def _draw_axis(canvas: Canvas, model: SharesModel, left: int, y: int, width: int
 
 def _draw_legend(canvas: Canvas, model: SharesModel, y: int) -> None:
     lines = [
-        f"mean gap {model.gap:+.2f} m, n {model.n}; > 0 makes real errors larger than sim errors",
+        f"{model.counted}; > 0 makes real errors larger than sim errors",
         f"{canvas.glyphs.truth} all instances; lines: 95 % intervals for all factors at once",
         CONTRIBUTION,
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from s2rstore.errors import counted
 from s2rstore.metrics.gap_shares import GapShares, has_shares, mean_shares
 from s2rstore.reader import Store
 from s2rtui.analysis.binning import Bools
@@ -14,6 +15,9 @@ from s2rtui.charts.shares.model import SharesInput, shares_model
 from s2rtui.charts.shares.terminal import draw_shares
 from s2rtui.charts.view import Pixels, Table, View
 
+NO_SHARES = (
+    "no selected instance has shares of the gap; pairs whose images have different poses have none"
+)
 MISSING = "no shares of the gap; `s2r precompute --kinds harm` computes them"
 
 
@@ -52,7 +56,8 @@ class SharesView(View):
         if model is None:
             return f"{scene.state.run}: {MISSING}."
         parts = ", ".join(f"{bar.factor} {bar.text}" for bar in model.bars)
-        return f"Of the mean gap {model.gap:+.2f} m over {model.n} instances: {parts}."
+        loose = f" {counted(model.loose, 'loose pair')} left out." if model.loose else ""
+        return f"Of the mean gap {model.gap:+.2f} m over {model.n} instances: {parts}.{loose}"
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.shares import paper
@@ -62,7 +67,7 @@ class SharesView(View):
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
         computed = has_shares(scene.store, scene.state.run)
-        note = "no selected instance has shares of the gap" if computed else MISSING
+        note = NO_SHARES if computed else MISSING
         return draw_shares(self.input(scene), size, options, note)
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rstore.files.planned_poses import COLUMNS, as_rows
 from s2rtui.cli import store_argument
 from s2rtui.cli.coverage_notes import print_coverage
 from s2rtui.cli.formatting import rows
+from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
     from s2rstore.reader import Store
@@ -46,13 +49,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     from s2rtools.data_collection import CollectionRequest, plan_collection
+    from s2rtui.user_data.notebook_schema import valid_name
 
-    with s2rstore.open(options.store) as store:
+    request = CollectionRequest("", options.budget, options.method, options.seed)
+    folder = None if options.out is None else options.out.resolve().parent
+    if folder is not None and not folder.is_dir():
+        raise RequestError(f"--out {options.out}: there is no folder {folder}")
+    if options.save is not None:
+        valid_name(options.save, "name")
+    with s2rstore.open(options.store) as store, reporter() as progress:
         store.require_poses("collect")
-        run = store.run_name(options.run)
-        request = CollectionRequest(run, options.budget, options.method, options.seed)
-        print_coverage(store, [run])
-        plan = plan_collection(store, request)
+        request = replace(request, run=store.run_name(options.run))
+        print_coverage(store, [request.run])
+        plan = plan_collection(store, request, progress)
         if options.out is not None:
             _write(plan, options)
         if options.save is not None:

@@ -43,6 +43,8 @@ def execute(options: argparse.Namespace) -> int:
     if options.view == SCREEN and options.out.suffix != ".png":
         raise RequestError(f"--out {options.out}: must end in .png")
     form = format_of(options.out, "--out")
+    if options.poses is not None and options.view != SCREEN and STORED[options.view].name != "map":
+        raise RequestError(f"--poses: drawn on the map; use --view map in place of {options.view}")
     page = page_arguments.page_options(
         options, size=_size(options.size), dark=options.theme == "dark"
     )

@@ -11,7 +11,7 @@ from s2rstore.errors import RequestError
 from s2rstore.index.population import count_text
 from s2rstore.records import NO_RUN
 from s2rtui.cli import scene_arguments, store_argument
-from s2rtui.cli.coverage_notes import print_coverage, print_left_out
+from s2rtui.cli.coverage_notes import print_coverage, print_left_out, print_missing_shares
 from s2rtui.cli.formatting import rows
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def execute(options: argparse.Namespace) -> int:
         notes = ReadNotebook(store.identity, parts=store.parts).notes
         print_coverage(store, [run])
         query = options.expression, run, options.trajectory
+        print_missing_shares(store, options.expression, run, notes.nodes)
         print_left_out(store, *query, notes.nodes, options.with_trained)
         if options.count:
             text, parameters = evaluation.sql(store, *query, notes.nodes, options.with_trained)

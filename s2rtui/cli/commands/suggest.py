@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
+import os
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
 from s2rstore.records import SIDES, Run
 from s2rstore.security.printable_text import printable
+from s2rstore.suggestions import AIMS, Answer, SuggestReport, bounds_text, read_report
 from s2rtui.cli import store_argument
 from s2rtui.cli.formatting import rows as output
 from s2rtui.cli.formatting.progress import reporter
 
 if TYPE_CHECKING:
-    from s2rstore.metrics.bootstrap import Interval
-    from s2rtools.suggestions.answers import Answer, SuggestReport
+    from s2rtools.suggestions import SuggestSettings
 
 EXAMPLE = """s2r suggest world.s2r --run vanilla --for sim --budget 5m
   s2r suggest world.s2r --run vanilla --for sim --apply 1 --name tuned"""
 _NOTHING_HELPS = 3
-_AIMS = {
-    "real": "adapt the real images so that the model works",
-    "sim": "tune the simulator so that it predicts the real images and errors",
-}
+_FIGURE_SIZE = (1400, 1000)
+_SEARCH_DEFAULTS: dict[str, Any] = {
+    "budget": "5m", "evaluations": 100, "frames": 48, "changes": 4, "price": "2%", "seed": 1,
+}  # fmt: skip
+"""Options of the search, which a stored result leaves without use."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,19 +39,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="real: adapt the real images so that the model works; sim: tune the "
                         "simulator so that it predicts reality (default real)")  # fmt: skip
     add = parser.add_argument_group("search").add_argument
-    add("--budget", default="5m", metavar="TIME",
+    add("--budget", metavar="TIME",
         help="wall time of search and judgement, such as 90s or 5m (default 5m)")  # fmt: skip
-    add("--evaluations", type=int, default=100,
+    add("--evaluations", type=int,
         help="most evaluations of each joint search by CMA-ES (default 100)")  # fmt: skip
-    add("--frames", type=int, default=48, help="instances of the fit (default 48)")
-    add("--changes", type=int, default=4, help="most adjustments that change (default 4)")
-    add("--price", default="2%", metavar="SHARE",
+    add("--frames", type=int, help="instances of the fit (default 48)")
+    add("--changes", type=int, help="most adjustments that change (default 4)")
+    add("--price", metavar="SHARE",
         help="share of the error or mismatch that each change must gain (default 2%%)")  # fmt: skip
-    add("--seed", type=int, default=1, help="random seed (default 1)")
+    add("--seed", type=int, help="random seed (default 1)")
     add("--trust", action="store_true", help="allow model formats that execute code")
     add = parser.add_argument_group("output").add_argument
     add("--apply", type=int, metavar="N",
-        help="register answer N as a run; of the stored result, if there is one")  # fmt: skip
+        help="register answer N as a run; of the stored result, if there is one, and then without "
+        "options of the search")  # fmt: skip
     add("--name", help="name of the run that --apply registers")
     add("--figure", type=Path, metavar="FILE", help="draw the front as PNG, SVG or PDF")
     add("--no-keep", action="store_true", help="do not save the result in the store")
@@ -58,22 +60,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(options: argparse.Namespace) -> int:
-    from s2rtools.suggestions import SuggestSettings, suggest
-    from s2rtools.suggestions.front_figure import is_figure, write_front
-    from s2rtools.suggestions.settings import parse_duration, parse_share
+    from s2rtools.suggestions import suggest
     from s2rtools.suggestions.stored_reports import apply_answer, save_report
 
-    settings = SuggestSettings(
-        side=options.side, budget=parse_duration(options.budget), evaluations=options.evaluations,
-        seed=options.seed, price=parse_share(options.price), changes=options.changes,
-        frames=options.frames, trust=options.trust,
-    )  # fmt: skip
-    if options.name is not None and options.apply is None:
-        raise RequestError("--name: names the run of --apply; add --apply N")
-    if options.figure is not None and not is_figure(options.figure):
-        raise RequestError(f"--figure {options.figure}: must end in .png, .svg or .pdf")
-    if not options.no_keep or options.apply is not None:
-        _check_writable(options.store)
+    given = [name for name in _SEARCH_DEFAULTS if getattr(options, name) is not None]
+    settings = _settings(options)
+    _check_outputs(options)
     report = _stored(options) if options.apply is not None else None
     is_new = report is None
     if report is None:
@@ -81,10 +73,15 @@ def execute(options: argparse.Namespace) -> int:
             report = suggest(options.store, options.run, settings, progress)
         if not options.no_keep and not report.is_unfinished:
             save_report(options.store, report)
-    if options.figure is not None:
-        write_front(report, options.figure)
+    elif given:
+        raise RequestError(
+            f"--{given[0]}: --apply takes the stored result of run {report.run}, --for "
+            f"{report.side}; leave it out, or search first without --apply"
+        )
     with s2rstore.open(options.store) as store:
         run = store.run(report.run)
+    if options.figure is not None:
+        _write_figure(report, run, options)
     if options.json:
         commands = [answer.command(str(options.store), run, report.side)
                     for answer in report.answers]  # fmt: skip
@@ -105,26 +102,79 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if report.helps else _NOTHING_HELPS
 
 
-def _check_writable(store: Path) -> None:
-    """Raise RequestError, before the search begins, if its result cannot be stored."""
-    from s2rstore.index.transaction import check_writable
+def _settings(options: argparse.Namespace) -> SuggestSettings:
+    """The settings of the search. Raises RequestError for values out of range."""
+    from s2rtools.suggestions import SuggestSettings
+    from s2rtools.suggestions.settings import parse_duration, parse_share
 
-    s2rstore.open(store).close()
-    try:
-        check_writable(store)
-    except RequestError as error:
-        raise RequestError(f"{error}; use --no-keep to print the result only") from error
+    chosen = {
+        name: default if getattr(options, name) is None else getattr(options, name)
+        for name, default in _SEARCH_DEFAULTS.items()
+    }
+    return SuggestSettings(
+        side=options.side, budget=parse_duration(chosen["budget"]),
+        evaluations=chosen["evaluations"], seed=chosen["seed"], price=parse_share(chosen["price"]),
+        changes=chosen["changes"], frames=chosen["frames"], trust=options.trust,
+    )  # fmt: skip
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Raise RequestError, before the search begins, if its result cannot be written."""
+    from s2rstore.index.transaction import check_writable
+    from s2rtools.precompute.run_registration import check_run_name
+
+    if options.name is not None and options.apply is None:
+        raise RequestError("--name: names the run of --apply; add --apply N")
+    if options.apply is not None and options.apply < 1:
+        raise RequestError(f"--apply {options.apply}: answers are counted from 1")
+    if options.figure is not None:
+        _check_figure(options.figure)
+    with s2rstore.open(options.store) as store:
+        store.run(options.run)
+        if options.name is not None:
+            check_run_name(store, options.name)
+    if not options.no_keep or options.apply is not None:
+        try:
+            check_writable(options.store)
+        except RequestError as error:
+            raise RequestError(f"{error}; use --no-keep to print the result only") from error
+
+
+def _check_figure(path: Path) -> None:
+    """Raise RequestError for a file of another format or in a folder that does not exist."""
+    from s2rtui.export.figures import format_of
+
+    format_of(path, "--figure")
+    folder = path.resolve().parent
+    if path.is_dir() or not folder.is_dir():
+        reason = "is a folder" if path.is_dir() else f"there is no folder {folder}"
+        raise RequestError(f"--figure {path}: {reason}")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise RequestError(f"--figure {path}: cannot be written")
+
+
+def _write_figure(report: SuggestReport, run: Run, options: argparse.Namespace) -> None:
+    from s2rtui.charts.shared.paper import figure_format
+    from s2rtui.charts.suggestions.model import Direction
+    from s2rtui.charts.suggestions.paper import suggestions_figure
+    from s2rtui.export.figures import format_of
+
+    store = str(options.store)
+    commands = tuple(answer.command(store, run, report.side) for answer in report.answers)
+    direction = Direction(report.side, AIMS[report.side], report, commands)
+    with figure_format(format_of(options.figure, "--figure")):
+        title = f"{report.run}: what would help"
+        data = suggestions_figure((direction,), _FIGURE_SIZE, title=title)
+    output.write_file(options.figure, data)
 
 
 def _stored(options: argparse.Namespace) -> SuggestReport | None:
-    from s2rtools.suggestions.stored_reports import read_report
-
     with s2rstore.open(options.store) as store:
         return read_report(store, store.run_name(options.run), options.side)
 
 
 def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:
-    lines = [f"{report.run}, --for {report.side}: {_AIMS[report.side]}", *_evidence(report)]
+    lines = [f"{report.run}, --for {report.side}: {report.aim}", *_evidence(report)]
     if report.factors:
         lines += ["", *_factors(report)]
     if report.answers:
@@ -134,7 +184,7 @@ def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:
         lines += ["apply with --apply N, or:"]
         lines += [f"{number}  {answer.command(store, run, report.side)}"
                   for number, answer in enumerate(report.answers, 1)]  # fmt: skip
-    lines += ["", _verdict(report)]
+    lines += ["", report.verdict]
     return lines
 
 
@@ -143,7 +193,7 @@ def _evidence(report: SuggestReport) -> list[str]:
     if report.side == "sim":
         before = f"mismatch of the images {report.before:.3g}"
     lines = [
-        f"{before}, gap {_bounds(report.gap, 'm', signed=True)}, on {report.judged_instances} "
+        f"{before}, gap {bounds_text(report.gap, 'm', signed=True)}, on {report.judged_instances} "
         f"held-out instances; fitted on {report.fitted_instances} others, "
         f"{counted(report.evaluations, 'evaluation')}, seed {report.seed}"
     ]
@@ -155,7 +205,7 @@ def _evidence(report: SuggestReport) -> list[str]:
 def _factors(report: SuggestReport) -> list[str]:
     rows = [
         (each.factor, ", ".join(f"{name}={value:g}" for name, value in each.values.items()),
-         _gain(report, each.fitted), _gain_bounds(report, each.gain))
+         report.gain_text(each.fitted), report.gain_interval(each.gain))
         for each in report.factors
     ]  # fmt: skip
     level = f"{100 * report.factors[0].gain.level:.3g} %"
@@ -168,11 +218,11 @@ def _front(report: SuggestReport) -> list[str]:
     for number, answer in enumerate(report.answers, 1):
         mark = "*" if number - 1 == report.best else " " if answer.evident else "?"
         rows.append(
-            (f"{mark}{number}", len(answer.changes), answer.factor, _changes(answer),
-             _gain(report, answer.fitted), _gain_bounds(report, answer.gain))
+            (f"{mark}{number}", len(answer.changes), ", ".join(answer.factors), answer.changes_text,
+             report.gain_text(answer.fitted), report.gain_interval(answer.gain))
         )  # fmt: skip
     level = f"{100 * report.answers[0].gain.level:.3g} %"
-    names = ("", "changes", "factor", "values", "gain on the fit", f"held-out gain ({level})")
+    names = ("", "changes", "factors", "values", "gain on the fit", f"held-out gain ({level})")
     return output.table(names, rows).splitlines()
 
 
@@ -189,40 +239,7 @@ def _details(report: SuggestReport, number: int, answer: Answer) -> list[str]:
         lines.append(
             f"{number}  sim error {made.sim_error_before:.2f} -> {made.sim_error:.2f} m, real "
             f"{made.real_error:.2f} m; shift {made.shift_before:.2f} -> {made.shift:.2f} m, closer "
-            f"by {_bounds(made.closer, 'm')}; correlation of errors "
+            f"by {bounds_text(made.closer, 'm')}; correlation of errors "
             f"{made.correlation_before:.2f} -> {made.correlation:.2f}"
         )
     return [*lines, ""] if lines else []
-
-
-def _verdict(report: SuggestReport) -> str:
-    if report.best is None:
-        return f"{'not known' if report.is_unfinished else 'nothing helps'}: {report.reason}"
-    answer = report.answers[report.best]
-    return (
-        f"suggested: {_changes(answer)} ({answer.factor}), which gains "
-        f"{_gain_bounds(report, answer.gain)} on held-out instances"
-    )
-
-
-def _changes(answer: Answer) -> str:
-    return ", ".join(f"{change.name}={change.value:g}" for change in answer.changes)
-
-
-def _gain(report: SuggestReport, value: float) -> str:
-    return f"{value:+.3f} m" if report.side == "real" else f"{100 * value:+.1f} %"
-
-
-def _gain_bounds(report: SuggestReport, gain: Interval) -> str:
-    if report.side == "real":
-        return _bounds(gain, "m", signed=True, digits=3)
-    low, high = (100 * bound for bound in (gain.low, gain.high))
-    text = "interval unknown" if math.isnan(low) else f"{low:.1f} .. {high:.1f}"
-    return f"{100 * gain.value:+.1f} % ({text})"
-
-
-def _bounds(interval: Interval, unit: str, signed: bool = False, digits: int = 2) -> str:
-    form = f"{'+' if signed else ''}.{digits}f"
-    if math.isnan(interval.low):
-        return f"{interval.value:{form}} {unit} (interval unknown)"
-    return f"{interval.value:{form}} {unit} ({interval.low:{form}} .. {interval.high:{form}})"

@@ -15,6 +15,8 @@ from s2rstore.files.input_files import read_text
 COLUMNS = ("x_m", "y_m", "heading_deg", "room", "expected_gain_m", "reason")
 _REQUIRED = ("x_m", "y_m", "heading_deg")
 MAX_POSES = 100_000
+MAX_VALUE = 1e6
+"""Largest number of metres or degrees."""
 _MAX_BYTES = 32 << 20
 
 
@@ -83,6 +85,8 @@ def _number(row: dict[str, str | None], name: str, where: str) -> float:
         raise RequestError(f"{where}: {name} is {text[:40]!r}, not a number") from None
     if not math.isfinite(value):
         raise RequestError(f"{where}: {name} is {text[:40]!r}, not a finite number")
+    if abs(value) > MAX_VALUE:
+        raise RequestError(f"{where}: {name} is {text[:40]!r}, beyond {MAX_VALUE:,.0f}")
     return value
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from s2rstore.errors import RequestError
 from s2rstore.findings.finding import Finding
-from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
+from s2rstore.suggestions import SuggestReport, read_report
 
 KIND = "suggested change"
-_AIMS: dict[Side, str] = {"real": "real images", "sim": "the simulator"}
+_CHANGED: dict[Side, str] = {"real": "real images", "sim": "the simulator"}
 
 
 def suggested_change(store: Store, run: str) -> Finding | None:
@@ -20,53 +17,46 @@ def suggested_change(store: Store, run: str) -> Finding | None:
     The first that helps is taken. None where none was stored for the run as it is computed now.
     Raises RequestError where a stored one is invalid.
     """
-    found = []
-    for side in reversed(SIDES):
-        data = store.provenance_object(f"suggestion:{run}", side)
-        if not data or data.get("key") != store.run(run).key:
-            continue
-        try:
-            found.append(_finding(data, run, side))
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            message = f"{store.path}: the stored suggestion for run {run} is invalid"
-            raise RequestError(f"{message}; run `s2r suggest` again") from error
+    reports = [read_report(store, run, side) for side in reversed(SIDES)]
+    found = [_finding(report) for report in reports if report is not None]
     return next((finding for finding in found if finding.evident), next(iter(found), None))
 
 
-def _finding(data: dict[str, Any], run: str, side: Side) -> Finding:
-    n, best = int(data["judged_instances"]), data["best"]
-    if best is None:
+def _finding(report: SuggestReport) -> Finding:
+    n, side = report.judged_instances, report.side
+    if report.best is None:
         return Finding(
-            kind=KIND, text=f"no change of {_AIMS[side]} is shown to help, n {n} held out", run=run,
-            n=n, evidence=str(data["reason"]), evident=False, n_of="held-out instances",
-            view="overview",
+            kind=KIND, text=f"no change of {_CHANGED[side]} is shown to help, n {n} held out",
+            run=report.run, n=n, evidence=report.reason, evident=False, n_of="held-out instances",
+            view="suggestions",
         )  # fmt: skip
-    answer = data["answers"][int(best)]
-    gain = answer["gain"]
-    low, value, high = (_number(gain[name]) for name in ("low", "value", "high"))
-    interval = Interval(low, value, high, float(gain["level"]))
-    changes = ", ".join(f"{each['adjustment']}={each['value']:g}" for each in answer["changes"])
+    answer = report.answers[report.best]
+    gain = answer.gain
     if side == "real":
-        figures, name = f"gains {value:.2f} m ({low:.2f} to {high:.2f} m)", "gain_m"
+        figures = f"gains {gain.value:.2f} m ({gain.low:.2f} to {gain.high:.2f} m)"
+        name = "gain_m"
     else:
-        share, bounds = f"{100 * value:.0f} %", f"{100 * low:.0f} to {100 * high:.0f} %"
+        share, bounds = (
+            f"{100 * gain.value:.0f} %",
+            f"{100 * gain.low:.0f} to {100 * gain.high:.0f} %",
+        )
         figures, name = f"closes {share} of the mismatch of the images ({bounds})", "mismatch_share"
     return Finding(
         kind=KIND,
-        text=f"{_AIMS[side]}: {changes} {figures}, n {n} held out",
-        run=run,
+        text=f"{_CHANGED[side]}: {answer.changes_text} {figures}, n {n} held out",
+        run=report.run,
         n=n,
-        evidence=f"fitted on other instances, corrected for {len(data['answers'])} answers; "
-        f"`s2r suggest --run {run} --for {side} --apply {int(best) + 1}` makes a run of it",
-        evident=interval.low > 0,
-        values={"for": side, "factor": str(answer["factor"]), "changes": changes, name: value},
-        interval=interval,
+        evidence=f"fitted on other instances, corrected for {len(report.answers)} answers; "
+        f"`s2r suggest --run {report.run} --for {side} --apply {report.best + 1}` "
+        "makes a run of it",
+        evident=answer.evident,
+        values={
+            "for": side, "factor": answer.factor, "factors": ", ".join(answer.factors),
+            "changes": answer.changes_text, name: gain.value,
+        },
+        interval=gain,
         interval_of=name,
-        comparisons=len(data["answers"]),
+        comparisons=len(report.answers),
         n_of="held-out instances",
-        view="overview",
-    )
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+        view="suggestions",
+    )  # fmt: skip

@@ -23,16 +23,11 @@ _MOST_PITCH = 80.0
 
 @dataclass(frozen=True, slots=True)
 class RigOffset:
-    """Offset of both cameras of a rig: metres up, a factor of the focal lengths, radians up.
-
-    `lamps` and `windows` are factors of their light, which a renderer renders with the cameras.
-    """
+    """Offset of both cameras of a rig: metres up, a factor of the focal lengths, radians up."""
 
     height: float = 0.0
     zoom: float = 1.0
     pitch: float = 0.0
-    lamps: float = 1.0
-    windows: float = 1.0
 
     def applied(self, domain: Domain) -> Domain:
         """The domain with its cameras moved; the same object where nothing moves."""
@@ -48,7 +43,18 @@ class RigOffset:
         return replace(domain, rgb=rgb, depth=depth, camera_height=height)
 
 
-UNMOVED = RigOffset()
+@dataclass(frozen=True, slots=True)
+class RenderChange(RigOffset):
+    """What a renderer renders otherwise than the domain declares: the rig, and the lights.
+
+    `lamps` and `windows` are factors of their light.
+    """
+
+    lamps: float = 1.0
+    windows: float = 1.0
+
+
+UNCHANGED = RenderChange()
 
 
 def hfov(lens: Intrinsics, width: int) -> float:
@@ -56,8 +62,8 @@ def hfov(lens: Intrinsics, width: int) -> float:
     return 2 * math.degrees(math.atan(width / 2 / lens.fx))
 
 
-def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> RigOffset:
-    """The offset of a domain's cameras by a chain of adjustments; `width` of its stored frames.
+def render_change(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) -> RenderChange:
+    """What a chain of adjustments changes in rendering a domain; `width` of its stored frames.
 
     Steps of one name add up, factors multiply; other adjustments are ignored. The field of view is
     that of the domain's RGB camera; both focal lengths follow. Raises RequestError for a camera
@@ -87,4 +93,4 @@ def camera_move(chain: Sequence[Mapping[str, Any]], domain: Domain, width: int) 
     if total[PITCH] and abs(math.degrees(domain.rgb.pitch) + total[PITCH]) > _MOST_PITCH:
         raise RequestError(f"{PITCH}={total[PITCH]:g}: at most {_MOST_PITCH:g} degrees up or down")
     pitch = math.radians(total[PITCH])
-    return RigOffset(total[HEIGHT], zoom, pitch, light[LAMPS], light[WINDOWS])
+    return RenderChange(total[HEIGHT], zoom, pitch, light[LAMPS], light[WINDOWS])

@@ -25,7 +25,7 @@ from s2rstore.language import (
 )
 from s2rstore.language.fields import is_truth
 from s2rstore.language.name_resolution import used_fields
-from s2rstore.language.syntax_tree import Like, Named, Training, leaves
+from s2rstore.language.syntax_tree import Field, Like, Named, Training, leaves
 from s2rstore.metrics import nearest_neighbours
 from s2rstore.reader import Store
 from s2rstore.records import NO_RUN, SIDES, TRAINING_SPLITS, Side
@@ -94,6 +94,15 @@ def _names_trained(leaf: Node) -> bool:
     if isinstance(leaf, Named):
         return leaf.field.name.endswith("split") and leaf.value in TRAINING_SPLITS
     return isinstance(leaf, Training) and leaf.trained
+
+
+def named_fields(node: Node, store: Store, saved: Saved | None = None) -> set[Field]:
+    """The fields that an expression and the saved selections in it name."""
+    expanded = expand(node, vocabulary(store, saved))
+    found: set[Field] = set()
+    for leaf in leaves(expanded):
+        found |= set(used_fields(leaf))
+    return found
 
 
 def sql(

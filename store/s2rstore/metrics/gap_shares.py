@@ -30,11 +30,15 @@ class FactorShare:
 
 @dataclass(frozen=True, slots=True)
 class GapShares:
-    """Mean gap in metres over `n` instances and the shares that sum to it, in a fixed order."""
+    """Mean gap in metres over `n` instances and the shares that sum to it, in a fixed order.
+
+    `loose` of the chosen instances are left out, because the poses of their images differ.
+    """
 
     n: int
     gap: float
     shares: tuple[FactorShare, ...]
+    loose: int = 0
 
     @property
     def largest(self) -> FactorShare:
@@ -47,12 +51,16 @@ def has_shares(store: Store, run: str) -> bool:
 
 
 def mean_shares(store: Store, run: str, chosen: NDArray[np.bool_]) -> GapShares | None:
-    """Mean shares over the chosen instances (N,) of a run; None where none of them has any."""
+    """Mean shares over the chosen instances (N,) of a run; None where none of them has any.
+
+    Loose pairs, whose images have different poses, are left out.
+    """
     if not has_shares(store, run):
         return None
     columns = store.run_columns(run)
     values = np.stack([getattr(columns.real, f"share_{factor}") for factor in GAP_FACTORS])
-    rows = store.in_recording_order(chosen & np.isfinite(values).all(axis=0))
+    comparable = store.comparable_pairs
+    rows = store.in_recording_order(chosen & comparable & np.isfinite(values).all(axis=0))
     if not rows.size:
         return None
     trajectory = store.instances.trajectory[rows]
@@ -68,4 +76,5 @@ def mean_shares(store: Store, run: str, chosen: NDArray[np.bool_]) -> GapShares 
         )
         for name, parts in SHARED_FACTORS.items()
     )
-    return GapShares(int(rows.size), float(values[:, rows].sum(axis=0).mean()), shares)
+    loose = int(np.count_nonzero(chosen & ~comparable))
+    return GapShares(int(rows.size), float(values[:, rows].sum(axis=0).mean()), shares, loose)

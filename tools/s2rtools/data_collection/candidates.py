@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.routes import CLEARANCE, FLOOR_CELL
 from s2rtools.synthetic_world.world import World
 
+if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import ProgressReporter
+
 SPACING = 0.5
 """Metres between neighbouring places."""
 HEADINGS = 8
@@ -27,6 +31,8 @@ MAX_PLACES = 3000
 REACH = 0.6
 """Metres from a recorded pose within which the floor counts as free."""
 _GROWTH = 1.25
+_PLACES_AT_ONCE = 256
+"""Places between two reports of progress."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +64,9 @@ class CandidatePoses:
         return self.rooms[cells // self.headings.size]
 
 
-def find_candidates(store: Store, headings: int = HEADINGS) -> CandidatePoses:
+def find_candidates(
+    store: Store, headings: int = HEADINGS, reporter: ProgressReporter | None = None
+) -> CandidatePoses:
     """The poses at which a robot could take an image.
 
     Of a synthetic world they are its free floor without views of a near wall; else places
@@ -78,22 +86,28 @@ def find_candidates(store: Store, headings: int = HEADINGS) -> CandidatePoses:
         origin = f"places within {REACH:g} m of recorded poses"
         candidates = _candidates(places, usable, store.rooms, names, origin)
     else:
-        candidates = world_candidates(data.world, store.rooms, names, headings)
+        candidates = world_candidates(data.world, store.rooms, names, headings, reporter)
     if not candidates.count:
         raise RequestError(f"{store.path}: no free place was found; ingest more poses")
     return candidates
 
 
 def world_candidates(
-    world: World, rooms: Sequence[Room], names: Sequence[str], headings: int = HEADINGS
+    world: World,
+    rooms: Sequence[Room],
+    names: Sequence[str],
+    headings: int = HEADINGS,
+    reporter: ProgressReporter | None = None,
 ) -> CandidatePoses:
     """The free floor of a synthetic world, without views of a near wall.
 
     Rooms are codes into `names`.
     """
+    if reporter is not None:
+        reporter.say("looking for free places; the first call compiles the ray caster (a minute)")
     extent = np.array([[0.0, 0.0], [1.0, 1.0]]) * len(world.floor.clearance) * FLOOR_CELL
     places = _places(extent, lambda points, spacing: is_free(world, points))
-    usable = _with_content(world, places, _turns(headings))
+    usable = _with_content(world, places, _turns(headings), reporter)
     return _candidates(places, usable, rooms, names, "free floor of the synthetic world")
 
 
@@ -143,9 +157,19 @@ def _places(extent: Floats, is_place: Callable[[Floats, float], NDArray[np.bool_
         spacing *= _GROWTH
 
 
-def _with_content(world: World, places: Floats, headings: Floats) -> NDArray[np.bool_]:
+def _with_content(
+    world: World, places: Floats, headings: Floats, reporter: ProgressReporter | None
+) -> NDArray[np.bool_]:
     """Whether each view (P, H) shows more than a near wall."""
-    poses = np.column_stack(
-        [np.repeat(places, headings.size, axis=0), np.tile(headings, len(places))]
-    )
-    return world.has_content(poses).reshape(len(places), headings.size)
+    usable = np.zeros((len(places), headings.size), dtype=np.bool_)
+    if reporter is not None:
+        reporter.begin("views of free places", len(places))
+    for start in range(0, len(places), _PLACES_AT_ONCE):
+        some = places[start : start + _PLACES_AT_ONCE]
+        poses = np.column_stack(
+            [np.repeat(some, headings.size, axis=0), np.tile(headings, len(some))]
+        )
+        usable[start : start + len(some)] = world.has_content(poses).reshape(len(some), -1)
+        if reporter is not None:
+            reporter.advance(len(some))
+    return usable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from s2rtools.data_collection.candidates import CandidatePoses, find_candidates
 from s2rtools.data_collection.evidence import Evidence, read_evidence
 from s2rtools.data_collection.expected_reduction import LocalValues, Method, local_values
 from s2rtools.data_collection.pose_similarity import Floats, PoseSimilarity
+
+if TYPE_CHECKING:
+    from s2rtools.precompute.pipeline import ProgressReporter
 
 MAX_BUDGET = 5000
 DEFAULT_SIMILARITY = PoseSimilarity()
@@ -82,13 +85,17 @@ class CollectionPlan:
         return [(str(names[k]) or "no room", int(counts[k])) for k in order]
 
 
-def plan_collection(store: Store, request: CollectionRequest) -> CollectionPlan:
+def plan_collection(
+    store: Store, request: CollectionRequest, reporter: ProgressReporter | None = None
+) -> CollectionPlan:
     """Choose poses for new real images of a computed run.
 
     Raises RequestError where the store has no poses, or the run no new instances.
     """
     evidence = read_evidence(store, request.run)
-    candidates = find_candidates(store)
+    candidates = find_candidates(store, reporter=reporter)
+    if reporter is not None:
+        reporter.say(f"choosing {request.budget} of {candidates.count:,} poses")
     values = local_values(candidates, evidence, request.similarity)
     batch = choose_poses(candidates, evidence, values, request)
     cells = batch.cells

@@ -19,7 +19,7 @@ from s2rstore.lru_cache import LruCache
 from s2rstore.metrics import pose_metrics
 from s2rstore.reader import DEFAULT_MODES, Store
 from s2rstore.records import SIDES, Domain, Run, Side
-from s2rstore.run_inputs import run_camera_move, run_domain
+from s2rstore.run_inputs import run_domain, run_render_change
 from s2rtools.adjustments import Chain
 from s2rtools.heatmaps import HEATMAP_KINDS, PairBatch, SideBatch
 from s2rtools.heatmaps.harmonization import ImageAlignment
@@ -240,7 +240,7 @@ class LiveModel:
         return np.asarray(grid.aggregates()[0])
 
     def _compute_side(self, run: Run, side: Side, iid: int) -> SideOutput:
-        domain, move = run_domain(self._store, run, side), run_camera_move(self._store, run, side)
+        domain, move = run_domain(self._store, run, side), run_render_change(self._store, run, side)
         source = RunFrames(self._store, run, renderers=self._renderers)
 
         def read() -> _SideImages:
@@ -266,7 +266,7 @@ class LiveModel:
         return live, batch
 
     def _pair_batch(self, run: Run, sim: SideBatch, real: SideBatch) -> PairBatch:
-        moves = tuple(run_camera_move(self._store, run, side) for side in SIDES)
+        moves = tuple(run_render_change(self._store, run, side) for side in SIDES)
         if self._alignment[0] != moves:
             self._alignment = moves, load_alignment(self._store, run)
         return PairBatch(self._backend.model, self._backend, sim, real, self._alignment[1])

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any
 
 from s2rstore.files import layout, safe_files
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.records import SIDES, Part, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
@@ -54,7 +54,7 @@ class ArrayKeys:
             return key, False
         return content_key(facts), True
 
-    def frames(self, side: Side, move: RigOffset, renderer: Any) -> tuple[str, bool]:
+    def frames(self, side: Side, move: RenderChange, renderer: Any) -> tuple[str, bool]:
         """The key of rendered frames, and whether all runs share them."""
         domain, dataset = self._run.domain(side), self._store.dataset
         facts = {"domain": domain, "move": _move(move), "renderer": renderer, "kind": "frames"}
@@ -180,7 +180,7 @@ def _without_names(chain: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**step, "name": "translate"} if "sha256" in step else step for step in chain]
 
 
-def _move(move: RigOffset) -> Facts:
+def _move(move: RenderChange) -> Facts:
     """The offset of the cameras; lights only where they are changed, as earlier releases wrote."""
     facts = asdict(move)
     for light in ("lamps", "windows"):

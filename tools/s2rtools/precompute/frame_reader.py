@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import UNMOVED
+from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Run, Side
-from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
+from s2rstore.run_inputs import FRAME_KINDS, run_render_change
 from s2rtools.adjustments import Chain, apply_chain
 from s2rtools.common.read_ahead import map_ahead
 from s2rtools.models.input_contract import InputContract
@@ -101,7 +101,7 @@ class RunFrames:
         `renderers` caches open renderers by domain and may be shared between runs of a store.
         """
         self._store, self._run, self._rendered = store, run, rendered
-        self._moves = {side: run_camera_move(store, run, side) for side in SIDES}
+        self._moves = {side: run_render_change(store, run, side) for side in SIDES}
         self._renderers = {} if renderers is None else renderers
         self._has_contract = run.model is None or store.models[run.model].input is not None
 
@@ -110,7 +110,7 @@ class RunFrames:
     ) -> FrameImages:
         """Images of iids [start, stop), as `Store.frames` returns them."""
         domain, move = self._run.domain(side), self._moves[side]
-        if move == UNMOVED:
+        if move == UNCHANGED:
             return self._store.frames(domain, start, stop, images)
         if self._rendered is not None:
             return {i: np.asarray(self._rendered(FRAME_KINDS[i], side)[start:stop]) for i in images}
@@ -127,7 +127,7 @@ class RunFrames:
         gave them the stored frames.
         """
         domain = self._run.domain(side)
-        if self._moves[side] != UNMOVED or not self._has_contract:
+        if self._moves[side] != UNCHANGED or not self._has_contract:
             return None
         return read_source(self._store, domain, start, stop)
 

@@ -147,14 +147,20 @@ def _instance_columns(
 def _gap_shares(
     store: Store, run: str, specs: Sequence[ArraySpec], keeps: bool
 ) -> NDArray[np.float32] | None:
-    """The shares (n, 5) of the gap in metres: those of `specs`, else with `keeps` the published."""
+    """The shares (n, 5) of the gap in metres: those of `specs`, else with `keeps` the published.
+
+    NaN for loose pairs, whose images differ by more than the factors.
+    """
     parts = [spec for spec in specs if spec.kind == gap_shares.KIND]
     if parts:
-        return np.asarray(open_parts(parts, store.path, run), dtype=np.float32)
-    if not keeps:
+        shares = np.array(open_parts(parts, store.path, run), dtype=np.float32)
+    elif keeps:
+        real = store.run_columns(run).real
+        shares = np.stack([getattr(real, name) for name in GAP_SHARES], axis=1).astype(np.float32)
+    else:
         return None
-    real = store.run_columns(run).real
-    return np.stack([getattr(real, name) for name in GAP_SHARES], axis=1).astype(np.float32)
+    shares[~store.comparable_pairs] = np.nan
+    return shares
 
 
 def array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:

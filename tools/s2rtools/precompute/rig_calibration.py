@@ -18,10 +18,6 @@ from s2rtools.heatmaps.harmonization import CameraView, ImageAlignment, ViewImag
 
 MAX_FRAMES = 24
 MAX_SIDE = 128
-MAX_PAIR_OFFSET = 0.02
-"""Metres between the poses of two images up to which they show the offset of the rigs."""
-MAX_PAIR_ANGLE = 0.5
-"""Degrees between their headings, likewise."""
 MIN_OVERLAP = 0.1
 MIN_GAIN = 0.02
 """Gain of correlation from which a correction is accepted."""
@@ -66,9 +62,7 @@ def ensure_calibrated(store: Store, run: Run, check: Callable[[], None] = lambda
 
 def comparable_iids(store: Store) -> NDArray[np.intp]:
     """At most `MAX_FRAMES` iids, evenly spread, of pairs whose images have nearly one pose."""
-    truth = store.instances
-    near = (truth.pair_offset_m <= MAX_PAIR_OFFSET) & (truth.pair_offset_deg <= MAX_PAIR_ANGLE)
-    iids = np.flatnonzero(near)
+    iids = np.flatnonzero(store.comparable_pairs)
     places = np.linspace(0, iids.size - 1, min(iids.size, MAX_FRAMES)).astype(int)
     return iids[np.unique(places)]
 

@@ -10,7 +10,7 @@ from typing import Any
 import s2rstore
 from s2rstore.errors import RequestError
 from s2rstore.files.layout import checked_name
-from s2rstore.geometry.camera_offset import UNMOVED, camera_move
+from s2rstore.geometry.camera_offset import UNCHANGED, render_change
 from s2rstore.index.transaction import IndexTransaction, edit
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Side
@@ -30,7 +30,6 @@ def add_run(
     Raises RequestError, also if a chain moves cameras that cannot be rendered, or translates by a
     translator that failed a check of its content; `force` allows the latter.
     """
-    checked_name(name, "run")
     for side, chain in chains.items():
         names = [str(step["name"]) for step in chain]
         repeated = next((name for name in names if names.count(name) > 1), None)
@@ -38,8 +37,7 @@ def add_run(
             raise RequestError(f"--adjust {side}: {repeated} twice; name each adjustment once")
     with s2rstore.open(root) as store:
         store.require_poses("a run")
-        if name in store.runs:
-            raise RequestError(f"run {name!r}: already in {root}; choose another name")
+        check_run_name(store, name)
         if model not in store.models:
             known = ", ".join(store.models) or "none"
             raise RequestError(f"--model {model}: not in {root} (models: {known})")
@@ -51,12 +49,19 @@ def add_run(
         if store.models[model].channels != "rgb":
             store.require_depth(domains, f"model {model}")
         for domain, chain in zip(domains, (chains["sim"], chains["real"]), strict=True):
-            if camera_move(chain, store.domain(domain), store.dataset.frame_width) != UNMOVED:
+            if render_change(chain, store.domain(domain), store.dataset.frame_width) != UNCHANGED:
                 open_renderer(store, domain)
     with edit(root) as draft:
         check_name_free(draft, "run", name)
         insert_run(draft, name, model, domains, chains)
     return name
+
+
+def check_run_name(store: Store, name: str) -> None:
+    """Raise RequestError for a name that no new run of a store can have."""
+    checked_name(name, "run")
+    if name in store.runs:
+        raise RequestError(f"run {name!r}: already in {store.path}; choose another name")
 
 
 def checked_translators(

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.reader import Store
 
 
@@ -19,12 +19,12 @@ class FrameRenderer(Protocol):
     domains: tuple[str, ...]
 
     def frames(
-        self, domain: str, start: int, stop: int, move: RigOffset
+        self, domain: str, start: int, stop: int, move: RenderChange
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """RGB (n, H, W, 3) and raw depth (n, H, W) of iids [start, stop), as they are stored."""
 
     def subsampled(
-        self, domain: str, start: int, stop: int, move: RigOffset, stride: int
+        self, domain: str, start: int, stop: int, move: RenderChange, stride: int
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         """Every `stride`-th row and column of such frames, in less time.
 

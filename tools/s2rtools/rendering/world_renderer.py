@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.reader import Store
 from s2rstore.records import SIDES
 from s2rtools.rendering.frame_renderer import FrameRenderer, RendererKind
@@ -28,7 +28,7 @@ class WorldRenderer:
         self._numbers = data.noise_numbers(store)
 
     def frames(
-        self, domain: str, start: int, stop: int, move: RigOffset
+        self, domain: str, start: int, stop: int, move: RenderChange
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)
@@ -40,7 +40,7 @@ class WorldRenderer:
         return views.rgb, self._data.raw_depth(views)
 
     def subsampled(
-        self, domain: str, start: int, stop: int, move: RigOffset, stride: int
+        self, domain: str, start: int, stop: int, move: RenderChange, stride: int
     ) -> tuple[NDArray[np.uint8], NDArray[Any]]:
         side = next(side for side in SIDES if side == domain)
         rows = slice(start, stop)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.adjustments import apply_chain
@@ -46,7 +46,7 @@ class CounterfactualErrors:
         self.truth, self.evaluated = truth, evaluated
         self.active = {k: v for k, v in truth.data.severities("real").items() if v > 0}
         self._renderers: dict[tuple[object, ...], SceneRenderer] = {}
-        self._by_move: dict[RigOffset, list[tuple[Run, Backend]]] = {}
+        self._by_move: dict[RenderChange, list[tuple[Run, Backend]]] = {}
         for run, backend in evaluated:
             self._by_move.setdefault(truth.camera_moves(run.run)["real"], []).append((run, backend))
 
@@ -101,7 +101,7 @@ class CounterfactualErrors:
             run: np.concatenate([np.zeros(0), *(part[run] for part in parts)]) for run in self.runs
         }
 
-    def real_camera(self, move: RigOffset) -> Camera:
+    def real_camera(self, move: RenderChange) -> Camera:
         """The true real camera, moved by a run's adjustment."""
         return move_camera(self.truth.data.camera("real"), move)
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.errors import RequestError
-from s2rstore.geometry.camera_offset import UNMOVED, RigOffset
+from s2rstore.geometry.camera_offset import UNCHANGED, RenderChange
 from s2rstore.geometry.floor_grid import Projector
 from s2rstore.geometry.map_grid import MapGrid
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Domain, Side
-from s2rstore.run_inputs import run_camera_move
+from s2rstore.run_inputs import run_render_change
 from s2rtools.synthetic_world.dataset import WorldData
 from s2rtools.synthetic_world.renderer import Camera
 
@@ -24,8 +24,8 @@ REBIN = 3
 _BATCH = 32
 
 FloorPlane = NDArray[np.float32]
-CameraMoves = dict[Side, RigOffset]
-NO_CAMERA_MOVES: CameraMoves = dict.fromkeys(SIDES, UNMOVED)
+CameraMoves = dict[Side, RenderChange]
+NO_CAMERA_MOVES: CameraMoves = dict.fromkeys(SIDES, UNCHANGED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,20 +61,20 @@ class GroundTruth:
         self.poses = np.stack([columns.x, columns.y, columns.heading], axis=1)
         self.numbers = data.noise_numbers(store)
         self.changed = data.world.changed_objects(data.severities("real"))
-        self._visible: dict[tuple[Side, RigOffset], VisibleObjects] = {}
+        self._visible: dict[tuple[Side, RenderChange], VisibleObjects] = {}
 
     def camera_moves(self, run: str) -> CameraMoves:
         """Camera offsets of either side in a run."""
         record = self.store.run(run)
-        return {side: run_camera_move(self.store, record, side) for side in SIDES}
+        return {side: run_render_change(self.store, record, side) for side in SIDES}
 
-    def visible_objects(self, side: Side, move: RigOffset = UNMOVED) -> VisibleObjects:
+    def visible_objects(self, side: Side, move: RenderChange = UNCHANGED) -> VisibleObjects:
         """Labelled objects in the views of a side's true camera, moved by a camera offset."""
         if (side, move) not in self._visible:
             self._visible[side, move] = self._find_visible_objects(side, move)
         return self._visible[side, move]
 
-    def _find_visible_objects(self, side: Side, move: RigOffset) -> VisibleObjects:
+    def _find_visible_objects(self, side: Side, move: RenderChange) -> VisibleObjects:
         camera, dataset = move_camera(self.data.camera(side), move), self.store.dataset
         fine = MapGrid(dataset.bounds)
         grid = MapGrid(dataset.bounds, max(fine.rows, fine.cols) // REBIN)
@@ -102,7 +102,7 @@ class GroundTruth:
         )  # fmt: skip
 
 
-def move_camera(camera: Camera, move: RigOffset) -> Camera:
+def move_camera(camera: Camera, move: RenderChange) -> Camera:
     """The world's camera with the offset of an adjustment."""
     return camera.moved(move.height, move.pitch, move.zoom)
 

@@ -67,8 +67,11 @@ def score_image_repairs(
 ) -> list[ImageRepair]:
     """Repair at most `instances` real images per run by every heatmap of the real side.
 
-    `advance` is called after each run. Raises RequestError where the rigs are not calibrated.
+    `advance` is called after each run. Raises RequestError for fewer than 2 or more than 100000
+    instances, and where the rigs are not calibrated.
     """
+    if not 2 <= instances <= 100_000:
+        raise RequestError(f"--views {instances}: 2 .. 100000")
     rows: list[ImageRepair] = []
     for run in runs:
         iids = _new_instances(store, run, instances)

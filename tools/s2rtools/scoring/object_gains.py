@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import RigOffset
+from s2rstore.geometry.camera_offset import RenderChange
 from s2rstore.metrics import run_metrics
 from s2rstore.records import SIDES, Side
 from s2rtools.scoring.counterfactual_errors import BATCH, CounterfactualErrors, EvaluatedRuns
@@ -165,7 +165,10 @@ def _spread_instances(truth: GroundTruth, run: str, count: int) -> NDArray[np.in
 
 
 def _visible_objects(
-    truth: GroundTruth, errors: CounterfactualErrors, iids: NDArray[np.intp], moves: set[RigOffset]
+    truth: GroundTruth,
+    errors: CounterfactualErrors,
+    iids: NDArray[np.intp],
+    moves: set[RenderChange],
 ) -> NDArray[np.bool_]:
     """(V, changed objects) whether an object covers enough of a real view in either scene."""
     shares = np.zeros((len(iids), len(truth.changed)))
@@ -180,7 +183,7 @@ def _visible_objects(
 
 
 def _identities(
-    truth: GroundTruth, side: Side, move: RigOffset, iids: NDArray[np.intp]
+    truth: GroundTruth, side: Side, move: RenderChange, iids: NDArray[np.intp]
 ) -> list[NDArray[np.int16]]:
     """Object ids (n, height, width) in the sim and in the real scene, seen by a side's camera."""
     camera, poses = move_camera(truth.data.camera(side), move), truth.poses[iids]
@@ -188,7 +191,7 @@ def _identities(
 
 
 def _packed_masks(
-    truth: GroundTruth, side: Side, move: RigOffset, iids: NDArray[np.intp],
+    truth: GroundTruth, side: Side, move: RenderChange, iids: NDArray[np.intp],
     view: NDArray[np.intp], item: NDArray[np.intp],
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The pixels of each pair's object in either scene, in a side's view, as packed bits (K, n)."""

@@ -8,7 +8,7 @@ from s2rstore.geometry import camera_offset
 from s2rstore.geometry.camera_offset import hfov
 from s2rstore.reader import Store
 from s2rstore.records import Run
-from s2rstore.run_inputs import run_camera_move
+from s2rstore.run_inputs import run_render_change
 from s2rtools.synthetic_world.dataset import WorldData
 
 
@@ -21,7 +21,7 @@ def true_values(store: Store, run: Run) -> dict[str, float]:
     data = WorldData.of_store(store)
     if data is None:
         return {}
-    move = run_camera_move(store, run, "real")
+    move = run_render_change(store, run, "real")
     sim = data.camera("sim")
     real = data.camera("real").moved(move.height, move.pitch, move.zoom)
     width = data.recipe.frame

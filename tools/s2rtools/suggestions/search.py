@@ -11,7 +11,6 @@ number is a candidate.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -86,16 +85,17 @@ class Search:
     """Search the values of `sliders` that cost least; `costs` maps values to costs (n,).
 
     `price` is the share of the first cost that a change must gain, `evaluations` the limit of each
-    joint search, `deadline` the end by the clock of `time.monotonic`.
+    joint search. `has_time` tells whether there is time for another evaluation.
     """
 
     def __init__(
         self, costs: Costs, sliders: Sequence[Slider], price: float, most_changes: int,
-        evaluations: int, seed: int, deadline: float, advance: Advance = lambda steps: None,
+        evaluations: int, seed: int, has_time: Callable[[], bool] = lambda: True,
+        advance: Advance = lambda steps: None,
     ) -> None:  # fmt: skip
         self._costs, self._sliders = costs, {slider.name: slider for slider in sliders}
         self._price, self._most, self._evaluations = price, most_changes, evaluations
-        self._seed, self._deadline, self._advance = seed, deadline, advance
+        self._seed, self._has_time, self._advance = seed, has_time, advance
         self._known: dict[tuple[tuple[str, float], ...], float] = {}
         self._result = SearchResult(self._cost({}))
 
@@ -120,7 +120,7 @@ class Search:
         changed = self._changed(values)
         key = tuple(sorted(changed.items()))
         if key not in self._known:
-            if self._known and time.monotonic() > self._deadline:
+            if self._known and not self._has_time():
                 raise _OutOfTimeError
             self._known[key] = float(self._costs(changed).mean())
             self._advance(1)

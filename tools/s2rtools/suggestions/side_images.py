@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import RigOffset, camera_move
+from s2rstore.geometry.camera_offset import RenderChange, render_change
 from s2rstore.lru_cache import LruCache
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
@@ -69,9 +69,9 @@ class SideImages:
         self._domain = store.domain(run.domain(side))
         self._cache = LruCache(_CACHE_BYTES, lambda block: block.nbytes)
 
-    def move(self, chain: Chain) -> RigOffset:
-        """The camera offset that a chain causes. Raises RequestError for an impossible camera."""
-        return camera_move(chain, self._domain, self.store.dataset.frame_width)
+    def move(self, chain: Chain) -> RenderChange:
+        """What a chain changes in rendering. Raises RequestError for an impossible camera."""
+        return render_change(chain, self._domain, self.store.dataset.frame_width)
 
     def domain(self, chain: Chain) -> Domain:
         """The domain with its cameras as the chain moves them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,14 +59,23 @@ class SimulatorMatch:
     def judged(self, values: Values) -> Floats:
         return image_mismatch.cost(self._judge.residuals(self._chain(values)), self._weights)
 
-    def refined(self, values: Values, sliders: Sequence[Slider]) -> dict[str, float]:
+    def refined(
+        self, values: Values, sliders: Sequence[Slider],
+        has_time: Callable[[int], bool] = lambda costs: True,
+    ) -> dict[str, float]:  # fmt: skip
         """Values after steps of Gauss and Newton on whole frames of the fit.
 
-        `values` names all of `sliders`. A step that does not lower the cost is not made.
+        `values` names all of `sliders`. A step that does not lower the cost is not made, and none
+        after `has_time` says that there is no time for as many costs on whole frames as it takes.
         """
+        costs_of_a_step = 2 * len(sliders) + 2
+        if not has_time(costs_of_a_step + 1):
+            return dict(values)
         present = dict(values)
         lowest = self.whole_cost(present)
         for _ in range(_STEPS):
+            if not has_time(costs_of_a_step):
+                break
             normal, slope = self._normal_equations(present, sliders)
             step = -_solved(normal.sum(axis=0)[None], slope.sum(axis=0)[None])[0]
             moved = {

@@ -14,19 +14,28 @@ from s2rstore.errors import RequestError, counted
 from s2rstore.metrics.bootstrap import Interval
 from s2rstore.reader import Store
 from s2rstore.records import Run
+from s2rstore.suggestions import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.precompute.pipeline import ProgressReporter
-from s2rtools.suggestions.answers import Agreement, Answer, Change, FactorGain, SuggestReport
 from s2rtools.suggestions.held_out_split import Part, split_instances
 from s2rtools.suggestions.known_truth import true_values
-from s2rtools.suggestions.objective import Floats, Objective, PoseErrors, PosePredictor
+from s2rtools.suggestions.objective import (
+    Floats,
+    Objective,
+    PoseErrors,
+    PosePredictor,
+    Values,
+)
 from s2rtools.suggestions.pareto_front import pareto_front, preferred
 from s2rtools.suggestions.search import Candidate, FactorFit, Search, SearchResult
 from s2rtools.suggestions.settings import SuggestSettings
 from s2rtools.suggestions.simulator_match import SimulatorMatch
 from s2rtools.suggestions.sliders import Slider, changed_chain, sliders_of
+from s2rtools.suggestions.time_budget import TimeBudget
 
-_SEARCH_SHARE = 0.8
-"""Share of the wall time that the search may use; the rest is for the judgement."""
+_LEAST_SEARCH = 0.4
+"""Share of the wall time that is left to the search where the judgement takes long."""
+_EVALUATION, _JUDGED, _WHOLE = "evaluation", "judged", "whole frames"
+"""Steps of a search that are timed."""
 _JUDGED_SIM = 96
 """Most instances on which a simulator is judged, whose frames have to be rendered."""
 _LEAST_MISMATCH = 1e-6
@@ -38,14 +47,15 @@ NOT_EVIDENT = "no change that gains its price has an interval above zero on held
 
 
 def suggest(
-    root: Path, run: str | None, settings: SuggestSettings, reporter: ProgressReporter
-) -> SuggestReport:
+    root: Path, run: str | None, settings: SuggestSettings, reporter: ProgressReporter,
+    clock: Callable[[], float] = time.monotonic,
+) -> SuggestReport:  # fmt: skip
     """Search the changes of a run that help, and judge them on held-out instances.
 
     Raises RequestError for a run that is not computed, imported, or unknown, InconclusiveError
     where its new instances are too few.
     """
-    began = time.monotonic()
+    budget = TimeBudget(settings.budget, clock)
     with s2rstore.open(root) as store:
         store.require_poses("suggest")
         record = store.run(run)
@@ -55,18 +65,18 @@ def suggest(
         most = settings.judged if settings.side == "real" else min(settings.judged, _JUDGED_SIM)
         fit, judge = split_instances(store, record.run, settings.frames, most)
         sliders = sliders_of(store, record, settings.side)
-        deadline = began + _SEARCH_SHARE * settings.budget
-        return _Judgement(store, record, settings, fit, judge).report(sliders, deadline, reporter)
+        return _Judgement(store, record, settings, fit, judge, budget).report(sliders, reporter)
 
 
 class _Judgement:
     """The search of one run, and what it is judged on."""
 
     def __init__(
-        self, store: Store, run: Run, settings: SuggestSettings, fit: Part, judge: Part
-    ) -> None:
+        self, store: Store, run: Run, settings: SuggestSettings, fit: Part, judge: Part,
+        budget: TimeBudget,
+    ) -> None:  # fmt: skip
         self._store, self._run, self._settings = store, run, settings
-        self._fit, self._judge = fit, judge
+        self._fit, self._judge, self._budget = fit, judge, budget
         self._predictor = PosePredictor(store, run, settings.trust)
         self._match: SimulatorMatch | None = None
         if settings.side == "sim":
@@ -75,45 +85,47 @@ class _Judgement:
         else:
             self._objective = PoseErrors(store, run, "real", self._predictor, fit, judge)
 
-    def report(
-        self, sliders: Sequence[Slider], deadline: float, reporter: ProgressReporter
-    ) -> SuggestReport:
+    def report(self, sliders: Sequence[Slider], reporter: ProgressReporter) -> SuggestReport:
         """Search, judge the front, and choose the answer."""
-        settings, judged = self._settings, self._objective.judged({})
+        settings, judged = self._settings, self._judged({})
         columns = self._store.run_columns(self._run.run)
         gap = self._judge.mean(columns.gap[self._judge.iids].astype(np.float64))
         reason = self._nothing_to_do(sliders, judged, gap)
         searched = SearchResult(float(judged.mean()))
         if not reason:
-            planned = _planned(sliders, settings)
-            reporter.begin("search", planned)
-            searched = Search(
-                lambda values: self._objective.fitted(values), sliders, settings.price,
-                settings.changes, settings.evaluations, settings.seed, deadline,
-                _at_most(planned, reporter.advance),
-            ).run()  # fmt: skip
+            searched = self._search(sliders, reporter)
         by_name = {slider.name: slider for slider in sliders}
-        fits = searched if self._match is None else _on_whole_frames(self._match, searched, by_name)
+        fits = searched
+        if self._match is not None:
+            fits = _on_whole_frames(self._match, searched, by_name, self._has_time_on_whole_frames)
         front = pareto_front(fits.candidates.values(), fits.start)
         order = _order(fits)
         truth = true_values(self._store, self._run) if settings.side == "sim" else {}
         reporter.begin("judge", len(front) + len(fits.factors))
+        best_first = _preferred_first(front, fits.start, settings.price)
+        made: dict[int, Answer] = {}
+        for place in best_first:
+            if made and not self._budget.fits(_JUDGED):
+                break
+            made[place] = self._answer(front[place], len(front), by_name, order, truth, judged,
+                                       fits.start)  # fmt: skip
+            reporter.advance(1)
+        front = [front[place] for place in sorted(made)]
+        answers = [made[place] for place in sorted(made)]
         factors = []
         for fitted in fits.factors:
-            after = self._objective.judged(fitted.values)
-            gain = self._judged_gain(judged, after, len(fits.factors))
+            if not self._budget.fits(_JUDGED):
+                break
+            gain = self._judged_gain(judged, self._judged(fitted.values), len(fits.factors))
             share = self._gain(fits.start - fitted.cost, fits.start)
             factors.append(FactorGain(fitted.factor, fitted.values, share, gain))
             reporter.advance(1)
-        answers = []
-        for candidate in front:
-            answers.append(self._answer(candidate, len(front), by_name, order, truth, judged,
-                                        fits.start))  # fmt: skip
-            reporter.advance(1)
+        is_judged = len(made) == len(best_first) and len(factors) == len(fits.factors)
+        searched = replace(searched, complete=searched.complete and is_judged)
         best, why = self._choice(front, answers, fits.start)
         if best is None and not searched.complete:
-            made = counted(searched.evaluations, "evaluation")
-            why = f"the time was used up after {made}; give a larger --budget"
+            evaluations = counted(searched.evaluations, "evaluation")
+            why = f"the time was used up after {evaluations}; give a larger --budget"
         return SuggestReport(
             run=self._run.run, side=settings.side, key=str(self._run.key), price=settings.price,
             seed=settings.seed, before=float(judged.mean()), gap=gap,
@@ -127,6 +139,52 @@ class _Judgement:
             ),
             factors=tuple(factors), truth=truth,
         )  # fmt: skip
+
+    def _search(self, sliders: Sequence[Slider], reporter: ProgressReporter) -> SearchResult:
+        """Search in the time that the judgement leaves."""
+        settings, budget = self._settings, self._budget
+        planned = _planned(sliders, settings)
+        reporter.begin("search", planned)
+        reserve = self._judgement_seconds(sliders)
+
+        def costs(values: Values) -> Floats:
+            with budget.step(_EVALUATION):
+                return self._objective.fitted(values)
+
+        return Search(
+            costs, sliders, settings.price, settings.changes, settings.evaluations, settings.seed,
+            lambda: budget.fits(_EVALUATION, reserve), _at_most(planned, reporter.advance),
+        ).run()  # fmt: skip
+
+    def _judgement_seconds(self, sliders: Sequence[Slider]) -> float:
+        """About how long the judgement takes, by what its steps took once."""
+        factors = len({slider.factor for slider in sliders})
+        answers = min(self._settings.changes, len(sliders))
+        judged = self._budget.seconds(_JUDGED)
+        seconds = (answers + factors) * judged
+        if self._match is not None:
+            moving = next((slider for slider in sliders if slider.moves_camera), None)
+            changed = {} if moving is None else {moving.name: moving.screening()[0]}
+            for values in ({}, changed):
+                with self._budget.step(_WHOLE):
+                    self._match.whole_cost(values)
+            whole = self._budget.seconds(_WHOLE)
+            judged = max(judged, whole * self._judge.iids.size / self._fit.iids.size)
+            # The cost of each candidate, and central differences for its intervals.
+            seconds = (factors + answers * (answers + 3)) * whole
+            # The judged images of an answer are made twice more, for its predictions.
+            seconds += (3 * answers + factors) * judged
+        return min(seconds, (1 - _LEAST_SEARCH) * self._settings.budget)
+
+    def _has_time_on_whole_frames(self, costs: int) -> bool:
+        """Whether there is time for some costs on whole frames, before the answers are judged."""
+        needed = (costs - 1) * self._budget.seconds(_WHOLE)
+        needed += self._settings.changes * self._budget.seconds(_JUDGED)
+        return self._budget.fits(_WHOLE, needed)
+
+    def _judged(self, values: Values) -> Floats:
+        with self._budget.step(_JUDGED):
+            return self._objective.judged(values)
 
     def _nothing_to_do(self, sliders: Sequence[Slider], judged: Floats, gap: Interval) -> str:
         if not sliders:
@@ -142,8 +200,7 @@ class _Judgement:
         """A candidate with its gain on the held-out instances."""
         names = sorted(candidate.values, key=lambda name: order[name])
         values = candidate.values
-        after = self._objective.judged(values)
-        gain = self._judged_gain(judged, after, compared)
+        gain = self._judged_gain(judged, self._judged(values), compared)
         chain = changed_chain(self._store, self._run, self._settings.side, values)
         intervals: dict[str, Interval] = {}
         agreement = None
@@ -206,11 +263,13 @@ class _Judgement:
 
 
 def _on_whole_frames(
-    match: SimulatorMatch, searched: SearchResult, sliders: dict[str, Slider]
-) -> SearchResult:
+    match: SimulatorMatch, searched: SearchResult, sliders: dict[str, Slider],
+    has_time: Callable[[int], bool] = lambda costs: True,
+) -> SearchResult:  # fmt: skip
     """The result of a search with refined candidates and all costs on whole frames of the fit.
 
-    A refined value that is the one of the run is no change.
+    A refined value that is the one of the run is no change. Candidates are refined while there is
+    time for it: `has_time` tells whether there is for a number of costs on whole frames.
     """
     factors = [
         FactorFit(each.factor, each.values, match.whole_cost(each.values))
@@ -218,7 +277,7 @@ def _on_whole_frames(
     ]
     candidates: dict[int, Candidate] = {}
     for found in pareto_front(searched.candidates.values(), searched.start):
-        values = match.refined(found.values, [sliders[name] for name in found.values])
+        values = match.refined(found.values, [sliders[name] for name in found.values], has_time)
         values = {name: value for name, value in values.items() if value != sliders[name].base}
         made = Candidate(values, match.whole_cost(values))
         known = candidates.get(made.changes)
@@ -227,6 +286,13 @@ def _on_whole_frames(
     factors.sort(key=lambda fitted: fitted.cost)
     start = match.whole_cost({})
     return replace(searched, start=start, factors=factors, candidates=candidates)
+
+
+def _preferred_first(front: Sequence[Candidate], start: float, price: float) -> list[int]:
+    """The places of the front, that of the preferred candidate first."""
+    best = preferred(front, start, price)
+    places = list(range(len(front)))
+    return places if best is None else [best, *(place for place in places if place != best)]
 
 
 def _order(searched: SearchResult) -> dict[str, int]:

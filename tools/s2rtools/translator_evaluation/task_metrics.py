@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import UNMOVED
+from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.metrics import pose_metrics, run_metrics
 from s2rstore.metrics.bootstrap import Interval, mean_interval
 from s2rstore.reader import Store
 from s2rstore.records import Domain, Run, Side
-from s2rstore.run_inputs import run_camera_move
+from s2rstore.run_inputs import run_render_change
 from s2rtools.adjustments import Chain, translator_name
 from s2rtools.inference import Backend
 from s2rtools.precompute.frame_reader import side_frames
@@ -70,7 +70,7 @@ def unusable_reason(store: Store, run: Run, translator: NamedTranslator) -> str 
         return f"run {run.run} has the {side} domain {run.domain(side)}, not {translator.source}"
     if any(translator_name(str(step["name"])) for step in run.adjustments(side)):
         return f"run {run.run} translates its {side} images already"
-    if run_camera_move(store, run, side) != UNMOVED:
+    if run_render_change(store, run, side) != UNCHANGED:
         return f"run {run.run} moves the {side} cameras"
     return None
 

@@ -6,10 +6,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from s2rstore.geometry.camera_offset import UNMOVED
+from s2rstore.geometry.camera_offset import UNCHANGED
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, Part, Run
-from s2rstore.run_inputs import FRAME_KINDS, run_camera_move
+from s2rstore.run_inputs import FRAME_KINDS, run_render_change
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.frame_reader import RunFrames
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
@@ -22,8 +22,8 @@ def frames_stages(store: Store, keys: ArrayKeys, run: Run, part: Part) -> list[S
     """One stage for the sides whose cameras are moved; none if no camera is moved."""
     specs = []
     for side in SIDES:
-        domain, move = store.domain(run.domain(side)), run_camera_move(store, run, side)
-        if move == UNMOVED:
+        domain, move = store.domain(run.domain(side)), run_render_change(store, run, side)
+        if move == UNCHANGED:
             continue
         first = part.first_iid
         depth = store.frames(domain.domain, first, first + 1, ("depth",))["depth"].dtype.name

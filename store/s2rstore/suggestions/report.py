@@ -8,10 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from s2rstore.metrics.bootstrap import Interval
-from s2rstore.records import Run, Side
+from s2rstore.records import SIDES, Run, Side
 from s2rstore.run_inputs import chain_text
+from s2rstore.security.printable_text import printable
 
 VERSION = 1
+AIMS: dict[Side, str] = {
+    "real": "adapt the real images so that the model works",
+    "sim": "tune the simulator so that it predicts the real images and errors",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +73,16 @@ class Answer:
     def factor(self) -> str:
         """The factor of its first change: of its factors, the one that alone gains most."""
         return self.changes[0].factor
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """The factors of its changes, each once; that of the first change is the first one."""
+        return tuple(dict.fromkeys(change.factor for change in self.changes))
+
+    @property
+    def changes_text(self) -> str:
+        """Its values: `brightness=0.85, vignette=0.3`."""
+        return ", ".join(f"{change.name}={change.value:g}" for change in self.changes)
 
     @property
     def default_name(self) -> str:
@@ -140,6 +155,38 @@ class SuggestReport:
         """Unit of gains: metres of the real error, or the share of the mismatch."""
         return "m" if self.side == "real" else "share"
 
+    @property
+    def aim(self) -> str:
+        """What its direction is for."""
+        return AIMS[self.side]
+
+    @property
+    def price_of_a_change(self) -> float:
+        """What each change must gain, in the unit of the report."""
+        return self.price * self.before if self.side == "real" else self.price
+
+    @property
+    def verdict(self) -> str:
+        """The suggested answer with its gain, or why nothing helps."""
+        if self.best is None:
+            return f"{'not known' if self.is_unfinished else 'nothing helps'}: {self.reason}"
+        answer = self.answers[self.best]
+        return (
+            f"suggested: {answer.changes_text} ({', '.join(answer.factors)}), which gains "
+            f"{self.gain_interval(answer.gain)} on held-out instances"
+        )
+
+    def gain_text(self, value: float) -> str:
+        """A gain in its unit: `+0.412 m` or `+35.6 %`."""
+        return f"{value:+.3f} m" if self.side == "real" else f"{100 * value:+.1f} %"
+
+    def gain_interval(self, gain: Interval) -> str:
+        """A gain with its interval: `+0.412 m (+0.100 .. +0.800)`."""
+        if self.side == "real":
+            return bounds_text(gain, "m", signed=True, digits=3)
+        scaled = Interval(100 * gain.low, 100 * gain.value, 100 * gain.high, gain.level)
+        return bounds_text(scaled, "%", signed=True, digits=1)
+
     def as_json(self) -> dict[str, Any]:
         """Plain data with unknown numbers as None; `from_json` reads it."""
         return {
@@ -166,33 +213,47 @@ class SuggestReport:
         }  # fmt: skip
 
 
+def bounds_text(interval: Interval, unit: str, signed: bool = False, digits: int = 2) -> str:
+    """A value with its interval: `1.35 m (0.23 .. 2.64)`."""
+    form = f"{'+' if signed else ''}.{digits}f"
+    if math.isnan(interval.low):
+        return f"{interval.value:{form}} {unit} (interval unknown)"
+    return f"{interval.value:{form}} {unit} ({interval.low:{form}} .. {interval.high:{form}})"
+
+
 def from_json(data: dict[str, Any]) -> SuggestReport:
-    """Read a report of `as_json`. Raises KeyError, TypeError or ValueError for other data."""
-    if data["version"] != VERSION:
+    """Read a report of `as_json`.
+
+    Raises AttributeError, KeyError, TypeError or ValueError for other data.
+    """
+    if data["version"] != VERSION or data["for"] not in SIDES:
         raise ValueError("another version")
-    return SuggestReport(
-        run=str(data["run"]), side="real" if data["for"] == "real" else "sim",
+    report = SuggestReport(
+        run=_text(data["run"]), side="real" if data["for"] == "real" else "sim",
         key=str(data["key"]), price=float(data["price"]), seed=int(data["seed"]),
         before=_float(data["before"]), gap=_read_interval(data["gap_m"]),
         fitted_instances=int(data["fitted_instances"]),
         judged_instances=int(data["judged_instances"]), evaluations=int(data["evaluations"]),
         complete=bool(data["complete"]),
         answers=tuple(_read_answer(each) for each in data["answers"]),
-        best=None if data["best"] is None else int(data["best"]), reason=str(data["reason"]),
+        best=None if data["best"] is None else int(data["best"]), reason=_text(data["reason"]),
         screening=tuple(
-            (str(each["adjustment"]), float(each["value"]), _float(each["fitted_gain"]))
+            (_text(each["adjustment"]), float(each["value"]), _float(each["fitted_gain"]))
             for each in data["screening"]
         ),
         factors=tuple(
             FactorGain(
-                str(each["factor"]),
-                {str(name): float(value) for name, value in each["values"].items()},
+                _text(each["factor"]),
+                {_text(name): float(value) for name, value in each["values"].items()},
                 _float(each["fitted_gain"]), _read_interval(each["gain"]),
             )
             for each in data["factors"]
         ),
-        truth={str(name): float(value) for name, value in data["truth"].items()},
+        truth={_text(name): float(value) for name, value in data["truth"].items()},
     )  # fmt: skip
+    if report.best is not None and not 0 <= report.best < len(report.answers):
+        raise ValueError("no answer of that number")
+    return report
 
 
 def _answer(answer: Answer) -> dict[str, Any]:
@@ -217,7 +278,8 @@ def _answer(answer: Answer) -> dict[str, Any]:
             }
             for change in answer.changes
         ],
-        "factor": answer.factor, "fitted_gain": _number(answer.fitted),
+        "factor": answer.factor, "factors": list(answer.factors),
+        "fitted_gain": _number(answer.fitted),
         "gain": _interval(answer.gain), "evident": answer.evident,
         "chain": [dict(step) for step in answer.chain], "agreement": agreement,
     }  # fmt: skip
@@ -235,14 +297,19 @@ def _read_answer(data: dict[str, Any]) -> Answer:
         )  # fmt: skip
     changes = tuple(
         Change(
-            str(each["adjustment"]), str(each["factor"]), str(each["unit"]),
+            _text(each["adjustment"]), _text(each["factor"]), _text(each["unit"]),
             float(each["before"]), float(each["value"]),
             None if each["interval"] is None else _read_interval(each["interval"]),
             None if each["truth"] is None else float(each["truth"]),
         )
         for each in data["changes"]
     )  # fmt: skip
-    chain = tuple(dict(step) for step in data["chain"])
+    if not changes:
+        raise ValueError("an answer without changes")
+    chain = tuple(
+        {**step, "name": _text(step["name"]), "value": float(step["value"])}
+        for step in data["chain"]
+    )
     return Answer(
         changes, _float(data["fitted_gain"]), _read_interval(data["gain"]), chain, agreement
     )
@@ -258,6 +325,11 @@ def _interval(interval: Interval) -> dict[str, float | None]:
 def _read_interval(data: dict[str, Any]) -> Interval:
     low, value, high = (_float(data[name]) for name in ("low", "value", "high"))
     return Interval(low, value, high, float(data["level"]))
+
+
+def _text(value: Any) -> str:
+    """A text of the store without control characters."""
+    return printable(str(value))
 
 
 def _number(value: float) -> float | None:

@@ -1,0 +1,133 @@
+"""Answers of `s2r suggest` in the application: choosing and applying them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from s2rstore.index.transaction import edit
+from s2rtui.app.app import S2RApp
+from s2rtui.app.pilot import settle, take_screenshot
+from s2rtui.canvas import RenderOptions
+from s2rtui.loaders.live_prediction import LivePredictor
+from s2rtui.security import Permissions
+from s2rtui.session import Session
+from s2rtui.session.adjusting import adjustment_chains
+from tests.app.test_screen_snapshots import StoredPredictor
+from tests.support.copies import copy_store
+from tests.support.suggestions import store_reports, suggest_report
+
+
+@pytest.fixture
+def store(tiny_store: Path, tmp_path: Path) -> Path:
+    path = copy_store(tiny_store, tmp_path / "own.s2r")
+    store_reports(path, "vanilla", "real", "sim")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def stored_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LivePredictor, "model", lambda _, store, run: StoredPredictor(store, run))
+
+
+def make_app(store: Path, restricted: bool = False) -> S2RApp:
+    access = Permissions.for_store(store, restricted)
+    return S2RApp(Session(store), RenderOptions(), access=access)
+
+
+async def press(app: S2RApp, pilot: Pilot[None], *keys: str) -> None:
+    for key in keys:
+        await pilot.press(key)
+        await settle(app, pilot)
+
+
+async def test_enter_shows_an_answer_for_real_images_as_live_adjustment(store: Path) -> None:
+    app = make_app(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "up", "enter")
+        state = app.session.state
+        assert state.view == "adjust"
+        assert state.adjust is not None
+        answer = suggest_report("real").answers[1]
+        chains = adjustment_chains(app.session.store, state.adjust)
+        assert [(step["name"], step["value"]) for step in chains["real"]] == [
+            (change.name, change.value) for change in answer.changes
+        ]
+        assert chains["sim"] == []
+        assert state.adjust.sliders[state.adjust.active].name == "brightness"
+        assert state.message == "answer 2: brightness=0.85, vignette=0.37; S saves it as a run"
+        assert "0.37" in take_screenshot(app).text
+    assert app.fault is None
+
+
+async def test_enter_copies_the_command_for_the_simulator(store: Path, monkeypatch) -> None:
+    app = make_app(store)
+    copied: list[str] = []
+    monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "down", "enter")
+        assert app.session.state.view == "suggestions"
+        (command,) = copied
+        assert command.startswith("s2r run add vanilla-height --model vanilla")
+        assert "--adjust sim:camera_height=-0.07" in command
+        assert command in app.session.state.message
+
+
+async def test_a_restricted_session_copies_commands_alone(store: Path, monkeypatch) -> None:
+    app = make_app(store, restricted=True)
+    copied: list[str] = []
+    monkeypatch.setattr(app, "copy_to_clipboard", copied.append)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "enter")
+        assert "--adjust real:brightness=0.85,vignette=0.37" in copied[0]
+        assert app.session.state.adjust is None
+
+
+async def test_a_run_without_results_has_nothing_to_apply(store: Path) -> None:
+    app = make_app(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "r", "enter")
+        assert app.session.state.message == "there is no answer to apply"
+        assert "--run dataaug --for real" in " ".join(take_screenshot(app).text.split())
+
+
+async def test_a_step_without_slider_is_not_applied(store: Path) -> None:
+    from s2rtui.session import adjusting, suggestions
+
+    session = Session(store)
+    sliders, reason = adjusting.available_sliders(session.store, "vanilla")
+    session.dispatch(adjusting.open_sliders, sliders, reason)
+    before = session.state.adjust
+    chain = [{"name": "brightness", "value": 0.9}, {"name": "translate:gone", "value": 1.0}]
+    state = session.dispatch(suggestions.adjust, "real", chain)
+    assert state.adjust == before
+    assert state.is_error
+    assert "translate:gone" in state.message
+    session.close()
+
+
+async def test_the_finding_leads_to_the_view(store: Path) -> None:
+    app = make_app(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "I")
+        report = app.resources.findings
+        assert report is not None
+        kinds = [finding.kind for finding in report.findings]
+        finding = kinds.index("suggested change")
+        app.session.set_state(replace(app.session.state, finding=finding))
+        await press(app, pilot, "enter")
+        assert app.session.state.view == "suggestions"
+
+
+async def test_a_store_without_a_run_says_so(store: Path) -> None:
+    with edit(store) as draft:
+        for table in ("prediction", "projection", "zarr_array", "run"):
+            draft.delete(table)
+    app = make_app(store)
+    async with app.run_test(size=(120, 40)) as pilot:
+        await press(app, pilot, "J", "enter", "down")
+        assert app.session.state.view == "suggestions"
+    assert app.fault is None

@@ -1,0 +1,52 @@
+"""The metres of changed regions, which the instance view lists for heat of kind harm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy import ndimage
+
+from s2rtui.analysis.connected_regions import connected_regions, place_in_image
+from s2rtui.charts.instance.model import _harm_note
+
+
+@given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))
+def test_regions_are_those_of_scipy(mask: np.ndarray) -> None:
+    labels, count = ndimage.label(mask, structure=np.ones((3, 3)))
+    expected = {(labels == number).tobytes() for number in range(1, count + 1)}
+    assert {region.tobytes() for region in connected_regions(mask)} == expected
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "place"),
+    [(slice(0, 3), slice(0, 3), "top left"), (slice(4, 8), slice(9, 12), "right"),
+     (slice(4, 8), slice(4, 8), "middle"), (slice(10, 12), slice(5, 7), "bottom")],
+)  # fmt: skip
+def test_places_are_named_by_thirds(rows: slice, columns: slice, place: str) -> None:
+    region = np.zeros((12, 12), dtype=np.bool_)
+    region[rows, columns] = True
+    assert place_in_image(region) == place
+
+
+def test_the_metres_of_each_region_are_listed_largest_first() -> None:
+    heat = np.zeros((12, 12), dtype=np.float32)
+    heat[0:2, 0:2] = 0.42 / 4
+    heat[9:12, 9:12] = -0.9 / 9
+    ((name, text),) = _harm_note("harm", heat)
+    assert name == "harm"
+    assert text == "-0.48 m in all: -0.90 m bottom right, +0.42 m top left"
+    for corner in (0, 5, 11):
+        heat[5, corner] += 0.1
+    assert _harm_note("harm", heat)[0][1].endswith(", 1 more")
+
+
+def test_fine_heat_is_summed_by_sign_and_other_kinds_have_no_metres() -> None:
+    heat = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32)
+    text = "+0.40 m in all: +0.60 m of parts that harm, -0.20 m of others"
+    assert _harm_note("harm_fine", heat) == [("harm", text)]
+    assert _harm_note("harm", np.zeros((4, 4))) == [("harm", "no changed part")]
+    assert _harm_note("occlusion", heat) == []
+    assert _harm_note("harm", None) == []
