@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,16 @@ from bench.budget import BudgetRow, seconds
 from s2rstore.files import layout
 from s2rstore.index.transaction import edit
 from s2rstore.reader import Store
+from s2rtools.counterfactual.depth_tolerance import DepthTolerance
 from s2rtools.heatmaps import HEATMAP_KINDS
 from s2rtools.models.load_model import model_outline
-from s2rtools.precompute import pipeline, publish_results, rig_calibration, unit_results
+from s2rtools.precompute import (
+    depth_calibration,
+    pipeline,
+    publish_results,
+    rig_calibration,
+    unit_results,
+)
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.machine import this_machine
 from s2rtools.precompute.receipts import Receipt
@@ -65,10 +73,13 @@ def _groups(store: Store, hashes: InputHashes, name: str) -> list[list[Stage]]:
 
 def _create_arrays(root: Path) -> int:
     """Create and list the arrays of all runs but the last; gives the number of files of one."""
-    section = "alignment:sim|real"
+    offset = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": rig_calibration.VERSION}
+    tolerance = asdict(DepthTolerance(0.02, 0.01, 0.3, 8.0))
     with edit(root) as draft:
-        facts = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": rig_calibration.VERSION}
-        draft.set_provenance(section, facts)
+        draft.set_provenance("alignment:sim|real", offset)
+        draft.set_provenance(
+            "depth_tolerance:sim|real", {**tolerance, "version": depth_calibration.VERSION}
+        )
         draft.update("run", {"run": growth.linked_name(RUNS - 1)}, {"run": NEW_RUN})
     files = 0
     with s2rstore.open(root) as store, edit(root) as draft:
