@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from s2rtui.analysis.connected_regions import connected_regions, place_in_image
 from s2rtui.charts.instance.model import _harm_note
+from s2rtui.session.state import HeatChoice
 
 
 @given(arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.booleans()))
@@ -35,18 +36,26 @@ def test_the_metres_of_each_region_are_listed_largest_first() -> None:
     heat = np.zeros((12, 12), dtype=np.float32)
     heat[0:2, 0:2] = 0.42 / 4
     heat[9:12, 9:12] = -0.9 / 9
-    ((name, text),) = _harm_note("harm", heat)
+    ((name, text),) = _harm_note(HeatChoice("harm", "position"), heat)
     assert name == "harm"
     assert text == "-0.48 m in all: -0.90 m bottom right, +0.42 m top left"
     for corner in (0, 5, 11):
         heat[5, corner] += 0.1
-    assert _harm_note("harm", heat)[0][1].endswith(", 1 more")
+    assert _harm_note(HeatChoice("harm", "position"), heat)[0][1].endswith(", 1 more")
 
 
 def test_fine_heat_is_summed_by_sign_and_other_kinds_have_no_metres() -> None:
     heat = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32)
     text = "+0.40 m in all: +0.60 m of parts that harm, -0.20 m of others"
-    assert _harm_note("harm_fine", heat) == [("harm", text)]
-    assert _harm_note("harm", np.zeros((4, 4))) == [("harm", "no changed part")]
-    assert _harm_note("occlusion", heat) == []
-    assert _harm_note("harm", None) == []
+    assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", text)]
+    assert _harm_note(HeatChoice("harm", "position"), np.zeros((4, 4))) == [
+        ("harm", "no changed part")
+    ]
+    assert _harm_note(HeatChoice("occlusion", "rgb"), heat) == []
+    assert _harm_note(HeatChoice("harm", "position"), None) == []
+    assert _harm_note(None, heat) == []
+
+
+@pytest.mark.parametrize("mode", ["heading", "loss"])
+def test_heat_in_radians_and_loss_has_no_metres(mode: str) -> None:
+    assert _harm_note(HeatChoice("harm", mode), np.ones((12, 12), dtype=np.float32)) == []

@@ -20,6 +20,8 @@ from s2rtui.cli import main
 from s2rtui.export.load_scene import SceneOptions, open_scene
 from s2rtui.user_data.notebook import Notebook, SavedSelection
 from tests.support import nights
+from tests.support.copies import copy_store
+from tests.support.suggestions import store_reports
 
 HEAT_OPTION = ["--heat", "feature_distance"]
 SELECTION_HEATMAP = ["--heat", "occlusion:rgb", "--on", "selection"]
@@ -45,6 +47,9 @@ def default_figure(
 def test_every_view_is_drawn_in_both_themes_at_the_requested_size(
     tiny_store: Path, tmp_path: Path, view: str
 ) -> None:
+    if view == "suggestions":
+        tiny_store = copy_store(tiny_store, tmp_path / "own.s2r")
+        store_reports(tiny_store, "vanilla", "real")
     for options, theme, size in (([], LIGHT, (615, 433)), (["--dark"], DARK, (300, 640))):
         data = export(tiny_store, tmp_path, view, *options, "--size", "{}x{}".format(*size))
         image = Image.open(BytesIO(data))

@@ -143,12 +143,27 @@ def test_an_interrupt_cancels_the_job(slurm: Slurm) -> None:
     assert (slurm.folder / "cancelled").read_text() == "7\n"
 
 
+def test_a_link_to_a_configuration_keeps_its_folder(tmp_path: Path) -> None:
+    """The paths in a configuration are relative to the link, not to its target."""
+    (tmp_path / "live").mkdir()
+    link = tmp_path / "live" / "nightly.toml"
+    link.symlink_to(tmp_path / "gates.toml")
+    assert parsed(nightly.words(parsed(["nightly", str(link)]))).config == link
+
+
+def test_a_wrong_date_to_withdraw_is_refused_before_the_job() -> None:
+    options = parsed(["nightly", "--withdraw", "2026-99-99", "n.toml"])
+    with pytest.raises(RequestError, match="--withdraw 2026-99-99"):
+        nightly.words(options)
+
+
 def test_a_job_that_slurm_has_forgotten_is_told(slurm: Slurm) -> None:
     slurm.write(
         "bin/scontrol", "echo 'slurm_load_jobs error: Invalid job id specified' >&2; exit 1"
     )
     with pytest.raises(RequestError, match=r"does not show job 7 \(slurm_load_jobs error: Inv"):
         slurm.run([])
+    assert not (slurm.folder / "cancelled").exists()
 
 
 def parsed(words: list[str]) -> argparse.Namespace:
@@ -179,7 +194,7 @@ def test_a_job_measures_the_named_night_with_all_options(tmp_path: Path) -> None
     for given in (["--night", "2026-11-21", "--far-night", "--json"], ["--withdraw", "2026-11-20"]):
         options = parsed(["nightly", *given, "n.toml"])
         in_job = parsed(nightly.words(options))
-        assert in_job.config == Path("n.toml").resolve()
+        assert in_job.config == Path("n.toml").absolute()
         for name in vars(options).keys() - (_IN_JOB - {"night"}):
             assert getattr(in_job, name) == getattr(options, name), name
     assert parsed(nightly.words(parsed(["nightly", "n.toml"]))).night is not None

@@ -68,7 +68,7 @@ def instance_input(
         notes=(
             *missing,
             *_heat_note(store, run, None if missing else heat),
-            *_harm_note(None if heat is None else heat.kind, heats["real"]),
+            *_harm_note(heat, heats["real"]),
             ("where", f"{trajectory} {truth.seq[iid]}, {_named(truth.room_names, int(room))}"),
             *_pair_note(store, iid),
             *_predicted_notes(store, run, iid, population),
@@ -96,16 +96,20 @@ def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[st
     return [("heat", text)] if text else []
 
 
-def _harm_note(kind: str | None, heat: NDArray[np.float32] | None) -> list[tuple[str, str]]:
+def _harm_note(
+    choice: HeatChoice | None, heat: NDArray[np.float32] | None
+) -> list[tuple[str, str]]:
     """The metres of the real image's regions, for heat that sums to metres; else nothing.
 
     Regions are connected changed parts, the largest gains first; fine heat has none.
     """
-    if kind not in _SUMS_TO_METRES or heat is None:
+    if choice is None or heat is None or choice.kind not in _SUMS_TO_METRES:
+        return []
+    if choice.mode not in (None, "position"):  # the others are radians and loss
         return []
     values = np.nan_to_num(np.asarray(heat, dtype=np.float64))
     total = f"{values.sum():+.2f} m in all"
-    if kind == "harm_fine":
+    if choice.kind == "harm_fine":
         worse, better = (values[sign * values > 0].sum() for sign in (1, -1))
         return [("harm", f"{total}: {worse:+.2f} m of parts that harm, {better:+.2f} m of others")]
     regions = connected_regions(values != 0)

@@ -54,7 +54,7 @@ class SharesView(View):
     def summary(self, scene: Scene) -> str:
         model = shares_model(self.input(scene))
         if model is None:
-            return f"{scene.state.run}: {MISSING}."
+            return f"{scene.state.run}: {_reason(scene)}."
         parts = ", ".join(f"{bar.factor} {bar.text}" for bar in model.bars)
         loose = f" {counted(model.loose, 'loose pair')} left out." if model.loose else ""
         return f"Of the mean gap {model.gap:+.2f} m over {model.n} instances: {parts}.{loose}"
@@ -66,9 +66,12 @@ class SharesView(View):
         return paper.shares_figure(self.input(scene), size, theme, title, scene.caption)
 
     def draw(self, scene: Scene, size: Size, options: RenderOptions) -> Canvas:
-        computed = has_shares(scene.store, scene.state.run)
-        note = NO_SHARES if computed else MISSING
-        return draw_shares(self.input(scene), size, options, note)
+        return draw_shares(self.input(scene), size, options, _reason(scene))
+
+
+def _reason(scene: Scene) -> str:
+    """Why the selection has no shares."""
+    return NO_SHARES if has_shares(scene.store, scene.state.run) else MISSING
 
 
 @cached_by_identity(8)

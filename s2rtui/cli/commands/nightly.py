@@ -37,7 +37,8 @@ def execute(options: argparse.Namespace) -> int:
 
     config = configs.read(options.config)
     if slurm_job.is_requested(options):
-        return slurm_job.SlurmJob(options).run(words(options))
+        arguments = words(options)
+        return slurm_job.SlurmJob(options).run(arguments)
     if options.withdraw is not None:
         return _withdraw(config, options)
     result = nightly(config, _night(options.night), far=options.far_night)
@@ -55,12 +56,16 @@ def words(options: argparse.Namespace) -> list[str]:
 
     The night is named, because the job may begin on another day.
     """
-    night = options.night if options.withdraw is not None else str(_night(options.night))
+    if options.withdraw is not None:
+        _date("--withdraw", options.withdraw)
+        night = options.night
+    else:
+        night = str(_night(options.night))
     dates = {"night": night, "withdraw": options.withdraw}
     given = [f"--{name}={value}" for name, value in dates.items() if value is not None]
     flags = {"--json": options.json, "--far-night": options.far_night}
     given += [flag for flag, is_set in flags.items() if is_set]
-    return ["nightly", *given, str(options.config.resolve())]
+    return ["nightly", *given, str(options.config.absolute())]
 
 
 def _night(text: str | None) -> datetime.date:

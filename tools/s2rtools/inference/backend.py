@@ -141,8 +141,13 @@ class Backend:
         )
 
     def poses(self, x: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Poses (n, 3) of any number of inputs, in batches that the device takes."""
-        batch = max(self.batch, CHANGED_PIXELS // max(1, x[0, 0].size)) if len(x) else 1
+        """Poses (n, 3) of any number of inputs, in batches that the device takes.
+
+        On a CPU, small inputs make larger batches; a GPU's batch is the largest that fits.
+        """
+        batch = self.batch
+        if len(x) and self.device.type == "cpu":
+            batch = max(batch, CHANGED_PIXELS // max(1, x[0, 0].size))
         batches = range(0, len(x), batch)
         found = [self.forward_all(x[start : start + batch]).pose for start in batches]
         return np.concatenate(found) if found else np.zeros((0, 3))

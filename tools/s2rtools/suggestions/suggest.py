@@ -120,7 +120,7 @@ class _Judgement:
             share = self._gain(fits.start - fitted.cost, fits.start)
             factors.append(FactorGain(fitted.factor, fitted.values, share, gain))
             reporter.advance(1)
-        is_judged = len(made) == len(best_first) and len(factors) == len(fits.factors)
+        is_judged = len(made) == len(best_first)
         searched = replace(searched, complete=searched.complete and is_judged)
         best, why = self._choice(front, answers, fits.start)
         if best is None and not searched.complete:

@@ -66,10 +66,17 @@ class WorkerPool:
 
     def start(self, workers: int) -> None:
         """Let processes import what they need, while this one does something else."""
-        pool = self.processes(workers)
+        try:
+            self._import(self.processes(workers), workers)
+        except BrokenProcessPool:  # a process was killed since the last run
+            self.close()
+            self._import(self.processes(workers), workers)
+
+    @staticmethod
+    def _import(processes: ProcessPoolExecutor, workers: int) -> None:
         with defer_interrupts():
             for _ in range(workers):
-                pool.submit(close)  # has nothing to close yet, but is imported with `compute`
+                processes.submit(close)  # has nothing to close yet, but is imported with `compute`
 
     def processes(self, workers: int) -> ProcessPoolExecutor:
         """At least so many processes, which start when they are given tasks."""

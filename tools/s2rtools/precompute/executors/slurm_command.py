@@ -78,8 +78,8 @@ def run_command(
     """Run `s2r` with the arguments `words` in a job, and return its exit code.
 
     What the job prints is written to `streams`, by default the standard streams. When this process
-    is interrupted, the job is cancelled. Raises RequestError where `sbatch` accepts no job, and
-    where SLURM or the shell ends it.
+    is interrupted, the job is cancelled. Raises RequestError where `sbatch` accepts no job, where
+    SLURM or the shell ends it, and where SLURM cannot be asked for it, which leaves the job alone.
     """
     folder = Path(settings.log_folder or ".").expanduser().resolve()
     script = command_script(settings, name, words)
@@ -88,7 +88,7 @@ def run_command(
     report_line(f"job {job} submitted; its output goes to {logs[0]} and {logs[1].name}")
     try:
         facts = _follow(settings, job, logs, streams or (sys.stdout, sys.stderr), report_line)
-    except BaseException:
+    except KeyboardInterrupt:
         with suppress(OSError, subprocess.SubprocessError):
             _call("scancel", job)
         raise
@@ -158,7 +158,10 @@ def _facts(settings: SlurmSettings, job: str) -> JobFacts:
         except subprocess.TimeoutExpired:
             reason = "no answer"
         if time.monotonic() > deadline or "Invalid job id" in reason:
-            raise RequestError(f"{settings.file}: SLURM does not show job {job} ({reason})")
+            raise RequestError(
+                f"{settings.file}: SLURM does not show job {job} ({reason}); if it runs, it goes "
+                "on, and its output is in the files named above"
+            )
         time.sleep(1.0)
 
 
@@ -170,14 +173,17 @@ def _call(*command: str, standard_input: str = "") -> subprocess.CompletedProces
 
 
 class _Copy:
-    """Copies what is appended to a file; it is opened each time, so that NFS asks its server."""
+    """Copies what is appended to a file; it is opened each time, so that NFS asks its server.
+
+    What cannot be read at one time is copied the next time.
+    """
 
     def __init__(self, path: Path, stream: TextIO) -> None:
         self._path, self._stream, self._offset = path, stream, 0
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
     def more(self) -> None:
-        with suppress(FileNotFoundError), self._path.open("rb") as file:
+        with suppress(OSError), self._path.open("rb") as file:
             file.seek(self._offset)
             while block := file.read(_READ_BYTES):
                 self._offset += len(block)
