@@ -32,21 +32,21 @@ def test_places_are_named_by_thirds(rows: slice, columns: slice, place: str) -> 
     assert place_in_image(region) == place
 
 
-def test_the_metres_of_each_region_are_listed_largest_first() -> None:
+def test_the_metres_of_each_place_are_listed_largest_first() -> None:
     heat = np.zeros((12, 12), dtype=np.float32)
     heat[0:2, 0:2] = 0.42 / 4
     heat[9:12, 9:12] = -0.9 / 9
     ((name, text),) = _harm_note(HeatChoice("harm", "position"), heat)
     assert name == "harm"
-    assert text == "-0.48 m in all: -0.90 m bottom right, +0.42 m top left"
+    assert text == "changes cost -0.48 m: -0.90 m bottom right, +0.42 m top left"
     for corner in (0, 5, 11):
         heat[5, corner] += 0.1
     assert _harm_note(HeatChoice("harm", "position"), heat)[0][1].endswith(", 1 more")
 
 
-def test_fine_heat_is_summed_by_sign_and_other_kinds_have_no_metres() -> None:
+def test_fine_heat_is_summed_and_other_kinds_have_no_metres() -> None:
     heat = np.array([[0.5, -0.2], [0.1, np.nan]], dtype=np.float32)
-    text = "+0.40 m in all: +0.60 m of parts that harm, -0.20 m of others"
+    text = "changes cost +0.40 m"
     assert _harm_note(HeatChoice("harm_fine", None), heat) == [("harm", text)]
     assert _harm_note(HeatChoice("harm", "position"), np.zeros((4, 4))) == [
         ("harm", "no changed part")

@@ -74,14 +74,14 @@ def test_means_sum_to_the_mean_gap(tiny_store: Path) -> None:
         assert mean_shares(store, "vanilla", np.zeros_like(chosen)) is None
 
 
-def test_loose_pairs_are_left_out_and_counted(tiny_store: Path) -> None:
+def test_pairs_far_apart_are_left_out_and_counted(tiny_store: Path) -> None:
     with s2rstore.open(tiny_store) as store:
         chosen = np.ones(len(store.instances), dtype=np.bool_)
         assert store.comparable_pairs.all()
         store.comparable_pairs = np.arange(len(chosen)) >= 15
         found = mean_shares(store, "vanilla", chosen)
         assert found is not None
-        assert (found.n, found.loose) == (len(chosen) - 15, 15)
+        assert (found.n, found.apart) == (len(chosen) - 15, 15)
         assert found.gap == pytest.approx(store.run_columns("vanilla").gap[15:].mean(), abs=1e-5)
     text = " ".join(text_of(SharesInput(found, found), (100, 20)))
-    assert f"n {found.n}; 15 loose pairs left out" in text
+    assert f"n {found.n}; 15 pairs too far apart left out" in text

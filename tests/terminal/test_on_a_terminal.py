@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import s2rstore
 from bench.support.screen import RIGHT, Screen
 from s2rtui.app.app import S2RApp
 from s2rtui.app.inline_images import enable_inline_images
@@ -79,7 +80,9 @@ def first_instance(tiny_store: Path) -> InstanceInput:
 
 
 @pytest.fixture(scope="module")
-def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visit]:
+def visit(
+    tiny_store: Path, first_instance: InstanceInput, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Visit]:
     """The bytes received after each step of a session."""
     screen = open_application(
         tiny_store, tmp_path_factory.mktemp("graphics"), "--graphics", "kitty"
@@ -96,9 +99,10 @@ def visit(tiny_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     part("asked", lambda raw: True)
     skip_tour(screen)
     part("first", lambda raw: len(placed_cells(raw)) == IMAGES and all_images_complete(raw))
-    for _ in range(5):
-        screen.press(RIGHT)
-        time.sleep(0.02)
+    screen.press(5 * RIGHT)  # in one piece, so that the load does not spread them
+    with s2rstore.open(tiny_store) as store:
+        moved = (first_instance.iid + 5) % len(store.instances)
+    screen.wait_for(f"instance  {moved},", 20)
     part("moved", lambda raw: len(placed_cells(raw)) == IMAGES and all_images_complete(raw))
     screen.press("?")
     part("help", lambda raw: b"straight driving" in raw)

@@ -31,7 +31,7 @@ NEIGHBOURS = 5
 """Number of most similar instances that are listed and selected."""
 _SUMS_TO_METRES = ("harm", "harm_fine")
 """Heatmap kinds whose sum over a region is metres of the error."""
-_REGIONS = 4
+_PLACES = 4
 """Regions whose metres are listed."""
 
 
@@ -99,24 +99,26 @@ def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[st
 def _harm_note(
     choice: HeatChoice | None, heat: NDArray[np.float32] | None
 ) -> list[tuple[str, str]]:
-    """The metres of the real image's regions, for heat that sums to metres; else nothing.
+    """The metres of the real image's changed parts, for heat that sums to metres; else nothing.
 
-    Regions are connected changed parts, the largest gains first; fine heat has none.
+    Parts in the same place of the image are added up, the largest sums first; fine heat has no
+    parts. Positive metres make the estimate worse.
     """
     if choice is None or heat is None or choice.kind not in _SUMS_TO_METRES:
         return []
     if choice.mode not in (None, "position"):  # the others are radians and loss
         return []
     values = np.nan_to_num(np.asarray(heat, dtype=np.float64))
-    total = f"{values.sum():+.2f} m in all"
+    total = f"changes cost {values.sum():+.2f} m"
     if choice.kind == "harm_fine":
-        worse, better = (values[sign * values > 0].sum() for sign in (1, -1))
-        return [("harm", f"{total}: {worse:+.2f} m of parts that harm, {better:+.2f} m of others")]
-    regions = connected_regions(values != 0)
-    gains = sorted(((float(values[region].sum()), region) for region in regions),
-                   key=lambda pair: -abs(pair[0]))  # fmt: skip
-    shown = [f"{gain:+.2f} m {place_in_image(region)}" for gain, region in gains[:_REGIONS]]
-    more = f", {len(gains) - _REGIONS} more" if len(gains) > _REGIONS else ""
+        return [("harm", total)]
+    gains: dict[str, float] = {}
+    for region in connected_regions(values != 0):
+        place = place_in_image(region)
+        gains[place] = gains.get(place, 0.0) + float(values[region].sum())
+    places = sorted(gains, key=lambda place: -abs(gains[place]))
+    shown = [f"{gains[place]:+.2f} m {place}" for place in places[:_PLACES]]
+    more = f", {len(places) - _PLACES} more" if len(places) > _PLACES else ""
     return [("harm", f"{total}: {', '.join(shown)}{more}" if shown else "no changed part")]
 
 

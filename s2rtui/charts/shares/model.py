@@ -52,13 +52,13 @@ class SharesModel:
     scale: Interval
     n: int
     gap: float
-    loose: int = 0
+    apart: int = 0
 
     @property
     def counted(self) -> str:
         """The mean gap and the instances it is of: `mean gap +3.32 m, n 50`."""
-        loose = f"; {counted(self.loose, 'loose pair')} left out" if self.loose else ""
-        return f"mean gap {self.gap:+.2f} m, n {self.n}{loose}"
+        apart = f"; {counted(self.apart, 'pair')} too far apart left out" if self.apart else ""
+        return f"mean gap {self.gap:+.2f} m, n {self.n}{apart}"
 
 
 def shares_model(data: SharesInput) -> SharesModel | None:
@@ -76,4 +76,4 @@ def shares_model(data: SharesInput) -> SharesModel | None:
                    min(means) - margin, max(means) + margin)  # fmt: skip
     scale = non_empty(float(ends.min()), float(ends.max()))
     chosen = data.selected
-    return SharesModel(bars, scale, chosen.n, chosen.gap, chosen.loose)
+    return SharesModel(bars, scale, chosen.n, chosen.gap, chosen.apart)

@@ -16,7 +16,8 @@ from s2rtui.charts.shares.terminal import draw_shares
 from s2rtui.charts.view import Pixels, Table, View
 
 NO_SHARES = (
-    "no selected instance has shares of the gap; pairs whose images have different poses have none"
+    "no selected instance has shares of the gap; "
+    "pairs more than 2 cm or 0.5 degrees apart have none"
 )
 MISSING = "no shares of the gap; `s2r precompute --kinds harm` computes them"
 
@@ -56,8 +57,8 @@ class SharesView(View):
         if model is None:
             return f"{scene.state.run}: {_reason(scene)}."
         parts = ", ".join(f"{bar.factor} {bar.text}" for bar in model.bars)
-        loose = f" {counted(model.loose, 'loose pair')} left out." if model.loose else ""
-        return f"Of the mean gap {model.gap:+.2f} m over {model.n} instances: {parts}.{loose}"
+        apart = f" {counted(model.apart, 'pair')} too far apart left out." if model.apart else ""
+        return f"Of the mean gap {model.gap:+.2f} m over {model.n} instances: {parts}.{apart}"
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.shares import paper

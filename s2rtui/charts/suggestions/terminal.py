@@ -75,7 +75,7 @@ def _draw_gain(
 
     def column(value: float) -> int:
         share = (value - scale[0]) / (scale[1] - scale[0])
-        return left + min(max(int(share * width), 0), width - 1)
+        return left + min(int(min(max(share, 0.0), 1.0) * width), width - 1)
 
     if number < 0:
         factor, unit = (1.0, "m") if report.side == "real" else (100.0, "%")

@@ -181,7 +181,10 @@ def _lines(report: SuggestReport, run: Run, store: str) -> list[str]:
         lines += ["", *_front(report), ""]
         for number, answer in enumerate(report.answers, 1):
             lines += _details(report, number, answer)
-        lines += ["apply with --apply N, or:"]
+        how = "apply with --apply N, or:"
+        if report.is_unfinished:
+            how = "not stored, because the search was not finished; apply all the same with:"
+        lines += [how]
         lines += [f"{number}  {answer.command(store, run, report.side)}"
                   for number, answer in enumerate(report.answers, 1)]  # fmt: skip
     lines += ["", report.verdict]

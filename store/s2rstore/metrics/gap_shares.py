@@ -32,13 +32,14 @@ class FactorShare:
 class GapShares:
     """Mean gap in metres over `n` instances and the shares that sum to it, in a fixed order.
 
-    `loose` of the chosen instances are left out, because the poses of their images differ.
+    `apart` of the chosen instances are left out, because the poses of their images differ by more
+    than 2 cm or 0.5 degrees.
     """
 
     n: int
     gap: float
     shares: tuple[FactorShare, ...]
-    loose: int = 0
+    apart: int = 0
 
     @property
     def largest(self) -> FactorShare:
@@ -76,5 +77,5 @@ def mean_shares(store: Store, run: str, chosen: NDArray[np.bool_]) -> GapShares 
         )
         for name, parts in SHARED_FACTORS.items()
     )
-    loose = int(np.count_nonzero(chosen & ~comparable))
-    return GapShares(int(rows.size), float(values[:, rows].sum(axis=0).mean()), shares, loose)
+    apart = int(np.count_nonzero(chosen & ~comparable))
+    return GapShares(int(rows.size), float(values[:, rows].sum(axis=0).mean()), shares, apart)

@@ -13,6 +13,8 @@ from s2rstore.run_inputs import chain_text
 from s2rstore.security.printable_text import printable
 
 VERSION = 1
+_LARGEST = 1e9
+"""Above every gain, in metres or as a share."""
 AIMS: dict[Side, str] = {
     "real": "adapt the real images so that the model works",
     "sim": "tune the simulator so that it predicts the real images and errors",
@@ -224,7 +226,7 @@ def bounds_text(interval: Interval, unit: str, signed: bool = False, digits: int
 def from_json(data: dict[str, Any]) -> SuggestReport:
     """Read a report of `as_json`.
 
-    Raises AttributeError, KeyError, TypeError or ValueError for other data.
+    Raises ArithmeticError, AttributeError, KeyError, TypeError or ValueError for other data.
     """
     if data["version"] != VERSION or data["for"] not in SIDES:
         raise ValueError("another version")
@@ -323,7 +325,10 @@ def _interval(interval: Interval) -> dict[str, float | None]:
 
 
 def _read_interval(data: dict[str, Any]) -> Interval:
+    """Raises ValueError for values that no gain has, which could not be drawn."""
     low, value, high = (_float(data[name]) for name in ("low", "value", "high"))
+    if any(abs(each) > _LARGEST for each in (low, value, high)):
+        raise ValueError("a gain out of range")
     return Interval(low, value, high, float(data["level"]))
 
 

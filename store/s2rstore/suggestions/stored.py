@@ -24,7 +24,7 @@ def read_report(store: Store, run: str, side: Side) -> SuggestReport | None:
         return None
     try:
         return from_json(data)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise RequestError(
             f"{store.path}: the stored suggestion for run {record.run} is invalid; "
             "run `s2r suggest` again"

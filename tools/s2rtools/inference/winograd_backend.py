@@ -8,9 +8,12 @@ from torch import Tensor
 from s2rstore.errors import RequestError
 from s2rtools.incremental_inference import BaseOutputs, BasePass, LocalGraph
 from s2rtools.incremental_inference.graph import NotLocalError
-from s2rtools.inference.backend import Backend
+from s2rtools.inference.backend import BATCH, Backend
 from s2rtools.inference.batch_norm_folding import fold_batch_norm
 from s2rtools.models.pose_network import LoadedModel
+
+_KEPT_PIXELS = BATCH * 256 * 256
+"""Pixels of the inputs in a batch: `posest` keeps about 700 bytes of outputs for each."""
 
 
 class WinogradBackend(Backend):
@@ -29,6 +32,8 @@ class WinogradBackend(Backend):
         if reason is not None or self.trunk is None:
             raise RequestError(f"model {model.name!r}: backend {self.name!r}: {reason}")
         self.base_pass = BasePass(LocalGraph(self.trunk))
+        width, height = model.contract.size
+        self.batch = max(1, min(BATCH, _KEPT_PIXELS // (width * height)))
 
     @classmethod
     def suits(cls, model: LoadedModel) -> bool:

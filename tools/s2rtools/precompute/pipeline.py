@@ -135,15 +135,16 @@ def _compute_run(
     """
     lease.check()
     root, run = current.root, current.get().run(name)
-    if run.key is None and run.model is not None:
-        _start_workers(pool, len(current.get().instances), options)
     if run.is_imported:
         kinds = _without_network(name, kinds, reporter)
     kinds = usable_kinds(current.get(), run, kinds, reporter.say)
-    _calibrate(current, run, kinds, reporter, lease)
     if run.model is None:
+        _calibrate(current, run, kinds, reporter, lease)
         return _compute_imported(current, run, kinds, options, reporter, lease, pool)
     model = model_outline(current.get(), run.model, options.trust)
+    if run.key is None:
+        _start_workers(pool, len(current.get().instances), options)
+    _calibrate(current, run, kinds, reporter, lease)
     allowed = [kind for kind in kinds if HEATMAP_KINDS[kind].suits(model)]
     if options.kinds is None:
         allowed = _usual_kinds(current.get(), name, model, allowed, reporter)

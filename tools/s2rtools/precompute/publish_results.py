@@ -149,7 +149,7 @@ def _gap_shares(
 ) -> NDArray[np.float32] | None:
     """The shares (n, 5) of the gap in metres: those of `specs`, else with `keeps` the published.
 
-    NaN for loose pairs, whose images differ by more than the factors.
+    NaN for pairs more than 2 cm or 0.5 degrees apart, whose images differ by more than the factors.
     """
     parts = [spec for spec in specs if spec.kind == gap_shares.KIND]
     if parts:

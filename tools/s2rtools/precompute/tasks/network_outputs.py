@@ -11,17 +11,18 @@ import torch
 from numpy.typing import NDArray
 
 from s2rstore.reader import Store
-from s2rstore.records import SIDES, Part, Run
+from s2rstore.records import SIDES, Part, Run, Side
 from s2rtools.counterfactual import gap_shares
 from s2rtools.counterfactual.factor_composites import FACTORS
 from s2rtools.heatmaps import HEATMAP_KINDS, HeatmapKind, PairBatch, SideBatch, harm
+from s2rtools.heatmaps.harmonization import ImageAlignment
 from s2rtools.heatmaps.heatmap_method import OutputSpec
 from s2rtools.inference import Backend, ForwardOutput
 from s2rtools.models.input_contract import InputContract
 from s2rtools.models.pose_network import LoadedModel
 from s2rtools.precompute.alignment import load_alignment
 from s2rtools.precompute.array_keys import ArrayKeys
-from s2rtools.precompute.frame_reader import RunFrames, SideFrames, read_pairs
+from s2rtools.precompute.frame_reader import PairFrames, RunFrames, SideFrames, read_pairs
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
 
@@ -148,47 +149,54 @@ def compute_outputs(
     truth = {side: store.poses(run.domain(side)) for side in SIDES}
     source = RunFrames(store, run, unit.stage.rendered_arrays(store.path))
     rows, contract = unit.instances, backend.model.contract
-    kinds = {spec.kind for spec in unit.missing} & set(HEATMAP_KINDS)
-    is_shared = any(spec.kind == gap_shares.KIND for spec in unit.missing)
-    is_predicted = any(spec.kind in ("prediction", "embedding") for spec in unit.missing)
-    uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
     batches: dict[ArraySpec, list[NDArray[Any]]] = {spec: [] for spec in unit.missing}
     for iid, frames in read_pairs(
         store, run, contract, rows.start, rows.stop, backend.batch, source
     ):
-        stop = iid + len(frames["sim"].x)
-        outputs: dict[str | None, ForwardOutput] = {}
-        if is_predicted:
-            outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
-        heatmaps: dict[str, Any] = {}
-        if kinds or is_shared:
-            given = outputs if heatmap_backend is backend else {}
-            sim, real = (
-                side_batch(
-                    heatmap_backend,
-                    frames[side],
-                    truth[side][iid:stop],
-                    given.get(side),
-                    uses_features,
-                )
-                for side in SIDES
-            )
-            predictor = backend if backend.is_float32 else None
-            pair = PairBatch(
-                heatmap_backend.model, heatmap_backend, sim, real, alignment, predictor
-            )
-            heatmaps = {kind: HEATMAP_KINDS[kind].compute(pair) for kind in kinds}
-            if is_shared:
-                heatmaps[gap_shares.KIND] = {(None, None): _gap_shares(pair)}
-        for spec in unit.missing:
-            if spec.kind == "prediction":
-                values: NDArray[Any] = outputs[spec.side].pose
-            elif spec.kind == "embedding":
-                values = outputs[spec.side].embedding.cpu().numpy()
-            else:
-                values = heatmaps[spec.kind][spec.side, spec.mode]
-            batches[spec].append(as_stored(values, spec.dtype))
+        of_batch = slice(iid, iid + len(frames["sim"].x))
+        poses = {side: truth[side][of_batch] for side in SIDES}
+        values = _batch_values(backend, heatmap_backend, frames, poses, alignment, unit.missing)
+        for spec, part in batches.items():
+            part.append(as_stored(values[spec], spec.dtype))
     return {spec: np.concatenate(parts) for spec, parts in batches.items()}
+
+
+def _batch_values(
+    backend: Backend,
+    heatmap_backend: Backend,
+    frames: PairFrames,
+    truth: Mapping[Side, NDArray[np.float64]],
+    alignment: ImageAlignment | None,
+    specs: Sequence[ArraySpec],
+) -> dict[ArraySpec, NDArray[Any]]:
+    """The values of `specs` for a batch; what the passes kept is freed with this call."""
+    kinds = {spec.kind for spec in specs} & set(HEATMAP_KINDS)
+    is_shared = any(spec.kind == gap_shares.KIND for spec in specs)
+    outputs: dict[Side, ForwardOutput] = {}
+    if any(spec.kind in ("prediction", "embedding") for spec in specs):
+        outputs = {side: backend.forward_all(frames[side].x) for side in SIDES}
+    heatmaps: dict[str, Any] = {}
+    if kinds or is_shared:
+        given = outputs if heatmap_backend is backend else {}
+        uses_features = any(HEATMAP_KINDS[kind].uses_features for kind in kinds)
+        sim, real = (
+            side_batch(heatmap_backend, frames[side], truth[side], given.get(side), uses_features)
+            for side in SIDES
+        )
+        predictor = backend if backend.is_float32 else None
+        pair = PairBatch(heatmap_backend.model, heatmap_backend, sim, real, alignment, predictor)
+        heatmaps = {kind: HEATMAP_KINDS[kind].compute(pair) for kind in kinds}
+        if is_shared:
+            heatmaps[gap_shares.KIND] = {(None, None): _gap_shares(pair)}
+    values: dict[ArraySpec, NDArray[Any]] = {}
+    for spec in specs:
+        if spec.kind in ("prediction", "embedding"):
+            output = outputs["sim" if spec.side == "sim" else "real"]
+            is_pose = spec.kind == "prediction"
+            values[spec] = output.pose if is_pose else output.embedding.cpu().numpy()
+        else:
+            values[spec] = heatmaps[spec.kind][spec.side, spec.mode]
+    return values
 
 
 def _gap_shares(pair: PairBatch) -> NDArray[np.float64]:

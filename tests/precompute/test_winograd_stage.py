@@ -1,0 +1,98 @@
+"""The stage in which one pass serves predictions, occlusion and the other heatmaps."""
+
+from __future__ import annotations
+
+import multiprocessing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import s2rstore
+from bench.measured_stores import QUIET, frames_store, lively
+from s2rstore.errors import RequestError
+from s2rstore.index.transaction import edit
+from s2rstore.records import SIDES, Side
+from s2rtools.precompute import pipeline
+from s2rtools.precompute.executors import local_executors
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_registration import insert_run
+
+KINDS = ("activation", "feature_distance", "occlusion")
+BACKENDS = ("torch", "winograd")
+INSTANCES, PIXELS = 3, 64
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs by two backends of a network of local operations; the real images are darker."""
+    path = frames_store(
+        tmp_path_factory.mktemp("winograd") / "s.s2r", INSTANCES, PIXELS, lively("posest")
+    )
+    darker = [{"name": "brightness", "value": 0.7}]
+    with edit(path) as draft:
+        for name in BACKENDS:
+            insert_run(draft, name, "m", ("sim", "real"), {"sim": [], "real": darker})
+    for name in BACKENDS:
+        precompute(path, QUIET, [name], PrecomputeOptions(KINDS, workers=1, backend=name))
+    return path
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_predictions_and_embeddings_equal_those_of_torch(store: Path, side: Side) -> None:
+    with s2rstore.open(store) as opened:
+        for kind, tolerance in (("prediction", 1e-5), ("embedding", 2e-3)):
+            exact, found = (
+                np.asarray(opened.array(run, kind, side)[1][:], np.float64) for run in BACKENDS
+            )
+            assert exact.std() > 0
+            np.testing.assert_allclose(found, exact, rtol=0, atol=tolerance * exact.std())
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize(
+    ("kind", "mode"),
+    [
+        ("occlusion", "rgb"), ("occlusion", "depth"), ("occlusion", "rgbd"),
+        ("activation", "loss"), ("feature_distance", None),
+    ],
+)  # fmt: skip
+def test_heatmaps_equal_those_of_torch(
+    store: Path, kind: str, mode: str | None, side: Side
+) -> None:
+    with s2rstore.open(store) as opened:
+        exact, found = (opened.heatmaps(run, kind, side, 0, INSTANCES, mode) for run in BACKENDS)
+    assert exact.std() > 0
+    np.testing.assert_allclose(found, exact, rtol=0, atol=5e-3 * exact.std())
+
+
+def test_the_sides_differ(store: Path) -> None:
+    with s2rstore.open(store) as opened:
+        sim, real = (
+            opened.heatmaps("winograd", "occlusion", side, 0, INSTANCES, "rgb") for side in SIDES
+        )
+    assert np.abs(sim - real).max() > 0.1 * sim.std()
+
+
+def test_the_provenance_names_the_backend(store: Path) -> None:
+    with s2rstore.open(store) as opened:
+        for name in BACKENDS:
+            assert opened.provenance_object(f"run:{name}", "backend")["name"] == name
+
+
+def test_workers_end_with_a_failed_request(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers are started before the backends are chosen."""
+    started = []
+
+    def refuse(*arguments: object, **named: object) -> None:
+        started.extend(multiprocessing.active_children())
+        raise RequestError("no backend suits")
+
+    monkeypatch.setattr(local_executors, "available_processors", lambda: 2)
+    monkeypatch.setattr(pipeline, "available_processors", lambda: 2)
+    monkeypatch.setattr(pipeline, "usual_workers", lambda instances: 2)
+    monkeypatch.setattr(pipeline, "run_backends", refuse)
+    with pytest.raises(RequestError, match="no backend suits"):
+        precompute(store, QUIET, ["r"], PrecomputeOptions(KINDS))
+    assert started
+    assert not any(process.is_alive() for process in started)
