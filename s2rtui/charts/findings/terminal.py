@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.findings.model import FindingsInput, Line, report_lines
+from s2rtui.charts.shared.line_panel import line_panels
 
 _GUTTER = 2
 
@@ -51,16 +50,4 @@ def findings_panels(
 ) -> tuple[Panel, ...]:
     """One panel; y is the index of a finding, -1 for a note."""
     lines, first = _window(data, size)
-    shown = min(len(lines) - first, max(1, size[1]))
-    if shown < 1:
-        return ()
-
-    def to_data(column: float, row: float) -> tuple[float, float]:
-        line = lines[min(max(first + math.floor(row), 0), len(lines) - 1)]
-        return 0.0, -1.0 if line.index is None else float(line.index)
-
-    def to_cells(x: float, y: float) -> tuple[float, float]:
-        places = [at for at, line in enumerate(lines) if line.index == round(y)]
-        return 0.5, (places[0] if places else 0) - first + 0.5
-
-    return (Panel("findings", "steps", 0, 0, max(1, size[0]), shown, to_data, to_cells),)
+    return line_panels("findings", [line.index for line in lines], first, size)

@@ -1,4 +1,7 @@
-"""The lines of the suggestions view for a size: as much as fits, the chosen answer always."""
+"""The text lines of the suggestions view, shortened to the size of the view.
+
+The chosen answer is always among them.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ Style = Literal["heading", "bold", "plain", "muted"]
 BESIDE = 64
 """Columns from which gains are drawn beside the answers."""
 _HEAD = 45
-"""Columns of number, changes and gain of an answer, beside the drawing."""
+"""Width of the text of an answer in columns, left of its drawing."""
 
 
 @dataclass(frozen=True, slots=True)

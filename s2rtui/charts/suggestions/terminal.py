@@ -6,6 +6,7 @@ import math
 
 from s2rtui.canvas import DEFAULT_OPTIONS, Canvas, Panel, RenderOptions, Size
 from s2rtui.charts.shared.axis_scale import tick_step, tick_text, tick_values
+from s2rtui.charts.shared.line_panel import line_panels
 from s2rtui.charts.suggestions.lines import Line, suggestion_lines
 from s2rtui.charts.suggestions.model import Direction, SuggestionsInput, gain_scale
 
@@ -111,16 +112,4 @@ def suggestions_panels(
 ) -> tuple[Panel, ...]:
     """One panel; y is the place of an answer, -1 for other lines."""
     lines, first = _window(data, size, options)
-    shown = min(len(lines) - first, max(1, size[1]))
-    if shown < 1:
-        return ()
-
-    def to_data(column: float, row: float) -> tuple[float, float]:
-        line = lines[min(max(first + math.floor(row), 0), len(lines) - 1)]
-        return 0.0, -1.0 if line.index is None else float(line.index)
-
-    def to_cells(x: float, y: float) -> tuple[float, float]:
-        places = [at for at, line in enumerate(lines) if line.index == round(y)]
-        return 0.5, (places[0] if places else 0) - first + 0.5
-
-    return (Panel("suggestions", "steps", 0, 0, max(1, size[0]), shown, to_data, to_cells),)
+    return line_panels("suggestions", [line.index for line in lines], first, size)

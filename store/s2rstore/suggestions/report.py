@@ -78,12 +78,12 @@ class Answer:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """The factors of its changes, each once; that of the first change is the first one."""
+        """The factors that its changes belong to, each once, in the order of the changes."""
         return tuple(dict.fromkeys(change.factor for change in self.changes))
 
     @property
     def changes_text(self) -> str:
-        """Its values: `brightness=0.85, vignette=0.3`."""
+        """Names and values of its changes as text, such as `brightness=0.85, vignette=0.3`."""
         return ", ".join(f"{change.name}={change.value:g}" for change in self.changes)
 
     @property

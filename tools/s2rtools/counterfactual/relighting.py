@@ -144,7 +144,7 @@ def _residual(image: NDArray[np.float32], smooth: NDArray[np.float32]) -> NDArra
 
 
 def _median(residual: NDArray[np.float32], compared: NDArray[np.intp]) -> float:
-    """Median of the residual (h, w) over the numbers of pixels that can be compared; else 0."""
+    """Median of the residual (h, w) over pixels, by their flat indices; 0 for no pixels."""
     if not compared.size:
         return 0.0
     half = compared.size // 2

@@ -24,7 +24,8 @@ from s2rtools.incremental_inference.graph import (
 from s2rtools.incremental_inference.winograd import KERNEL, WinogradConvolution
 
 ACCURATE_TILES = (2, 3, 4)
-"""Sides of output tiles with which Winograd's algorithm rounds less than a direct sum."""
+"""Sides of output tiles for which the rounding error of Winograd's algorithm is below that of a
+direct sum."""
 
 
 class BasePass:

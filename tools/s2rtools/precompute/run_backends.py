@@ -104,7 +104,7 @@ class RunBackends:
 
     @property
     def keep_base(self) -> bool:
-        """Whether heatmaps can go on from the forward pass of the predictions."""
+        """Whether heatmaps can reuse the outputs that the forward pass of the predictions keeps."""
         return self.predictions == self.heatmaps and self.predictions.keeps_base
 
     def record(self) -> dict[str, Any]:

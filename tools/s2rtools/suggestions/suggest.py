@@ -177,7 +177,7 @@ class _Judgement:
         return min(seconds, (1 - _LEAST_SEARCH) * self._settings.budget)
 
     def _has_time_on_whole_frames(self, costs: int) -> bool:
-        """Whether there is time for some costs on whole frames, before the answers are judged."""
+        """Whether the budget allows some more evaluations on whole frames before the judgement."""
         needed = (costs - 1) * self._budget.seconds(_WHOLE)
         needed += self._settings.changes * self._budget.seconds(_JUDGED)
         return self._budget.fits(_WHOLE, needed)

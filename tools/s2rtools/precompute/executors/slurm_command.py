@@ -34,7 +34,7 @@ _READ_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class JobFacts:
-    """What SLURM says of a job: its state, why it waits, its nodes, its exit status and signal."""
+    """A job as `scontrol` shows it: state, reason for waiting, nodes, exit status and signal."""
 
     state: str
     reason: str
