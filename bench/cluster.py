@@ -19,7 +19,11 @@ from s2rtools.common.processors import available_processors
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors.clusters import open_cluster
 from s2rtools.precompute.executors.executor import Executor, Task
-from s2rtools.precompute.executors.local_executors import SerialExecutor
+from s2rtools.precompute.executors.local_executors import (
+    ProcessExecutor,
+    SerialExecutor,
+    WorkerPool,
+)
 from s2rtools.precompute.machine import Machine
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.receipts import Receipt
@@ -28,13 +32,15 @@ from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 _KINDS = ("feature_distance", "occlusion")
-_PAIRS = 192
+_PAIRS, _SIZE = 1_024, 64
 _SHORT, _LONG = 400, 0.1
+_MANY = 8
+"""Units of a step from which on it is shared evenly enough to tell how well workers are used."""
 
 
 @dataclass(frozen=True)
 class _Sleep:
-    """Computes small arrays in some seconds, without a processor."""
+    """Computes and compresses small arrays in some seconds, in which it mostly sleeps."""
 
     root: Path
     seconds: float
@@ -42,11 +48,12 @@ class _Sleep:
 
     def open(self, threads: int) -> Callable[[WorkUnit], Receipt]:
         def compute(unit: WorkUnit) -> Receipt:
-            time.sleep(self.seconds)
+            end = time.perf_counter() + self.seconds
             rows = np.zeros((len(unit.instances), 6, 6), np.float32)
             layouts = {s.path("run"): s.open_array(self.root, "run").layout for s in unit.missing}
             chunks = encoded(unit, dict.fromkeys(unit.missing, rows), layouts.__getitem__)
             environment = self.environment(unit.stage, Machine("", "", ()), threads)
+            time.sleep(max(0.0, end - time.perf_counter()))
             attempt = unit_results.write_attempt(self.root, unit, chunks, environment, self.durable)
             name = unit_results.file_name(unit.stage, unit.number)
             return Receipt(name, *attempt, self.seconds, "", environment)
@@ -61,18 +68,19 @@ class _Sleep:
 
 
 class _Timed:
-    """An executor that adds up how long its tasks took, and what their receipts state."""
+    """An executor that adds up the time of steps of many units, and what their receipts state."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor, self.is_remote = executor, executor.is_remote
         self.wall = self.computed = 0.0
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Receipt]:
-        began = time.perf_counter()
+        tasks = list(tasks)
+        is_counted, began = len(tasks) >= _MANY, time.perf_counter()
         for receipt in self._executor.run(tasks):
-            self.computed += receipt.seconds
+            self.computed += is_counted * receipt.seconds
             yield receipt
-        self.wall += time.perf_counter() - began
+        self.wall += is_counted * (time.perf_counter() - began)
 
 
 def figures(folder: Path) -> Iterator[BudgetRow]:
@@ -110,12 +118,19 @@ def _real(folder: Path) -> Iterator[BudgetRow]:
 
     They need a processor each, so the efficiency is that of as many workers as have one: the time
     in which one process computes the units, over the workers or processors, whichever are fewer,
-    and over the time that the workers take.
+    and over the time that the workers take. Processors share caches and memory, so the efficiency
+    of processes without a cluster is the most that workers can reach.
     """
     processors = available_processors()
-    store = frames_store(folder / "frames.s2r", _PAIRS, 128, lively("resposenet"))
+    store = frames_store(folder / "frames.s2r", _PAIRS, _SIZE, lively("resposenet"))
     serial = _Timed(SerialExecutor(1))
     expected = _computed(store, folder / "serial.s2r", serial)
+    with WorkerPool() as pool:
+        _computed(store, folder / "first.s2r", ProcessExecutor(2, 1, pool))
+        timed = _Timed(ProcessExecutor(2, 1, pool))
+        _computed(store, folder / "processes.s2r", timed)
+    efficiency = serial.computed / min(2, processors) / timed.wall
+    yield BudgetRow("efficiency of 2 processes without a cluster, real units", efficiency, "ratio")
     for workers in (2, 4):
         with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
             _computed(store, folder / f"first{workers}.s2r", executor)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -84,6 +86,26 @@ def test_every_task_is_computed_once(tmp_path: Path) -> None:
         run(client, CountedComputation(tmp_path), "x", "y")
     assert sorted(counted_units.started) == sorted(2 * [*range(16)])
     assert not list((tmp_path / "units").iterdir())
+
+
+def test_long_units_do_not_wait_in_a_slow_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While one worker computes the first unit, the other gets all but the one that waits there."""
+    monkeypatch.setattr(dask_executor, "_AHEAD_SECONDS", 0.001)
+    is_shared: list[bool] = []
+    with cluster(1, 1) as (_, client):
+        run(client, CountedComputation(tmp_path, 0.01))  # opens what both threads use below
+        counted_units.started.clear()
+        threads: dict[str, ThreadPoolExecutor] = defaultdict(lambda: ThreadPoolExecutor(1))
+        monkeypatch.setattr(
+            dask_worker, "_computing_thread", lambda: threads[distributed.get_worker().address]
+        )
+        counted_units.on_start[0] = lambda: is_shared.append(
+            wait_until(lambda: len(counted_units.started) >= 15)
+        )
+        run(client, CountedComputation(tmp_path, 0.01), "y")
+    assert is_shared == [True]
 
 
 @pytest.mark.parametrize("reason", ["threads 2 instead of 1", "threads 1 instead of 2"])

@@ -115,14 +115,18 @@ def _write_partial(path: Path, parent: int | None, content: Content, durable: bo
 
 def append_lines(root: Path, relative: str | Path, lines: bytes) -> None:
     """Append whole lines durably; a line that a killed process left unfinished is ended first."""
-    descriptor = safe_files.open_regular(root, relative, os.O_RDWR | os.O_APPEND | os.O_CREAT)
-    with os.fdopen(descriptor, "ab") as file, errors_of(root / relative):
-        size = os.fstat(descriptor).st_size
-        if size and os.pread(descriptor, 1, size - 1) != b"\n":
-            lines = b"\n" + lines
-        file.write(lines)
-        file.flush()
-        os.fsync(descriptor)
+    path, flags = root / relative, os.O_RDWR | os.O_APPEND | os.O_CREAT
+    with parent_folder(root, relative, create=True) as (parent, _):
+        descriptor = safe_files.open_regular_at(path, flags, parent)
+        with os.fdopen(descriptor, "ab") as file, errors_of(path):
+            size = os.fstat(descriptor).st_size
+            if size and os.pread(descriptor, 1, size - 1) != b"\n":
+                lines = b"\n" + lines
+            file.write(lines)
+            file.flush()
+            os.fsync(descriptor)
+            if not size:  # the name is new
+                os.fsync(parent)
 
 
 def make_folder(root: Path, relative: str | Path) -> None:

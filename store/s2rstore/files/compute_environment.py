@@ -24,6 +24,8 @@ class ComputeEnvironment(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
     def difference(self, other: ComputeEnvironment) -> str:
         """In which respects this environment is another one than `other`; empty where in none."""
+        if self == other:
+            return ""
         parts = [
             f"{name} {mine} instead of {theirs}"
             for name in ("device", "precision", "threads")

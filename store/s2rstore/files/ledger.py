@@ -166,14 +166,11 @@ class Ledger(LedgerReader):
 
     def add_array_entries(self, array_key: str, entries: Iterable[LedgerEntry]) -> None:
         """Record complete and durable files of the arrays of one key, given as RUN/KEY."""
-        name = f"{_ARRAYS}/{array_key}.{host_name()}-{process_token()}.jsonl"
-        atomic_writes.make_folder(self._root, Path(name).parent)
-        self._append(name, entries)
+        self._append(f"{_ARRAYS}/{array_key}.{host_name()}-{process_token()}.jsonl", entries)
 
     def _append(self, name: str, entries: Iterable[LedgerEntry]) -> None:
         lines = "".join(map(_line, entries))
         atomic_writes.append_lines(self._root, name, lines.encode())
-        atomic_writes.sync(self._root, name)
 
     def remove_entries(self, removed: set[str]) -> None:
         """Remove the entries of removed files, given by their paths inside the store.

@@ -56,10 +56,11 @@ class FolderEntry:
 
 def parts_of(root: Path, relative: str | Path) -> tuple[str, ...]:
     """The components of a path below `root`; RequestError where it leads out of the store."""
-    path = PurePosixPath(relative)
-    if path.is_absolute() or ".." in path.parts or "\0" in str(path):
-        raise RequestError(f"{root}: names {str(relative)!r}, which lies outside; do not trust it")
-    return path.parts
+    text = os.fspath(relative)
+    parts = tuple(part for part in text.split("/") if part not in ("", "."))
+    if text.startswith("/") or ".." in parts or "\0" in text:
+        raise RequestError(f"{root}: names {text!r}, which lies outside; do not trust it")
+    return parts
 
 
 @contextmanager
@@ -68,11 +69,11 @@ def folder(root: Path, relative: str | Path = "", create: bool = False) -> Itera
 
     Raises LinkError for a link on the way, FileNotFoundError and other OSErrors with the full path.
     """
-    path = root
-    descriptor = open_descriptor(root, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    path = os.fspath(root)
+    descriptor = open_descriptor(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         for part in parts_of(root, relative):
-            path = path / part
+            path = f"{path}/{part}"
             if create:
                 with suppress(FileExistsError), errors_of(path):
                     os.mkdir(part, dir_fd=descriptor)
@@ -94,14 +95,18 @@ def parent_folder(
         yield descriptor, name
 
 
-def open_descriptor(path: Path, flags: int, folder: int | None = None, mode: int = 0o666) -> int:
+def open_descriptor(
+    path: str | Path, flags: int, folder: int | None = None, mode: int = 0o666
+) -> int:
     """`os.open` of a path's last component, with errors that name the path."""
-    name = os.fspath(path) if folder is None else path.name
+    name = os.fspath(path)
+    if folder is not None:
+        name = name.rpartition("/")[2]
     try:
         return os.open(name, flags, mode, dir_fd=folder)
     except OSError as error:
         if folder is not None and kind_in(folder, name) == "link":
-            raise LinkError(path) from error
+            raise LinkError(Path(path)) from error
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
@@ -121,7 +126,7 @@ def _kind_of(mode: int) -> Kind:
 
 
 @contextmanager
-def errors_of(path: Path) -> Iterator[None]:
+def errors_of(path: str | Path) -> Iterator[None]:
     """Errors of the operating system name `path`."""
     try:
         yield

@@ -163,13 +163,15 @@ class UnitResult:
             descriptor = safe_files.open_regular_at(self.file, os.O_RDONLY, folder)
         except FileNotFoundError as error:
             raise RequestError(f"{self.file}: removed meanwhile; run the command again") from error
-        with open(descriptor, "rb", buffering=0) as file:
-            file.seek(offset)
+        try:
             for size in sizes:
-                chunk = file.read(size)
+                chunk = os.pread(descriptor, size, offset)
                 if len(chunk) != size:
                     raise RequestError(f"{self.file}: cut; run the command again")
                 yield chunk
+                offset += size
+        finally:
+            os.close(descriptor)
 
 
 def read(

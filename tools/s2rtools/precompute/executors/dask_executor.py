@@ -37,7 +37,13 @@ from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.work_units import WorkUnit
 
 IN_FLIGHT = 4
-"""Tasks that a worker has at once: the one that it computes, and the next ones."""
+"""The most tasks that a worker has at once: the one that it computes, and the next ones."""
+_AHEAD_SECONDS = 0.4
+"""Work that waits in a worker, so that it need not wait for this process.
+
+Tasks that take longer are assigned one at a time: those that waited in a slow worker while others
+have nothing left to do would only delay the end.
+"""
 MOST_DEATHS = 4
 """A unit during which this many workers were lost is not computed again."""
 NO_WORKERS_SECONDS = 60.0
@@ -114,6 +120,7 @@ class _Dispatch:
                 self._environments[folder] = task.environment
         self._left, self._received = len(tasks), 0
         self._refused: dict[tuple[str, str], str] = {}
+        self._seconds: dict[str, float] = {}
         self._deaths: Counter[str] = Counter()
         self._suspects: set[str] = set()
         self._failed: list[WorkUnit] = []
@@ -266,8 +273,19 @@ class _Dispatch:
             if queue and not self._refusal(worker, folder, queue[0]):
                 if worker.assigned and _name(queue[0]) in self._suspects:
                     return None
+                if len(worker.assigned) >= self._in_flight(folder):
+                    return None
                 return queue.popleft()
         return None
+
+    def _in_flight(self, folder: str) -> int:
+        """How many tasks a worker has at once where the next one is of a stage; see _AHEAD_SECONDS.
+
+        Two until it is known how long they take. The latest ones count most, because the first one
+        of a worker also loads what all need.
+        """
+        seconds = self._seconds.get(folder, _AHEAD_SECONDS)
+        return min(IN_FLIGHT, 1 + int(_AHEAD_SECONDS / max(seconds, 1e-3)))
 
     def _refusal(self, worker: ConnectedWorker, folder: str, task: Task) -> str:
         """Why a worker may not compute the arrays of a task's stage; empty where it may."""
@@ -320,6 +338,8 @@ class _Dispatch:
             self._left -= 1
             self._received += 1
             assert isinstance(result, Receipt)
+            folder = unit_results.folder(task.unit.stage)
+            self._seconds[folder] = (result.seconds + self._seconds.get(folder, result.seconds)) / 2
             return result
         elif task is None:
             self._exclude(worker, f"cannot load s2rtools {_version()} ({error_text(result)})")
