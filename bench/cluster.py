@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
 _KINDS = ("feature_distance", "occlusion")
-_PAIRS, _SIZE = 1_024, 64
+_PAIRS, _WARM_PAIRS, _SIZE = 768, 256, 64
 _SHORT, _LONG = 400, 0.1
 _MANY = 8
 """Units of a step from which on it is shared evenly enough to tell how well workers are used."""
@@ -119,28 +120,30 @@ def _real(folder: Path) -> Iterator[BudgetRow]:
     They need a processor each, so the efficiency is that of as many workers as have one: the time
     in which one process computes the units, over the workers or processors, whichever are fewer,
     and over the time that the workers take. Processors share caches and memory, so the efficiency
-    of processes without a cluster is the most that workers can reach.
+    of as many processes without a cluster is the most that workers can reach.
     """
-    processors = available_processors()
+    warm = frames_store(folder / "warm.s2r", _WARM_PAIRS, _SIZE, lively("resposenet"))
     store = frames_store(folder / "frames.s2r", _PAIRS, _SIZE, lively("resposenet"))
     serial = _Timed(SerialExecutor(1))
     expected = _computed(store, folder / "serial.s2r", serial)
-    with WorkerPool() as pool:
-        _computed(store, folder / "first.s2r", ProcessExecutor(2, 1, pool))
-        timed = _Timed(ProcessExecutor(2, 1, pool))
-        _computed(store, folder / "processes.s2r", timed)
-    efficiency = serial.computed / min(2, processors) / timed.wall
-    yield BudgetRow("efficiency of 2 processes without a cluster, real units", efficiency, "ratio")
-    for workers in (2, 4):
-        with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
-            _computed(store, folder / f"first{workers}.s2r", executor)
-            timed = _Timed(executor)
-            shards = _computed(store, folder / f"real{workers}.s2r", timed)
-        name = f"{workers} workers on {processors} processors, real units"
-        efficiency = serial.computed / min(workers, processors) / timed.wall
-        yield BudgetRow(f"efficiency of {name}", efficiency, "ratio", 0.8, "at least")
+
+    def row(name: str, executor: Executor, workers: int, *budget: Any) -> Iterator[BudgetRow]:
+        _computed(warm, folder / f"warm {name}", executor)
+        timed = _Timed(executor)
+        shards = _computed(store, folder / name, timed)
+        processors = min(workers, available_processors())
+        efficiency = serial.computed / processors / timed.wall
+        where = f"{name} on {processors} processors, real units"
+        yield BudgetRow(f"efficiency of {where}", efficiency, "ratio", *budget)
         differing = sum(expected[path] != shards.get(path) for path in expected)
-        yield BudgetRow(f"shards that differ from the serial ones, {name}", differing, "files", 0)
+        yield BudgetRow(f"shards that differ from the serial ones, {where}", differing, "files", 0)
+
+    for workers in (2, 4):
+        with WorkerPool() as pool:
+            executor: Executor = ProcessExecutor(workers, 1, pool)
+            yield from row(f"{workers} processes without a cluster", executor, workers)
+        with open_cluster(f"local:{workers}", None, 1, lambda line: None) as executor:
+            yield from row(f"{workers} workers", executor, workers, 0.8, "at least")
 
 
 def _computed(store: Path, path: Path, executor: Executor) -> dict[str, str]:

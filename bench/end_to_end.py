@@ -128,5 +128,9 @@ def _processor_seconds() -> float:
 
 
 def _has_amx() -> bool:
+    """Whether the processor has AMX, and `ONEDNN_MAX_CPU_ISA` does not leave it out."""
+    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "DEFAULT").upper()
+    if "AMX" not in allowed and allowed not in ("DEFAULT", "ALL"):
+        return False
     cpuinfo = Path("/proc/cpuinfo")
     return cpuinfo.exists() and "amx_bf16" in cpuinfo.read_text()

@@ -55,7 +55,7 @@ def test_fields_of_predictions_need_a_run(
     assert main(["query", str(store), *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"{field}" in line
-    assert "needs predictions: no run; register one of a model (`s2r run add`" in line
+    assert "needs predictions: no run; train a model (`s2r train`)" in line
     assert "`s2r run import`" in line
 
 

@@ -34,6 +34,20 @@ if __name__ == "__main__":
         sys.exit(130)
 """
 
+_FINISHING_SCRIPT = """
+import time
+from s2rtui.cli import interrupts
+
+interrupts.watch_sigint("precompute")
+print("ready", flush=True)
+for _ in range(2):
+    try:
+        time.sleep(60)
+    except KeyboardInterrupt:
+        pass
+time.sleep(60)
+"""
+
 
 def _command(*arguments: str) -> list[str]:
     return [sys.executable, "-P", "-m", "s2rtui", *arguments]
@@ -180,6 +194,21 @@ def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "KeyboardInterrupt" not in error
+
+
+def test_ctrl_c_tells_what_is_waited_for_and_again_ends_at_once() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", _FINISHING_SCRIPT], env=_environment(), text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    with process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(signal.SIGINT)
+        assert "waiting for the work units in progress" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 130
 
 
 @pytest.mark.parametrize("name", ["brightness", "contrast", "depth_blur", "camera_pitch"])

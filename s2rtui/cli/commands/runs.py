@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 import s2rstore
@@ -50,7 +51,10 @@ def execute(options: argparse.Namespace) -> int:
                 elif not run_metrics.knows_training_set(store, run.run):
                     note = note or "training set unknown"
             rows.append((run.run, run.model, *domains, *figures, note))
+        missing = "" if store.runs else store.no_run
     output.write(_NAMES, rows, options)
+    if missing:
+        print(missing, file=sys.stderr)
     return 0
 
 

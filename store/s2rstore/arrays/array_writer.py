@@ -107,10 +107,27 @@ def encode_chunks(layout: Layout, rows: NDArray[Any]) -> list[bytes]:
 def write_chunks(
     root: Path, folder: str, layout: Layout, shard: int, rows: int, chunks: Iterable[bytes]
 ) -> WrittenFile:
-    """Write a shard of compressed chunks durably; they are read one after the other.
+    """Write a shard of compressed chunks durably, as `write_unfinished` and `finish` do."""
+    shard_file = write_unfinished(root, folder, layout, shard, rows, chunks)
+    finish(root, shard_file)
+    return shard_file.written
+
+
+@dataclass(frozen=True, slots=True)
+class UnfinishedFile:
+    """A file that is written under another name: its path inside the store, and what it becomes."""
+
+    path: str
+    written: WrittenFile
+
+
+def write_unfinished(
+    root: Path, folder: str, layout: Layout, shard: int, rows: int, chunks: Iterable[bytes]
+) -> UnfinishedFile:
+    """Write a shard of compressed chunks, which are read one after the other.
 
     `folder` is the array's inside `root`, `rows` how many rows the shard holds. Raises ValueError
-    where there are more or fewer chunks than that.
+    where there are more or fewer chunks than that. `finish` makes it a shard of the array.
     """
     digest, sizes = hashlib.sha256(), list[int]()
     expected = -(-rows // layout.rows_per_chunk)
@@ -128,8 +145,13 @@ def write_chunks(
         yield index
 
     name = f"{folder}/{shard_name(layout, shard)}"
-    atomic_writes.write(root, name, content())
-    return WrittenFile(name, sum(sizes), digest.hexdigest())
+    path = atomic_writes.write_attempt(root, name, content(), durable=False, create_folder=True)
+    return UnfinishedFile(path, WrittenFile(name, sum(sizes), digest.hexdigest()))
+
+
+def finish(root: Path, shard_file: UnfinishedFile) -> None:
+    """Give a shard its name durably; for any thread."""
+    atomic_writes.finish_attempt(root, shard_file.path, shard_file.written.path)
 
 
 def _index(sizes: Sequence[int], count: int) -> bytes:

@@ -60,15 +60,35 @@ def write(
             raise
 
 
-def write_attempt(root: Path, relative: str | Path, content: Content, durable: bool = True) -> str:
+def write_attempt(
+    root: Path,
+    relative: str | Path,
+    content: Content,
+    durable: bool = True,
+    create_folder: bool = False,
+) -> str:
     """Write content that shall become the file `relative`, under a unique name in its folder.
 
-    Returns the path of that unfinished file below `root`; `rename` makes it the file. Several
-    processes, also of several hosts, may do so for one file at once. The folder must exist.
+    Returns the path of that unfinished file below `root`; `rename`, or `finish_attempt` without
+    `durable`, makes it the file. Several processes, also of several hosts, may do so for one file
+    at once. The folder must exist, unless `create_folder`.
     """
-    with parent_folder(root, relative) as (parent, _):
+    with parent_folder(root, relative, create_folder) as (parent, _):
         name = _write_partial(root / relative, parent, content, durable)
     return (Path(relative).parent / name).as_posix()
+
+
+def finish_attempt(root: Path, attempt: str, relative: str | Path) -> None:
+    """Make an unfinished file below `root` the file `relative` of its folder, durably."""
+    new_name = safe_files.parts_of(root, relative)[-1]
+    with parent_folder(root, attempt) as (parent, name), errors_of(root / relative):
+        descriptor = os.open(name, os.O_RDONLY | NO_FOLLOW, dir_fd=parent)
+        try:
+            os.fsync(descriptor)
+            os.replace(name, new_name, src_dir_fd=parent, dst_dir_fd=parent)
+            os.fsync(parent)
+        finally:
+            os.close(descriptor)
 
 
 def write_file(path: Path, content: Content, check: Callable[[], None] = lambda: None) -> None:

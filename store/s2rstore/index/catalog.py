@@ -224,10 +224,14 @@ class IndexCatalog(OpenIndex):
             names = ", ".join(self.runs)
             return f"no run is computed ({names}); `s2r precompute {self.path}` computes them"
         model = next(iter(self.models), None)
-        add = "s2r run add" if model is None else f"s2r run add NAME --model {model}"
+        if model is None:
+            return (
+                "no run; train a model (`s2r train`) or add one (`s2r model add`, then `s2r run "
+                "add` and `s2r precompute`), or import predictions (`s2r run import`)"
+            )
         return (
-            f"no run; register one of a model (`{add}`, then `s2r precompute`), or import "
-            "predictions (`s2r run import`)"
+            f"no run; register one of a model (`s2r run add NAME --model {model}`, then `s2r "
+            "precompute`), or import predictions (`s2r run import`)"
         )
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import array_writer
+from s2rstore.arrays.array_writer import UnfinishedFile
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
@@ -25,6 +27,8 @@ from s2rtools.precompute import unit_results
 from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+
+_FLUSHES_AT_ONCE = 4
 
 Totals = Mapping[ArraySpec, NDArray[np.float64]]
 Merge = Callable[[Iterable[Totals]], Mapping[ArraySpec, NDArray[Any]]]
@@ -228,14 +232,21 @@ class UnitPlan:
 
     def _complete(self, unit: WorkUnit) -> None:
         """Write and record the shards that waited for this unit only, then drop their results."""
-        entries: dict[str, list[LedgerEntry]] = defaultdict(list)
-        assembled = []
-        for shard in self._shards.pop(unit_results.file_name(unit.stage, unit.number)):
+        shards = self._shards.pop(unit_results.file_name(unit.stage, unit.number))
+        for shard in shards:
             shard.waiting.discard(unit.number)
-            if not shard.waiting:
-                folder = shard.spec.folder(shard.stage.run)
-                entries[folder].append(self._write(shard))
-                assembled.append(shard)
+        assembled = [shard for shard in shards if not shard.waiting]
+        if not assembled:
+            return
+        entries: dict[str, list[LedgerEntry]] = defaultdict(list)
+        with ThreadPoolExecutor(_FLUSHES_AT_ONCE) as pool:  # while the next one is put together
+            flushes = []
+            for shard in assembled:
+                file, entry = self._write(shard)
+                flushes.append(pool.submit(array_writer.finish, self._root, file))
+                entries[shard.spec.folder(shard.stage.run)].append(entry)
+            for flush in flushes:
+                flush.result()
         for key, recorded in entries.items():
             self._ledger.add_array_entries(key, recorded)
         for shard in assembled:
@@ -245,15 +256,17 @@ class UnitPlan:
                     del self._results[name]
                     atomic_writes.remove(self._root, name)
 
-    def _write(self, shard: _Shard) -> LedgerEntry:
-        """Write a shard from the results of its units."""
+    def _write(self, shard: _Shard) -> tuple[UnfinishedFile, LedgerEntry]:
+        """Write a shard from the results of its units, and what the ledger shall say of it."""
         results = [self._results[name] for name in shard.results]
         with safe_files.folder(self._root, shard.folder) as folder:
             parts = (list(result.chunks(shard.path, folder)) for result in results)
             return self._write_parts(shard, parts)
 
-    def _write_parts(self, shard: _Shard, parts: Iterator[list[bytes]]) -> LedgerEntry:
-        """Write a shard from the chunks of its units."""
+    def _write_parts(
+        self, shard: _Shard, parts: Iterator[list[bytes]]
+    ) -> tuple[UnfinishedFile, LedgerEntry]:
+        """As `_write`, from the chunks of the units."""
         if shard.stage.is_aggregate:
             totals = ({shard.spec: decode_totals(part, shard.spec.item)} for part in parts)
             rows = self._merge(totals)[shard.spec]
@@ -262,12 +275,14 @@ class UnitPlan:
             chunks = islice(chain.from_iterable(parts), *_chunk_range(shard))
         folder = shard.array.path.relative_to(self._root).as_posix()
         count = shard.array.rows_in(shard.number)
-        written = array_writer.write_chunks(
+        file = array_writer.write_unfinished(
             self._root, folder, shard.array.layout, shard.number, count, chunks
         )
+        written = file.written
         unit = f"{shard.stage.run}:{shard.stage.name}:{shard.number}"
         environment = self._environments[shard.spec.folder(shard.stage.run)]
-        return LedgerEntry(unit, written.path, written.bytes, written.sha256, count, environment)
+        size, checksum = written.bytes, written.sha256
+        return file, LedgerEntry(unit, written.path, size, checksum, count, environment)
 
 
 def _mixed(stage: Stage, difference: str) -> RequestError:

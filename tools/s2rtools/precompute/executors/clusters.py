@@ -42,6 +42,10 @@ _CONFIG = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.daemon": True,
+    # A second thread computes the units. If it has an arena of its own, each large array needs new
+    # pages; Dask's profiler takes the interpreter lock from it. Together 7 % of the time.
+    "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": "1",
+    "distributed.worker.profile.enabled": False,
     # A unit that ends its worker is recognised by the executor, which sees single workers.
     "distributed.scheduler.allowed-failures": 20,
     # No page shows or changes anything of a cluster.
