@@ -71,7 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--seed", type=int, default=1,
                        help="random seed of the building (default 1)")  # fmt: skip
     group.add_argument("--instances", type=int, default=120,
-                       help="instances of each of the two trajectories (default 120)")  # fmt: skip
+                       help="instances of each of the two trajectories (default 120), at most one "
+                       "per 6 cm of path")  # fmt: skip
     group.add_argument("--survey", type=int, default=0, metavar="N",
                        help="add a training set of N random views and one tour")  # fmt: skip
     group.add_argument("--factors", default="all", metavar="NAME[=SEVERITY],...",
