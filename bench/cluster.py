@@ -36,7 +36,7 @@ _KINDS = ("feature_distance", "occlusion")
 _PAIRS, _WARM_PAIRS, _SIZE = 768, 256, 64
 _SHORT, _LONG = 400, 0.1
 _MANY = 8
-"""Units of a step from which on it is shared evenly enough to tell how well workers are used."""
+"""A step of fewer units is not counted: workers without a unit say nothing about the executor."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _sleep(executor: Executor, root: Path, count: int, seconds: float) -> float:
 
 
 def _real(folder: Path) -> Iterator[BudgetRow]:
-    """Real units with one thread each.
+    """Real units with one thread each, of the step with many units: predictions and occlusion.
 
     They need a processor each, so the efficiency is that of as many workers as have one: the time
     in which one process computes the units, over the workers or processors, whichever are fewer,

@@ -129,7 +129,7 @@ def _processor_seconds() -> float:
 
 def _has_amx() -> bool:
     """Whether the processor has AMX, and `ONEDNN_MAX_CPU_ISA` does not leave it out."""
-    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "DEFAULT").upper()
+    allowed = os.environ.get("ONEDNN_MAX_CPU_ISA", "").upper() or "DEFAULT"
     if "AMX" not in allowed and allowed not in ("DEFAULT", "ALL"):
         return False
     cpuinfo = Path("/proc/cpuinfo")

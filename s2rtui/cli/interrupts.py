@@ -19,8 +19,6 @@ GRACE_SECONDS = 1.0
 
 _READ_ONLY = frozenset({"doctor", "query", "runs", "show", "sql"})
 """Commands that lose nothing when they are ended at once."""
-_FINISHES_UNITS = frozenset({"precompute"})
-"""Commands that end after the work units that their worker processes compute at present."""
 _RESUME_HINTS = {
     "precompute": "finished work units are kept; run the same command to continue",
     "train": "the training state is kept; run the same command to continue",
@@ -45,17 +43,11 @@ def _watch(source: int, command: str | None) -> None:
     while numbers := os.read(source, 64):
         if signal.SIGINT not in numbers:
             continue
-        is_repeated = _received.is_set()
         _received.set()
-        time.sleep(GRACE_SECONDS)
         if command in _READ_ONLY:
+            time.sleep(GRACE_SECONDS)
             report_interrupt(command)
             os._exit(EXIT_CODE)
-        if command in _FINISHES_UNITS:
-            if is_repeated:  # the main thread has reported it
-                os._exit(EXIT_CODE)
-            line = "s2r: waiting for the work units in progress; press ctrl+c again to drop them"
-            print(line, file=sys.stderr, flush=True)
 
 
 def report_interrupt(command: str | None) -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -34,18 +35,28 @@ if __name__ == "__main__":
         sys.exit(130)
 """
 
-_FINISHING_SCRIPT = """
-import time
-from s2rtui.cli import interrupts
+_LONG_UNITS_SCRIPT = """
+import sys, time
+from collections.abc import Callable
+from typing import NamedTuple
+from s2rtools.precompute.executors.executor import Task
+from s2rtools.precompute.executors.local_executors import ProcessExecutor, WorkerPool
 
-interrupts.watch_sigint("precompute")
-print("ready", flush=True)
-for _ in range(2):
+class LongComputation(NamedTuple):
+    def open(self, threads: int) -> Callable[[object], object]:
+        return wait
+
+def wait(unit: object) -> None:
+    print("computing", flush=True)
+    time.sleep(600)
+
+if __name__ == "__main__":
+    tasks = [Task(LongComputation(), unit) for unit in (1, 2)]
     try:
-        time.sleep(60)
+        with WorkerPool(lambda line: print(line, flush=True)) as pool:
+            list(ProcessExecutor(2, 1, pool).run(tasks))
     except KeyboardInterrupt:
-        pass
-time.sleep(60)
+        sys.exit(130)
 """
 
 
@@ -196,19 +207,25 @@ def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
     assert "KeyboardInterrupt" not in error
 
 
-def test_ctrl_c_tells_what_is_waited_for_and_again_ends_at_once() -> None:
+def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path) -> None:
+    script = tmp_path / "units.py"
+    script.write_text(_LONG_UNITS_SCRIPT)
     process = subprocess.Popen(
-        [sys.executable, "-c", _FINISHING_SCRIPT], env=_environment(), text=True,
+        [sys.executable, str(script)], env=_environment(), text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
-    with process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        assert process.stdout.readline() == "ready\n"
+    assert process.stdout is not None
+    try:
+        assert [process.stdout.readline() for _ in range(2)] == 2 * ["computing\n"]
         process.send_signal(signal.SIGINT)
-        assert "waiting for the work units in progress" in process.stderr.readline()
+        assert "press ctrl+c again to drop them" in process.stdout.readline()
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 130
+        _, error = process.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130
+    assert "Traceback" not in error
 
 
 @pytest.mark.parametrize("name", ["brightness", "contrast", "depth_blur", "camera_pitch"])

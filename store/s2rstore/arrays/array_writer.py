@@ -107,27 +107,27 @@ def encode_chunks(layout: Layout, rows: NDArray[Any]) -> list[bytes]:
 def write_chunks(
     root: Path, folder: str, layout: Layout, shard: int, rows: int, chunks: Iterable[bytes]
 ) -> WrittenFile:
-    """Write a shard of compressed chunks durably, as `write_unfinished` and `finish` do."""
-    shard_file = write_unfinished(root, folder, layout, shard, rows, chunks)
-    finish(root, shard_file)
-    return shard_file.written
+    """Write a shard of compressed chunks durably, as `write_unnamed` and `name_shard` do."""
+    unnamed = write_unnamed(root, folder, layout, shard, rows, chunks)
+    name_shard(root, unnamed)
+    return unnamed.written
 
 
 @dataclass(frozen=True, slots=True)
-class UnfinishedFile:
-    """A file that is written under another name: its path inside the store, and what it becomes."""
+class UnnamedShard:
+    """A shard in a file of another name: the path of that inside the store, and what it becomes."""
 
     path: str
     written: WrittenFile
 
 
-def write_unfinished(
+def write_unnamed(
     root: Path, folder: str, layout: Layout, shard: int, rows: int, chunks: Iterable[bytes]
-) -> UnfinishedFile:
+) -> UnnamedShard:
     """Write a shard of compressed chunks, which are read one after the other.
 
     `folder` is the array's inside `root`, `rows` how many rows the shard holds. Raises ValueError
-    where there are more or fewer chunks than that. `finish` makes it a shard of the array.
+    where there are more or fewer chunks than that. `name_shard` makes it a shard of the array.
     """
     digest, sizes = hashlib.sha256(), list[int]()
     expected = -(-rows // layout.rows_per_chunk)
@@ -146,12 +146,12 @@ def write_unfinished(
 
     name = f"{folder}/{shard_name(layout, shard)}"
     path = atomic_writes.write_attempt(root, name, content(), durable=False, create_folder=True)
-    return UnfinishedFile(path, WrittenFile(name, sum(sizes), digest.hexdigest()))
+    return UnnamedShard(path, WrittenFile(name, sum(sizes), digest.hexdigest()))
 
 
-def finish(root: Path, shard_file: UnfinishedFile) -> None:
+def name_shard(root: Path, shard: UnnamedShard) -> None:
     """Give a shard its name durably; for any thread."""
-    atomic_writes.finish_attempt(root, shard_file.path, shard_file.written.path)
+    atomic_writes.flush_and_rename(root, shard.path, shard.written.path)
 
 
 def _index(sizes: Sequence[int], count: int) -> bytes:

@@ -69,26 +69,35 @@ def write_attempt(
 ) -> str:
     """Write content that shall become the file `relative`, under a unique name in its folder.
 
-    Returns the path of that unfinished file below `root`; `rename`, or `finish_attempt` without
-    `durable`, makes it the file. Several processes, also of several hosts, may do so for one file
-    at once. The folder must exist, unless `create_folder`.
+    Returns the path of that unfinished file below `root`. `rename` makes it the file;
+    `flush_and_rename` does so for one that was not written durably. Several processes, also of
+    several hosts, may write one file at once. The folder must exist, unless `create_folder`.
     """
     with parent_folder(root, relative, create_folder) as (parent, _):
         name = _write_partial(root / relative, parent, content, durable)
     return (Path(relative).parent / name).as_posix()
 
 
-def finish_attempt(root: Path, attempt: str, relative: str | Path) -> None:
-    """Make an unfinished file below `root` the file `relative` of its folder, durably."""
+def flush_and_rename(root: Path, attempt: str, relative: str | Path) -> None:
+    """Make an unfinished file below `root` the file `relative` of its folder, durably.
+
+    Where that fails, the unfinished file is removed.
+    """
+    path = root / relative
     new_name = safe_files.parts_of(root, relative)[-1]
-    with parent_folder(root, attempt) as (parent, name), errors_of(root / relative):
-        descriptor = os.open(name, os.O_RDONLY | NO_FOLLOW, dir_fd=parent)
+    with parent_folder(root, attempt) as (parent, name), errors_of(path):
         try:
-            os.fsync(descriptor)
+            descriptor = safe_files.open_regular_at(root / attempt, os.O_RDONLY, parent)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
             os.replace(name, new_name, src_dir_fd=parent, dst_dir_fd=parent)
             os.fsync(parent)
-        finally:
-            os.close(descriptor)
+        except BaseException:
+            with suppress(OSError):
+                os.unlink(name, dir_fd=parent)
+            raise
 
 
 def write_file(path: Path, content: Content, check: Callable[[], None] = lambda: None) -> None:

@@ -94,7 +94,7 @@ def precompute(
     with (
         locks.compute_lock(root, report_line=reporter.say) as lease,
         CurrentStore(root) as current,
-        WorkerPool() as pool,
+        WorkerPool(reporter.say) as pool,
     ):
         store = current.get()
         store.require_poses("precompute")

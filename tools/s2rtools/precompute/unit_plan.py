@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from s2rstore.arrays import array_writer
-from s2rstore.arrays.array_writer import UnfinishedFile
+from s2rstore.arrays.array_writer import UnnamedShard
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
 from s2rstore.files import atomic_writes, safe_files
@@ -243,7 +243,7 @@ class UnitPlan:
             flushes = []
             for shard in assembled:
                 file, entry = self._write(shard)
-                flushes.append(pool.submit(array_writer.finish, self._root, file))
+                flushes.append(pool.submit(array_writer.name_shard, self._root, file))
                 entries[shard.spec.folder(shard.stage.run)].append(entry)
             for flush in flushes:
                 flush.result()
@@ -256,7 +256,7 @@ class UnitPlan:
                     del self._results[name]
                     atomic_writes.remove(self._root, name)
 
-    def _write(self, shard: _Shard) -> tuple[UnfinishedFile, LedgerEntry]:
+    def _write(self, shard: _Shard) -> tuple[UnnamedShard, LedgerEntry]:
         """Write a shard from the results of its units, and what the ledger shall say of it."""
         results = [self._results[name] for name in shard.results]
         with safe_files.folder(self._root, shard.folder) as folder:
@@ -265,7 +265,7 @@ class UnitPlan:
 
     def _write_parts(
         self, shard: _Shard, parts: Iterator[list[bytes]]
-    ) -> tuple[UnfinishedFile, LedgerEntry]:
+    ) -> tuple[UnnamedShard, LedgerEntry]:
         """As `_write`, from the chunks of the units."""
         if shard.stage.is_aggregate:
             totals = ({shard.spec: decode_totals(part, shard.spec.item)} for part in parts)
@@ -275,7 +275,7 @@ class UnitPlan:
             chunks = islice(chain.from_iterable(parts), *_chunk_range(shard))
         folder = shard.array.path.relative_to(self._root).as_posix()
         count = shard.array.rows_in(shard.number)
-        file = array_writer.write_unfinished(
+        file = array_writer.write_unnamed(
             self._root, folder, shard.array.layout, shard.number, count, chunks
         )
         written = file.written

@@ -42,8 +42,8 @@ _CONFIG = {
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.daemon": True,
-    # A second thread computes the units. If it has an arena of its own, each large array needs new
-    # pages; Dask's profiler takes the interpreter lock from it. Together 7 % of the time.
+    # Units are computed 7 % faster if all threads share one memory arena, which keeps the pages of
+    # large arrays, and if Dask does not sample the stacks of the threads.
     "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": "1",
     "distributed.worker.profile.enabled": False,
     # A unit that ends its worker is recognised by the executor, which sees single workers.

@@ -39,10 +39,10 @@ from s2rtools.precompute.work_units import WorkUnit
 IN_FLIGHT = 4
 """The most tasks that a worker has at once: the one that it computes, and the next ones."""
 _AHEAD_SECONDS = 0.4
-"""Work that waits in a worker, so that it need not wait for this process.
+"""Work that a worker has at least, so that it does not wait for this process between two tasks.
 
-Tasks that take longer are assigned one at a time: those that waited in a slow worker while others
-have nothing left to do would only delay the end.
+Longer tasks are assigned one at a time: one that waited in a slow worker while others have nothing
+left to do would only delay the end.
 """
 MOST_DEATHS = 4
 """A unit during which this many workers were lost is not computed again."""
@@ -273,19 +273,20 @@ class _Dispatch:
             if queue and not self._refusal(worker, folder, queue[0]):
                 if worker.assigned and _name(queue[0]) in self._suspects:
                     return None
-                if len(worker.assigned) >= self._in_flight(folder):
+                if worker.assigned and self._has_enough(worker):
                     return None
                 return queue.popleft()
         return None
 
-    def _in_flight(self, folder: str) -> int:
-        """How many tasks a worker has at once where the next one is of a stage; see _AHEAD_SECONDS.
+    def _has_enough(self, worker: ConnectedWorker) -> bool:
+        """Whether the assigned tasks keep a worker busy for `_AHEAD_SECONDS`.
 
-        Two until it is known how long they take. The latest ones count most, because the first one
-        of a worker also loads what all need.
+        Of a stage of which none is computed yet, two do. The latest ones count most, because the
+        first one of a worker also loads what all need.
         """
-        seconds = self._seconds.get(folder, _AHEAD_SECONDS)
-        return min(IN_FLIGHT, 1 + int(_AHEAD_SECONDS / max(seconds, 1e-3)))
+        folders = (unit_results.folder(task.unit.stage) for task in worker.assigned.values())
+        expected = (self._seconds.get(folder, _AHEAD_SECONDS / 2) for folder in folders)
+        return sum(expected) >= _AHEAD_SECONDS
 
     def _refusal(self, worker: ConnectedWorker, folder: str, task: Task) -> str:
         """Why a worker may not compute the arrays of a task's stage; empty where it may."""
@@ -337,6 +338,7 @@ class _Dispatch:
         elif future.status == "finished":
             self._left -= 1
             self._received += 1
+            assert task is not None
             assert isinstance(result, Receipt)
             folder = unit_results.folder(task.unit.stage)
             self._seconds[folder] = (result.seconds + self._seconds.get(folder, result.seconds)) / 2

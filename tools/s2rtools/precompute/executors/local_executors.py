@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -52,9 +52,13 @@ def local_executor(workers: int, threads: int, pool: WorkerPool) -> Executor:
 
 
 class WorkerPool:
-    """Worker processes of this machine, kept for later tasks until `close`."""
+    """Worker processes of this machine, kept for later tasks until `close`.
 
-    def __init__(self) -> None:
+    `report_line` is told when ctrl+c waits for the tasks in progress.
+    """
+
+    def __init__(self, report_line: Callable[[str], None] = lambda line: None) -> None:
+        self.report_line = report_line
         self._pool: ProcessPoolExecutor | None = None
         self._workers = 0
 
@@ -90,10 +94,19 @@ class WorkerPool:
         return self._pool
 
     def close(self) -> None:
-        """End the processes after the tasks that they compute; others are not begun."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
-        self._pool, self._workers = None, 0
+        """End the processes after the tasks that they compute; others are not begun.
+
+        Ctrl+c meanwhile ends them at once.
+        """
+        pool, self._pool, self._workers = self._pool, None, 0
+        if pool is None:
+            return
+        try:
+            pool.shutdown(wait=True, cancel_futures=True)
+        except KeyboardInterrupt:
+            for process in multiprocessing.active_children():
+                process.kill()
+            raise
 
 
 class SerialExecutor:
@@ -135,6 +148,11 @@ class ProcessExecutor:
             for future in as_completed(futures):
                 yield future.result()
             is_complete = True
+        except KeyboardInterrupt:
+            self._pool.report_line(
+                "waiting for the work units in progress; press ctrl+c again to drop them"
+            )
+            raise
         except BrokenProcessPool as error:
             raise RequestError(
                 f"{tasks[0].computation.root}: a worker process was killed (out of memory?); "
