@@ -14,7 +14,7 @@ from s2rstore.geometry.rooms import NO_ROOM
 from s2rstore.metrics import median_intervals
 from s2rtui.analysis.binning import selection_indices
 from s2rtui.canvas import DARK, ColourMode, RenderOptions
-from s2rtui.charts.compare.change import NOT_EVIDENT, room_changes, table_rows, words
+from s2rtui.charts.compare.change import NOT_EVIDENT, room_changes, sentences, table_rows
 from s2rtui.charts.compare.model import CompareInput, cell_means, compare_model
 from s2rtui.charts.compare.terminal import compare_layout, comparison_text, draw_compare
 from tests.charts.examples import BOUNDS, N, compare_input
@@ -126,7 +126,7 @@ def test_empty_selections_and_missing_values_can_be_drawn() -> None:
     draw_compare(compare_input(selected=none_selected), SIZE)
     summary = compare_model(compare_input(first=missing)).summary
     assert (summary.improved, summary.worse, summary.equal, summary.unknown) == (0, 0, 0, 15)
-    assert "no instance" in compare_input(first=missing).words
+    assert "no instance" in compare_input(first=missing).sentences
 
 
 @settings(deadline=None)
@@ -188,7 +188,7 @@ def test_a_clear_change_is_evident_and_said_in_words() -> None:
     whole = room_changes(first, second, everything, trajectory, None, ()).whole
     assert whole.better_run == "B"
     assert whole.change.low < whole.change.value < whole.change.high < 0
-    text = words(whole, ("vanilla", "dataaug"), "real")
+    text = sentences(whole, ("vanilla", "dataaug"), "real")
     assert f"dataaug is better on {whole.better} of 400 instances, worse on {whole.worse}" in text
     assert "negative: dataaug is better), so dataaug is evidently better" in text
     assert f"{100 * whole.large:.0f} % of the instances change by more than 0.5 m" in text
@@ -197,7 +197,7 @@ def test_a_clear_change_is_evident_and_said_in_words() -> None:
     assert back.change.value == pytest.approx(-whole.change.value)
     same = room_changes(first, first[::-1].copy(), everything, trajectory, None, ()).whole
     assert same.better_run == ""
-    assert "no evident difference" in words(same, ("vanilla", "dataaug"), "real")
+    assert "no evident difference" in sentences(same, ("vanilla", "dataaug"), "real")
 
 
 def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
@@ -206,7 +206,7 @@ def test_few_neighbours_on_one_side_are_not_called_evident() -> None:
     changes = room_changes(np.zeros(7), second, np.ones(7, dtype=np.bool_), None, rooms, ("a",))
     ((_, *cells), _) = table_rows(changes.rooms, changes.whole)
     assert cells[4:] == ["<+0.40 to >+9.20", NOT_EVIDENT]
-    text = words(changes.whole, ("vanilla", "dataaug"), "real")
+    text = sentences(changes.whole, ("vanilla", "dataaug"), "real")
     assert "no evident difference: too few blocks of neighbouring images" in text
     assert "interval <+0.40 to >+9.20" in text
 
@@ -220,7 +220,7 @@ def test_the_comparison_in_words_is_complete_at_every_size(size: tuple[int, int]
     text = " ".join(" ".join(lines).split())
     assert canvas.width == size[0]
     assert canvas.height <= size[1]
-    assert view.words in text
+    assert view.sentences in text
     if size[0] >= 64:
         table = [line.split() for line in lines if "+" in line or "-" in line]
         changes = view.changes

@@ -148,13 +148,13 @@ def test_a_link_to_a_configuration_keeps_its_folder(tmp_path: Path) -> None:
     (tmp_path / "live").mkdir()
     link = tmp_path / "live" / "nightly.toml"
     link.symlink_to(tmp_path / "gates.toml")
-    assert parsed(nightly.words(parsed(["nightly", str(link)]))).config == link
+    assert parsed(nightly.command_arguments(parsed(["nightly", str(link)]))).config == link
 
 
 def test_a_wrong_date_to_withdraw_is_refused_before_the_job() -> None:
     options = parsed(["nightly", "--withdraw", "2026-99-99", "n.toml"])
     with pytest.raises(RequestError, match="--withdraw 2026-99-99"):
-        nightly.words(options)
+        nightly.command_arguments(options)
 
 
 def test_a_job_that_slurm_has_forgotten_is_told(slurm: Slurm) -> None:
@@ -184,7 +184,7 @@ _IN_JOB = {"cluster", "show_job_script", "debug", "store", "config", "night"}
 )  # fmt: skip
 def test_a_job_trains_with_all_options(given: list[str]) -> None:
     options = parsed(["train", "--store", "s.s2r", *given])
-    in_job = parsed(train.words(options, "/nodes/s.s2r"))
+    in_job = parsed(train.command_arguments(options, "/nodes/s.s2r"))
     assert in_job.store == Path("/nodes/s.s2r")
     for name in vars(options).keys() - _IN_JOB:
         assert getattr(in_job, name) == getattr(options, name), name
@@ -193,11 +193,11 @@ def test_a_job_trains_with_all_options(given: list[str]) -> None:
 def test_a_job_measures_the_named_night_with_all_options(tmp_path: Path) -> None:
     for given in (["--night", "2026-11-21", "--far-night", "--json"], ["--withdraw", "2026-11-20"]):
         options = parsed(["nightly", *given, "n.toml"])
-        in_job = parsed(nightly.words(options))
+        in_job = parsed(nightly.command_arguments(options))
         assert in_job.config == Path("n.toml").absolute()
         for name in vars(options).keys() - (_IN_JOB - {"night"}):
             assert getattr(in_job, name) == getattr(options, name), name
-    assert parsed(nightly.words(parsed(["nightly", "n.toml"]))).night is not None
+    assert parsed(nightly.command_arguments(parsed(["nightly", "n.toml"]))).night is not None
 
 
 def test_train_submits_a_job(slurm: Slurm, store_copy: Path, capsys) -> None:

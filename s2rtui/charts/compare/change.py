@@ -244,7 +244,7 @@ class _Changes:
         )
 
 
-def words(
+def sentences(
     whole: Change, names: tuple[str, str], side: str, unit: str = "m", equal: float = EQUAL
 ) -> str:
     """The comparison of the runs `names` in sentences; `equal` as in `room_changes`."""

@@ -20,7 +20,7 @@ from s2rtui.analysis.binning import (
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.map_frame import MapFrame
 from s2rtui.canvas import Mark, Pixels, diverging
-from s2rtui.charts.compare.change import EQUAL, Codes, RoomChanges, room_changes, words
+from s2rtui.charts.compare.change import EQUAL, Codes, RoomChanges, room_changes, sentences
 from s2rtui.charts.shared.axis_scale import Floats
 from s2rtui.charts.shared.base_map_background import MapBackground
 from s2rtui.charts.shared.base_map_model import selection_sizes
@@ -80,9 +80,9 @@ class CompareInput:
         )
 
     @property
-    def words(self) -> str:
+    def sentences(self) -> str:
         """The comparison in sentences."""
-        return words(self.changes.whole, self.names, self.side, self.unit, self.equal)
+        return sentences(self.changes.whole, self.names, self.side, self.unit, self.equal)
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,7 +84,7 @@ def compare_figure(
     """Draw the figure in `size` pixels; `maps` share a value range, `notes` follow the title."""
     first, second = difference.names
     title = f"{difference.side.capitalize()} error: {first} against {second}"
-    texts = (difference.words, subtitle, *notes)
+    texts = (difference.sentences, subtitle, *notes)
     page = new_page(size, theme, title, "  ·  ".join(part for part in texts if part))
     area = viewport or default_view(difference.bounds, difference.truth, difference.valid)
     table = _table_rows(page, difference)

@@ -127,7 +127,7 @@ class ComparisonText:
 def layout_text(data: CompareInput, size: Size, options: RenderOptions) -> ComparisonText:
     """Lay out the comparison in `size` (columns, rows)."""
     width, height = size
-    lines = textwrap.wrap(options.printable(data.words), max(10, width))[: max(1, height)]
+    lines = textwrap.wrap(options.printable(data.sentences), max(10, width))[: max(1, height)]
     rooms, free = len(data.changes.rooms), height - len(lines)
     if free < MIN_TABLE or width < MIN_TABLE_WIDTH or rooms < 2:
         return ComparisonText(lines, 0, 0)

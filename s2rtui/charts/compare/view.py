@@ -189,7 +189,7 @@ class CompareView(PointsView):
     def summary(self, scene: Scene) -> str:
         other = run_comparison.other_run(scene.state)
         left_out = "" if other is None else scene.other_trained_note(other)
-        return self.pair_input(scene, other).words + (f" {left_out}." if left_out else "")
+        return self.pair_input(scene, other).sentences + (f" {left_out}." if left_out else "")
 
     def figure(self, scene: Scene, size: Pixels, theme: Theme) -> bytes:
         from s2rtui.charts.compare import paper

@@ -37,7 +37,7 @@ def execute(options: argparse.Namespace) -> int:
 
     config = configs.read(options.config)
     if slurm_job.is_requested(options):
-        arguments = words(options)
+        arguments = command_arguments(options)
         return slurm_job.SlurmJob(options).run(arguments)
     if options.withdraw is not None:
         return _withdraw(config, options)
@@ -51,7 +51,7 @@ def execute(options: argparse.Namespace) -> int:
     return result.night.exit_code
 
 
-def words(options: argparse.Namespace) -> list[str]:
+def command_arguments(options: argparse.Namespace) -> list[str]:
     """The arguments of `s2r` that measure the same night in another working folder.
 
     The night is named, because the job may begin on another day.

@@ -49,7 +49,9 @@ def execute(options: argparse.Namespace) -> int:
         if not options.show_job_script:
             check_request(options.store, request)
         seconds = 60 * options.minutes if options.steps is None else 0.0
-        return job.run(words(options, job.store_folder(options.store)), seconds, "--minutes")
+        return job.run(
+            command_arguments(options, job.store_folder(options.store)), seconds, "--minutes"
+        )
     command = shlex.join(["s2r", *sys.argv[1:]])
     with reporter() as progress:
         report = percent_callback(progress, f"train {options.name or options.recipe}")
@@ -58,7 +60,7 @@ def execute(options: argparse.Namespace) -> int:
     return 0
 
 
-def words(options: argparse.Namespace, store: str) -> list[str]:
+def command_arguments(options: argparse.Namespace, store: str) -> list[str]:
     """The arguments of `s2r` that train the same on the store in another folder."""
     values = {
         "store": store, "recipe": options.recipe, "from": options.start,

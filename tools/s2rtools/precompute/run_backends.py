@@ -46,7 +46,7 @@ class BackendIdentity:
         return issubclass(BACKENDS.get(self.name, Backend), CudaBackend)
 
     @property
-    def keeps_base(self) -> bool:
+    def keeps_activations(self) -> bool:
         """Whether a forward pass keeps the outputs of all operations of the trunk."""
         return issubclass(BACKENDS.get(self.name, Backend), WinogradBackend)
 
@@ -103,9 +103,9 @@ class RunBackends:
         return cls(predictions, heatmaps, differences, facts)
 
     @property
-    def keep_base(self) -> bool:
+    def heatmaps_reuse_activations(self) -> bool:
         """Whether heatmaps can reuse the outputs that the forward pass of the predictions keeps."""
-        return self.predictions == self.heatmaps and self.predictions.keeps_base
+        return self.predictions == self.heatmaps and self.predictions.keeps_activations
 
     def record(self) -> dict[str, Any]:
         return {

@@ -127,12 +127,12 @@ def _follow(
     report_line: Callable[[str], None],
 ) -> JobFacts:
     """Copy the output of a job until it ends; its last facts."""
-    copies = [_Copy(log, stream) for log, stream in zip(logs, streams, strict=True)]
+    copies = [_LogCopy(log, stream) for log, stream in zip(logs, streams, strict=True)]
     told, pause = "", _POLL_SECONDS
     while True:
         facts = _facts(settings, job)
         for copy in copies:
-            copy.more()
+            copy.copy_new()
         if facts.has_ended:
             return facts
         if facts.state in _WAITS:
@@ -172,7 +172,7 @@ def _call(*command: str, standard_input: str = "") -> subprocess.CompletedProces
     )  # fmt: skip
 
 
-class _Copy:
+class _LogCopy:
     """Copies what is appended to a file; it is opened each time, so that NFS asks its server.
 
     What cannot be read at one time is copied the next time.
@@ -182,7 +182,7 @@ class _Copy:
         self._path, self._stream, self._offset = path, stream, 0
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
-    def more(self) -> None:
+    def copy_new(self) -> None:
         with suppress(OSError), self._path.open("rb") as file:
             file.seek(self._offset)
             while block := file.read(_READ_BYTES):

@@ -81,8 +81,8 @@ def network_stages(
         described = _described(HEATMAP_KINDS[kind], model, backends.differences or "float32")
         key_of_kind = keys.heatmap(kind, backends.kind_facts(kind), rendered)
         heatmaps = heatmap_specs(part, kind, *described, *key_of_kind, has_depth)
-        goes_on = backends.keep_base and HEATMAP_KINDS[kind].uses_base(described[1])
-        if HEATMAP_KINDS[kind].cost == "forward" or goes_on:
+        reuses = backends.heatmaps_reuse_activations and HEATMAP_KINDS[kind].uses_base(described[1])
+        if HEATMAP_KINDS[kind].cost == "forward" or reuses:
             specs += heatmaps
         else:
             grouped.setdefault(HEATMAP_KINDS[kind].stage or kind, []).extend(heatmaps)
@@ -94,7 +94,7 @@ def network_stages(
         for name, of_stage in grouped.items()
     ]
     rows = FORWARD_ROWS
-    if backends.predictions.keeps_base:
+    if backends.predictions.keeps_activations:
         rows = min(rows, SMALL_ROWS if part.instances <= _SMALL_PART else HEATMAP_ROWS)
     return Stage(FORWARD, run.run, tuple(specs), rows, frames), stages
 
