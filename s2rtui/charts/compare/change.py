@@ -27,7 +27,7 @@ from s2rtui.analysis.binning import (
 )
 from s2rtui.analysis.identity_cache import cached_by_identity
 from s2rtui.analysis.ranked_column import RankedColumn, ranked_column, select_ranks
-from s2rtui.charts.shared.axis_scale import Floats, short_number
+from s2rtui.charts.shared.axis_scale import Floats
 
 EQUAL = 0.05
 """Metres within which two errors count as equal."""
@@ -293,6 +293,10 @@ def signed(value: float) -> str:
     return "0.00" if text in ("+0.00", "-0.00") else text
 
 
+def _metres(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "n/a"
+
+
 HEADINGS = ("room", "n", "A m", "B m", "change m", "95 % interval", "evident")
 """Columns of the table of rooms: medians of A and of B, and the median of the changes B - A."""
 
@@ -303,8 +307,8 @@ def table_rows(rooms: Sequence[tuple[str, Change]], whole: Change) -> list[tuple
         (
             name,
             str(part.n),
-            short_number(part.first),
-            short_number(part.second),
+            _metres(part.first),
+            _metres(part.second),
             signed(part.change.value),
             interval_text(part),
             evidence(part),
