@@ -94,15 +94,18 @@ class WorkerPool:
         return self._pool
 
     def close(self) -> None:
-        """End the processes after the tasks that they compute; others are not begun.
+        """End the processes after the tasks that they compute; others are not begun."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool, self._workers = None, 0
 
-        Ctrl+c meanwhile ends them at once.
-        """
-        pool, self._pool, self._workers = self._pool, None, 0
-        if pool is None:
-            return
+    def interrupt(self) -> None:
+        """As `close`, and say so; ctrl+c meanwhile ends the processes at once."""
         try:
-            pool.shutdown(wait=True, cancel_futures=True)
+            self.report_line(
+                "waiting for the work units in progress; press ctrl+c again to drop them"
+            )
+            self.close()
         except KeyboardInterrupt:
             for process in multiprocessing.active_children():
                 process.kill()
@@ -149,9 +152,7 @@ class ProcessExecutor:
                 yield future.result()
             is_complete = True
         except KeyboardInterrupt:
-            self._pool.report_line(
-                "waiting for the work units in progress; press ctrl+c again to drop them"
-            )
+            self._pool.interrupt()
             raise
         except BrokenProcessPool as error:
             raise RequestError(
