@@ -56,7 +56,6 @@ class FolderEntry:
 
 def parts_of(root: Path, relative: str | Path) -> tuple[str, ...]:
     """The components of a path below `root`; RequestError where it leads out of the store."""
-    # A path object keeps its text, 60 bytes for each image of an ingest, so it is not asked for it.
     text = relative if isinstance(relative, str) else PurePosixPath(relative).as_posix()
     parts = tuple(part for part in text.split("/") if part not in ("", "."))
     if text.startswith("/") or ".." in parts or "\0" in text:
@@ -100,12 +99,9 @@ def open_descriptor(
     path: str | Path, flags: int, folder: int | None = None, mode: int = 0o666
 ) -> int:
     """`os.open` of a path's last component, with errors that name the path."""
-    if folder is None:
-        name = os.fspath(path)
-    elif isinstance(path, Path):
-        name = path.name  # see `parts_of`
-    else:
-        name = path.rpartition("/")[2]
+    name = os.fspath(path)
+    if folder is not None:
+        name = name.rpartition("/")[2]
     try:
         return os.open(name, flags, mode, dir_fd=folder)
     except OSError as error:
