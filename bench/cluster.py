@@ -41,7 +41,7 @@ _MANY = 8
 
 @dataclass(frozen=True)
 class _Sleep:
-    """Computes and compresses small arrays in some seconds, in which it mostly sleeps."""
+    """Sleeps, so that computing and compressing its small arrays takes `seconds`."""
 
     root: Path
     seconds: float
@@ -69,7 +69,7 @@ class _Sleep:
 
 
 class _Timed:
-    """An executor that adds up the time of steps of many units, and what their receipts state."""
+    """Adds up the wall time and the stated seconds of an executor, over steps of many units."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor, self.is_remote = executor, executor.is_remote

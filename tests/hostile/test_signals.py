@@ -195,25 +195,24 @@ def test_an_interrupted_command_reports_what_is_retained(
     assert ("kept" in error) == ("kept" in expected)
 
 
-def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
-    script = tmp_path / "units.py"
-    script.write_text(_WORKERS_SCRIPT)
-    process = subprocess.Popen(
+def _started(folder: Path, content: str) -> subprocess.Popen[str]:
+    script = folder / "units.py"
+    script.write_text(content)
+    return subprocess.Popen(
         [sys.executable, str(script)], env=_environment(), text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
+
+
+def test_ctrl_c_while_workers_start_prints_no_traceback(tmp_path: Path) -> None:
+    process = _started(tmp_path, _WORKERS_SCRIPT)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "KeyboardInterrupt" not in error
 
 
 def test_ctrl_c_waits_for_units_in_progress_and_again_drops_them(tmp_path: Path) -> None:
-    script = tmp_path / "units.py"
-    script.write_text(_LONG_UNITS_SCRIPT)
-    process = subprocess.Popen(
-        [sys.executable, str(script)], env=_environment(), text=True, start_new_session=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+    process = _started(tmp_path, _LONG_UNITS_SCRIPT)
     assert process.stdout is not None
     try:
         assert [process.stdout.readline() for _ in range(2)] == 2 * ["computing\n"]

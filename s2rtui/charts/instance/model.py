@@ -99,7 +99,7 @@ def _heat_note(store: Store, run: str, heat: HeatChoice | None) -> list[tuple[st
 def _harm_note(
     choice: HeatChoice | None, heat: NDArray[np.float32] | None
 ) -> list[tuple[str, str]]:
-    """The metres of the real image's changed parts, for heat that sums to metres; else nothing.
+    """A line on how many metres each changed part of the real image costs; empty for other heat.
 
     Parts in the same place of the image are added up, the largest sums first; fine heat has no
     parts. Positive metres make the estimate worse.

@@ -11,10 +11,10 @@ from s2rtui.canvas import Panel, Size
 def line_panels(
     name: str, entries: Sequence[int | None], first: int, size: Size
 ) -> tuple[Panel, ...]:
-    """One panel whose y is the entry of a line, -1 for lines of no entry; none without lines.
+    """A panel that tells which entry a line belongs to: y is its number, -1 where it has none.
 
     `entries` has the entry of every line, `first` is the line in the first row of `size` (columns,
-    rows). An entry of several lines lies at its first one.
+    rows). An entry of several lines lies at its first one. There is no panel without lines.
     """
     shown = min(len(entries) - first, max(1, size[1]))
     if shown < 1:

@@ -115,7 +115,7 @@ def write_chunks(
 
 @dataclass(frozen=True, slots=True)
 class UnnamedShard:
-    """A shard in a file of another name: the path of that inside the store, and what it becomes."""
+    """A written shard that has a temporary name: its path inside the store, and the final file."""
 
     path: str
     written: WrittenFile

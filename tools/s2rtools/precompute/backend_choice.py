@@ -205,7 +205,7 @@ def _choose(sample: _Sample, requested: str, inputs: str, kinds: Sequence[str]) 
 
 
 def _needs_base(model: LoadedModel, kinds: Sequence[str]) -> bool:
-    """Whether occlusion of a model can reuse the outputs that a forward pass on the CPU keeps."""
+    """Whether occlusion of a model can reuse the activations of a forward pass on the CPU."""
     kind = Occlusion()
     return (
         kind.name in kinds

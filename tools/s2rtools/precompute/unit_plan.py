@@ -257,7 +257,7 @@ class UnitPlan:
                     atomic_writes.remove(self._root, name)
 
     def _write(self, shard: _Shard) -> tuple[UnnamedShard, LedgerEntry]:
-        """Write a shard from the results of its units, and what the ledger shall say of it."""
+        """Write a shard from the results of its units; returns it and its entry for the ledger."""
         results = [self._results[name] for name in shard.results]
         with safe_files.folder(self._root, shard.folder) as folder:
             parts = (list(result.chunks(shard.path, folder)) for result in results)

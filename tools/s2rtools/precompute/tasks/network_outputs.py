@@ -169,7 +169,7 @@ def _batch_values(
     alignment: ImageAlignment | None,
     specs: Sequence[ArraySpec],
 ) -> dict[ArraySpec, NDArray[Any]]:
-    """The values of `specs` for a batch; what the passes kept is freed with this call."""
+    """The values of `specs` for a batch; activations that the passes kept are freed at the end."""
     kinds = {spec.kind for spec in specs} & set(HEATMAP_KINDS)
     is_shared = any(spec.kind == gap_shares.KIND for spec in specs)
     outputs: dict[Side, ForwardOutput] = {}
