@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bench import index_store
 from bench.budget import BudgetRow
 from bench.measured_stores import QUIET, frames_store, lively
 from s2rstore.files import layout
@@ -101,9 +102,7 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
 
 def _sleep(executor: Executor, root: Path, count: int, seconds: float) -> float:
     """Seconds in which an executor computes and this process accepts `count` units."""
-    root.mkdir()
-    index = layout.index_name(1)
-    layout.write_current(root, layout.Current(1, index, "0" * 64, 1, 2, "1" * 64))
+    index_store.build(root, 100, runs=())
     axes = ("iid", "row", "column")
     spec = ArraySpec("heat", "sim", None, (6, 6), "float32", axes, "m", "0" * 16, 64 * count)
     plan = UnitPlan(root, [Stage("heat", "run", (spec,), 64)], (), dict)

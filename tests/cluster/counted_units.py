@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +22,7 @@ from s2rtools.precompute.tasks.map_grids import merge_grids
 from s2rtools.precompute.unit_computer import encoded
 from s2rtools.precompute.unit_plan import UnitPlan
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+from tests.support import tiny
 
 ROWS = 64
 _AXES = ("iid", "x")
@@ -71,11 +75,19 @@ def stage_of(name: str, unit_rows: int = 4) -> Stage:
     return Stage(name, "run", (spec,), unit_rows)
 
 
+@cache
+def _folder_of_index() -> tempfile.TemporaryDirectory[str]:
+    """A folder with a small store, whose index those of the tests are copies of."""
+    folder = tempfile.TemporaryDirectory()
+    tiny.build(Path(folder.name) / "small.s2r", 4, runs=())
+    return folder
+
+
 def plan_of(root: Path, *stages: Stage) -> UnitPlan:
     if not (root / layout.CURRENT).exists():
-        root.mkdir(exist_ok=True)
-        current = layout.Current(1, layout.index_name(1), "0" * 64, 1, 2, "1" * 64)
-        layout.write_current(root, current)
+        index = Path(_folder_of_index().name) / "small.s2r"
+        shutil.copytree(index / layout.INDEX, root / layout.INDEX)
+        shutil.copy(index / layout.CURRENT, root)
     return UnitPlan(root, stages, (), merge_grids)
 
 

@@ -13,9 +13,11 @@ from typing import Any
 
 import pytest
 
+import s2rstore
 from bench.support.processes import wait_until
 from s2rstore.errors import RequestError
 from s2rstore.files.ledger import Ledger
+from s2rstore.index.transaction import edit
 from s2rtools.precompute.executors.executor import Task
 from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from tests.cluster import counted_units
@@ -67,7 +69,7 @@ def run(
     """Compute stages as precompute does."""
     stages = [stage_of(name) for name in names or ("x",)]
     plan = plan_of(computation.root, *stages)
-    tasks = [Task(computation, unit, plan.environment(unit)) for unit in plan.units]
+    tasks = [Task(computation, unit, plan.environment(unit, "numpy")) for unit in plan.units]
     report = (lines if lines is not None else []).append
     for count, receipt in enumerate(DaskExecutor(client, report).run(tasks)):
         plan.finish(receipt, is_checked=True)
@@ -200,11 +202,11 @@ def test_workers_that_see_another_store_compute_nothing(tmp_path: Path) -> None:
     stage = stage_of("x")
     plan = plan_of(root, stage)
     plan_of(tmp_path / "other.s2r", stage)
+    with edit(tmp_path / "other.s2r") as draft:
+        draft.update("dataset", {"hash": "0" * 64}, {"hash": "2" * 64})
     tasks = [Task(CountedComputation(root), unit) for unit in plan.units]
     with cluster(1) as (_, client):
         for folder, reason in (("missing.s2r", "no such folder"), ("other.s2r", "another store")):
-            current = tmp_path / "other.s2r" / "CURRENT.json"
-            current.write_text(current.read_text().replace("1" * 64, "2" * 64))
             executor = DaskExecutor(client, print, worker_root=tmp_path / folder)
             with pytest.raises(RequestError, match=rf"no worker can compute .*{reason}"):
                 list(executor.run(tasks))
@@ -255,12 +257,12 @@ class _Facts:
     is_wanted = threading.Event()
 
 
-def _describe_late(root: Path, dataset_hash: str) -> dask_worker.WorkerFacts:
+def _describe_late(root: Path, identity: str) -> dask_worker.WorkerFacts:
     _Facts.asked += 1
     if _Facts.asked == 2:
         _Facts.is_second_asked.set()
         assert _Facts.is_wanted.wait(30)
-    return _DESCRIBE(root, dataset_hash)
+    return _DESCRIBE(root, identity)
 
 
 _DESCRIBE = dask_worker.describe
@@ -318,7 +320,9 @@ def test_workers_of_this_machine_keep_the_threads_of_a_begun_array(tmp_path: Pat
     plan.finish(CountedComputation(tmp_path).open(2)(plan.units[0]))
     plan = plan_of(tmp_path, *stages)
     with open_cluster("local:1", None, None, print) as executor:
-        tasks = [Task(CountedComputation(tmp_path), u, plan.environment(u)) for u in plan.units]
+        tasks = [
+            Task(CountedComputation(tmp_path), u, plan.environment(u, "numpy")) for u in plan.units
+        ]
         for receipt in executor.run(tasks):
             plan.finish(receipt, is_checked=True)
         plan.close()
@@ -339,3 +343,17 @@ def test_requested_threads_that_differ_from_a_begun_array_are_told(tmp_path: Pat
         pytest.raises(RequestError, match=r"threads 1 instead of 3.*\(`--threads` of local:N, "),
     ):
         run(client, CountedComputation(tmp_path))
+
+
+def test_a_worker_that_connects_after_an_append_sees_the_same_store(tmp_path: Path) -> None:
+    root = tmp_path / "s.s2r"
+    plan_of(root, stage_of("x"))
+    with s2rstore.open(root) as store:
+        identity, (part,) = store.identity, store.parts
+    with edit(root) as draft:  # as an append that ends while another process plans
+        for number, sha256 in enumerate((part.hash, "3" * 64)):
+            row = {"part": number, "first_iid": 2 * number, "instances": 2, "hash": sha256}
+            draft.insert_row("part", row)
+        draft.update("dataset", {"hash": part.hash}, {"hash": "4" * 64})
+    assert dask_worker.describe(root, identity).problem == ""
+    assert "another store" in dask_worker.describe(root, "5" * 64).problem

@@ -193,3 +193,14 @@ def test_differences_take_the_first_precision_that_is_accurate_and_faster(
     assert (found and found[0]) == chosen
     if found:
         assert found[1] == pytest.approx(error[found[0]])
+
+
+def test_a_value_that_is_not_finite_is_an_error_without_bound() -> None:
+    expected = np.random.default_rng(0).normal(size=(2, 3, 4, 4)).astype(np.float32)
+    expected[1, 2, 0, 0] = np.nan
+    assert backend_choice._relative_errors(expected, expected) == [0.0, 0.0, 0.0]
+    values = expected.copy()
+    values[0, 1, 2, 2] = np.nan
+    assert backend_choice._relative_errors(values, expected) == [0.0, np.inf, 0.0]
+    values[...] = np.nan
+    assert backend_choice._relative_errors(values, values) == [0.0, 0.0, 0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from s2rstore.maintenance.verify import verify
 from s2rstore.metrics.nearest_neighbours import neighbours
 from s2rstore.reader import Store
 from s2rstore.records import SIDES, TrajectoryPart
-from s2rtools.precompute import pipeline
+from s2rtools.precompute import pipeline, publish_results
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.tasks import umap_projection
 from s2rtools.precompute.tasks.umap_projection import projection_stages
@@ -191,17 +192,64 @@ def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) 
     assert len(later) == 2
     for each in later:
         shutil.rmtree(path / "runs.zarr" / each)
-    joint_umap = umap_projection.joint_umap
+    fit_points = umap_projection._fit_points
 
-    def on_another_processor(*arguments, **options):
-        return tuple(side[:, ::-1] for side in joint_umap(*arguments, **options))
+    def on_another_processor(*arguments):
+        points, transform = fit_points(*arguments)
+        return points[:, ::-1], transform
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(umap_projection, "joint_umap", on_another_processor)
+        patch.setattr(umap_projection, "_fit_points", on_another_processor)
         with pytest.raises(RequestError, match=r"cannot be repeated here.*--refit"):
             precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
     precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
     assert verify(path) == []
+
+
+def test_the_fit_for_later_parts_reads_its_sample_only(
+    trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that it takes no longer where more instances are stored."""
+    path, fit_points, transformed = tmp_path / "s.s2r", umap_projection._fit_points, []
+    shutil.copytree(trained_store, path)
+    split_into_parts(path, FIRST, 40)
+    settings = replace(umap_projection.SETTINGS, fit_instances=12, neighbours=4)
+    monkeypatch.setattr(umap_projection, "SETTINGS", settings)
+    monkeypatch.setattr(
+        pipeline,
+        "_projections",
+        lambda store, run, forwards, refit: projection_stages(forwards, FIRST),
+    )
+
+    def counted(points, settings):
+        embedded, transform = fit_points(points, settings)
+        transformed.append((len(points), 0))
+        return embedded, lambda others: transformed.append((0, len(others))) or transform(others)
+
+    monkeypatch.setattr(umap_projection, "_fit_points", counted)
+    precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions((), workers=1))
+    others, later = FIRST - 6, 40 - FIRST
+    assert transformed == [(12, 0), *2 * [(0, others)], (12, 0), *2 * [(0, later)]]
+    with s2rstore.open(path) as store:
+        assert np.isfinite(values(store, "umap", "sim")).all()
+
+
+def test_heat_ranges_do_not_depend_on_the_parts(
+    whole: Path, parted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(publish_results, "_RANGE_ROWS", 10)
+    ranges = []
+    for store in (whole, parted):
+        path = tmp_path / store.parent.name
+        shutil.copytree(store, path)
+        with edit(path) as draft:
+            draft.delete("zarr_array", kind="activation")
+        assert precompute(path, SilentReporter(), ["vanilla"], PrecomputeOptions(KINDS))
+        with s2rstore.open(path) as opened:
+            ranges.append(opened.provenance_object("run:vanilla", "heat ranges"))
+    assert ranges[0].keys() == ranges[1].keys()
+    for name, (low, high) in ranges[0].items():
+        np.testing.assert_allclose(ranges[1][name], (low, high), atol=0.01 * (high - low))
 
 
 def test_maps_of_some_parts_are_refused(parted: Path, tmp_path: Path) -> None:

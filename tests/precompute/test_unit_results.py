@@ -241,7 +241,7 @@ def test_an_array_is_not_computed_in_two_environments(
     for unit in units[: 2 if is_stored else 1]:
         plan.finish(written(tmp_path, unit))
     again = plan_of(tmp_path, stage)
-    assert all(again.environment(unit) == HERE for unit in again.units)
+    assert all(again.environment(unit, "float32") == HERE for unit in again.units)
     with pytest.raises(RequestError, match=f"heat: {reason}"):
         again.finish(written(tmp_path, units[3], other))
     finish(tmp_path, plan_of(tmp_path, stage))
@@ -250,13 +250,47 @@ def test_an_array_is_not_computed_in_two_environments(
     assert all(entry.environment == HERE for found in entries for entry in found)
 
 
+def test_a_lost_shard_of_a_published_array_is_computed_in_its_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(array_writer, "SHARD_ROWS", 16)
+    stage = stage_of(8)
+    finish(tmp_path, plan_of(tmp_path, stage))
+    published = tuple(spec.path("run") for spec in stage.specs)
+    (tmp_path / stage.specs[0].open_array(tmp_path, "run").file(1)).unlink()
+    plan = plan_of(tmp_path, stage, published)
+    assert [plan.environment(unit, "float32") for unit in plan.units] == [HERE, HERE]
+    other = msgspec.structs.replace(HERE, device="GPU")
+    with pytest.raises(RequestError, match="heat: device GPU instead of processor"):
+        plan.finish(written(tmp_path, plan.units[0], other))
+    finish(tmp_path, plan_of(tmp_path, stage, published))
+    assert_complete(tmp_path, stage)
+
+
+def test_arrays_of_all_runs_do_not_depend_on_the_precision_of_a_network(tmp_path: Path) -> None:
+    """Images alone make them, whatever else the units of their stage compute."""
+    shared = replace(spec_of("x"), key="b" * 16, is_shared=True)
+    stage = Stage("forward", "run", (shared,), 8)
+    plan = plan_of(tmp_path, stage)
+    plan.finish(written(tmp_path, plan.units[0]))
+    plan = plan_of(tmp_path, stage)
+    reduced = msgspec.structs.replace(HERE, precision="openvino bf16")
+    assert plan.environment(plan.units[0], reduced.precision) == reduced
+    for unit in plan.units:
+        plan.finish(written(tmp_path, unit, reduced))
+    plan.close()
+    assert_complete(tmp_path, stage)
+    (entries,) = Ledger(tmp_path).by_path().values()
+    assert {entry.environment.precision for entry in entries} == {"numpy"}
+
+
 def test_other_arrays_may_have_another_environment(tmp_path: Path) -> None:
     other = msgspec.structs.replace(HERE, threads=7)
     for key, environment in (("a", HERE), ("b", other)):
         spec = replace(spec_of("x"), key=16 * key)
         stage = Stage("heat", "run", (spec,), 64)
         plan = plan_of(tmp_path, stage)
-        assert plan.environment(plan.units[0]) is None
+        assert plan.environment(plan.units[0], "float32") is None
         plan.finish(written(tmp_path, plan.units[0], environment))
         plan.close()
 

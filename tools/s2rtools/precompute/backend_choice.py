@@ -255,15 +255,25 @@ def _heatmap_error(sample: _Sample, backend: Backend, exact: Backend) -> float:
 
 
 def _relative_errors(values: NDArray[Any], expected: NDArray[Any]) -> list[float]:
-    """RMS error of each plane, or of the one map (B, h, w), in deviations of its values."""
+    """RMS error of each plane, or of the one map (B, h, w), in deviations of its values.
+
+    Infinite where only one of the two is finite.
+    """
     if values.ndim == 3:
         values, expected = values[:, None], expected[:, None]
     planes = (1, 0, 2, 3)
     pairs = zip(values.transpose(planes), expected.transpose(planes), strict=True)
-    return [
-        float(np.sqrt(np.mean(np.square(a - b, dtype=np.float64))) / max(b.std(), 1e-12))
-        for a, b in pairs
-    ]
+    return [_relative_error(of_plane, reference) for of_plane, reference in pairs]
+
+
+def _relative_error(values: NDArray[Any], expected: NDArray[Any]) -> float:
+    finite = np.isfinite(expected)
+    if not np.array_equal(np.isfinite(values), finite):
+        return float("inf")
+    if not finite.any():
+        return 0.0
+    values, expected = (each[finite].astype(np.float64) for each in (values, expected))
+    return float(np.sqrt(np.mean(np.square(values - expected))) / max(expected.std(), 1e-12))
 
 
 def _with_differences(backends: RunBackends, sample: _Sample, requested: str) -> RunBackends:

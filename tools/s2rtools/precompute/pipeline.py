@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Protocol
 
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, layout, locks, safe_files
+from s2rstore.files import atomic_writes, layout, locks
 from s2rstore.files.lease import Lease
-from s2rstore.files.ledger import Ledger
 from s2rstore.reader import Store
 from s2rstore.records import Run
 from s2rtools.common.processors import available_processors
@@ -18,7 +17,7 @@ from s2rtools.heatmaps import HEATMAP_KINDS, IMAGE_KINDS
 from s2rtools.inference.cuda_backend import CudaBackend
 from s2rtools.models.load_model import model_outline
 from s2rtools.models.pose_network import LoadedModel
-from s2rtools.precompute import depth_calibration, rig_calibration, unit_results
+from s2rtools.precompute import depth_calibration, rig_calibration
 from s2rtools.precompute.array_keys import ArrayKeys
 from s2rtools.precompute.backend_choice import run_backends
 from s2rtools.precompute.current_store import CurrentStore
@@ -32,6 +31,7 @@ from s2rtools.precompute.executors.local_executors import (
 from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
+from s2rtools.precompute.restart import discard_incomplete
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks.image_heatmaps import image_stages
 from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
@@ -165,7 +165,8 @@ def _compute_run(
     frames, network, *others = groups
     stages = [stage for group in (network, *others, frames) for stage in group]
     if options.restart:
-        _discard_begun(store, stages)
+        discard_incomplete(store, stages, lease.check)
+        store = current.get()
     for group in groups:
         lease.check()
         _compute_stages(store, group, backends, options, reporter, lease, pool)
@@ -260,7 +261,8 @@ def _compute_imported(
         fit, *later = projections = _projections(store, run, forwards, options.refit)
         groups += [[fit], later, outlier_stages(projections)]
     if options.restart:
-        _discard_begun(store, [stage for group in groups for stage in group])
+        discard_incomplete(store, [stage for group in groups for stage in group], lease.check)
+        store = current.get()
     for group in groups:
         lease.check()
         _compute_stages(store, group, None, options, reporter, lease, pool)
@@ -337,8 +339,10 @@ def _compute_stages(
         total = sum(len(unit.instances) for unit in plan.units)
         reporter.begin(f"{plan.units[0].stage.run}: {label}", total)
         computation = Computation(root, store.generation, backends, options.trust)
+        precision = computation.precision
         tasks = [
-            Task(computation, unit, plan.environment(unit)) for unit in largest_first(plan.units)
+            Task(computation, unit, plan.environment(unit, precision(unit.stage)))
+            for unit in largest_first(plan.units)
         ]
         for executor, some in _assigned(tasks, _passes(plan.units), options, pool):
             for receipt in executor.run(some):
@@ -382,18 +386,3 @@ def _assigned(
     groups = by_threads(tasks, options.threads, usual_threads(workers))
     for threads, some in groups.items():
         yield local_executor(workers, threads, pool), some
-
-
-def _discard_begun(store: Store, stages: Sequence[Stage]) -> None:
-    """Remove the arrays of stages that are not published, and the results of their units."""
-    root, removed = store.path, set[str]()
-    for stage in stages:
-        atomic_writes.remove(root, unit_results.folder(stage))
-        for spec in stage.specs:
-            path = spec.path(stage.run)
-            folder = f"{layout.RUNS}/{path}"
-            if path not in store.array_paths and safe_files.kind(root, folder) is not None:
-                removed |= {entry.path for entry in safe_files.walk(root, folder)}
-                atomic_writes.remove(root, folder)
-    if removed:
-        Ledger(root).remove_entries(removed)

@@ -23,14 +23,14 @@ from s2rstore.reader import Store
 from s2rstore.records import SIDES, ArrayRecord
 from s2rtools.counterfactual import gap_shares
 from s2rtools.heatmaps import HEATMAP_KINDS
-from s2rtools.inference.backend import processor_name
 from s2rtools.precompute.array_keys import content_key
-from s2rtools.precompute.machine import numeric_versions
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
 from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
+ARRAY_FACTS = "arrays"
+"""Key of a run's provenance: for each array key, what computed it."""
 _RANGE_ROWS = 512
 _PACKAGES = ("s2rtui", "torch", "numpy", "zarr", "duckdb", "umap-learn", "scikit-learn")
 
@@ -95,7 +95,11 @@ def _check_not_imported_again(draft: IndexTransaction, run: str, predicted: set[
 def _are_listed(
     store: Store, run: str, specs: Sequence[ArraySpec], listed: Sequence[ArrayRecord]
 ) -> bool:
-    """Whether the index lists all arrays as they are in the store."""
+    """Whether the index lists all arrays as they are in the store, and what computed them."""
+    if ARRAY_FACTS in (known := store.provenance(f"run:{run}")):
+        facts = parse_object(known[ARRAY_FACTS], ARRAY_FACTS)
+        if not facts.keys() >= {spec.key for spec in specs}:
+            return False
     checksums = {record.path: record.metadata_sha256 for record in listed}
     if not checksums.keys() >= {spec.path(run) for spec in specs}:
         return False
@@ -185,13 +189,15 @@ def array_row(root: Path, run: str, spec: ArraySpec) -> dict[str, Any]:
 def _heat_ranges(store: Store, run: str, specs: Sequence[ArraySpec]) -> dict[str, list[float]]:
     """1st and 99th percentile of every heatmap kind and mode over both sides.
 
-    Computed over at most `_RANGE_ROWS` instances, evenly spread.
+    Computed over at most `_RANGE_ROWS` instances, evenly spread over all parts.
     """
     parts: dict[str, list[np.ndarray]] = {}
-    for spec in (s for s in specs if s.kind in HEATMAP_KINDS):
-        array = spec.open_array(store.path, run)
-        rows = np.unique(np.linspace(0, spec.rows - 1, min(spec.rows, _RANGE_ROWS)).astype(int))
-        values = np.asarray(array.at(rows), dtype=np.float32)
+    heatmaps = [spec for spec in specs if spec.kind in HEATMAP_KINDS]
+    count = max((spec.first_iid + spec.rows for spec in heatmaps), default=0)
+    iids = np.unique(np.linspace(0, count - 1, min(count, _RANGE_ROWS)).astype(int))
+    for spec in heatmaps:
+        rows = iids[(iids >= spec.first_iid) & (iids < spec.first_iid + spec.rows)] - spec.first_iid
+        values = np.asarray(spec.open_array(store.path, run).at(rows), dtype=np.float32)
         modes = HEATMAP_KINDS[spec.kind].planes
         for number, mode in enumerate(modes or (spec.mode,)):
             name = ":".join(part for part in (spec.kind, mode) if part)
@@ -208,12 +214,11 @@ def _environments(
 ) -> dict[str, Any]:
     """For each array key, the device, precision, threads and library versions that computed it.
 
-    Of imported arrays and of those of earlier releases, the libraries and the processor here.
+    None where they are not recorded: of imported arrays, and of those of early releases.
     """
-    known = parse_object(previous.get("arrays", "{}"), "arrays")
-    here = {"device": processor_name(), "libraries": numeric_versions()}
+    known = parse_object(previous.get(ARRAY_FACTS, "{}"), ARRAY_FACTS)
     folders = {spec.key: spec.folder(run) for spec in specs if spec.key not in known}
-    return known | {key: _environment(root, folder) or here for key, folder in folders.items()}
+    return known | {key: _environment(root, folder) for key, folder in folders.items()}
 
 
 def _environment(root: Path, folder: str) -> dict[str, Any] | None:
@@ -243,7 +248,7 @@ def _provenance(
         "bootstrap": asdict(bootstrap.DEFAULT_SETTINGS),
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
-        "arrays": _environments(root, run, specs, previous),
+        ARRAY_FACTS: _environments(root, run, specs, previous),
     }
     if backend is not None:
         facts["backend"] = backend

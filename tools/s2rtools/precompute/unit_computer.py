@@ -35,10 +35,8 @@ from s2rtools.precompute.tasks import (
     rendered_frames,
     umap_projection,
 )
-from s2rtools.precompute.work_units import FORWARD, ArraySpec, Stage, WorkUnit
+from s2rtools.precompute.work_units import FORWARD, NUMPY, ArraySpec, Stage, WorkUnit
 
-NUMPY = "numpy"
-"""The precision of arrays that no network computes: that of their own type."""
 GENERATION_SECONDS = 90.0
 """How long a host waits to see a published generation; NFS caches files for up to 60 s."""
 

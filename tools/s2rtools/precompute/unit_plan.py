@@ -12,6 +12,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +27,7 @@ from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.receipts import Receipt
 from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
-from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
+from s2rtools.precompute.work_units import NUMPY, ArraySpec, Stage, WorkUnit
 
 _FLUSHES_AT_ONCE = 4
 
@@ -132,17 +133,17 @@ class UnitPlan:
         self, stage: Stage, spec: ArraySpec, published: Collection[str]
     ) -> Iterator[_Shard]:
         array = stage.create(self._root, spec)
-        path = spec.path(stage.run)
-        entries = {} if path in published else self._entries(spec, stage.run, array)
         files = _file_sizes(self._root, array)
+        names = [array.file(number) for number in range(array.layout.shards)]
+        is_published = spec.path(stage.run) in published
+        if is_published and files.keys() >= set(names):
+            return
+        entries = self._entries(spec, stage.run, array)
+        self._bind(spec.folder(stage.run), entries)
         per_shard, per_unit = array.layout.shard_rows, stage.unit_rows
-        for number in range(array.layout.shards):
-            name = array.file(number)
+        for number, name in enumerate(names):
             sizes = {entry.bytes for entry in entries.get(name, ())}
-            for entry in entries.get(name, ()):
-                if entry.environment is not None and entry.bytes == files.get(name):
-                    self._environments[spec.folder(stage.run)] = entry.environment
-            if name in files and (path in published or files[name] in sizes):
+            if name in files and (is_published or files[name] in sizes):
                 continue
             if stage.is_aggregate:
                 units = range(-(-len(stage.instances) // per_unit))
@@ -168,6 +169,16 @@ class UnitPlan:
             return self._shared_entries
         return self._ledger.array_entries(spec.folder(run))
 
+    def _bind(self, folder: str, entries: Mapping[str, list[LedgerEntry]]) -> None:
+        """Bind the arrays of a key to the environment of those of their shards that exist."""
+        if folder in self._environments:
+            return
+        for recorded in entries.values():
+            for entry in recorded:
+                if entry.environment is not None and self._ledger.states_size([entry]):
+                    self._environments[folder] = entry.environment
+                    return
+
     def _chunk_sizes(self, unit: WorkUnit) -> dict[str, ChunkSizes]:
         """What the result of a unit holds of its missing arrays, by their paths."""
         name, rows = unit_results.file_name(unit.stage, unit.number), len(unit.instances)
@@ -176,24 +187,34 @@ class UnitPlan:
             for shard in self._shards[name]
         }
 
-    def environment(self, unit: WorkUnit) -> ComputeEnvironment | None:
-        """What computed the first values of a unit's arrays; None where there are none.
+    def environment(self, unit: WorkUnit, precision: str) -> ComputeEnvironment | None:
+        """What has to compute a unit, because of the values that its arrays have; None where none.
 
-        Raises RequestError where arrays of the unit differ in that.
+        `precision` is that of its stage. Raises RequestError where arrays of the unit differ in
+        their environment.
         """
         begun = self._begun(unit)
-        if begun and (difference := self._difference(unit, begun[0])):
+        if not begun:
+            return None
+        spec, first = min(begun, key=lambda each: each[0].is_shared)
+        if difference := self._difference(unit, first):
             raise _mixed(unit.stage, difference)
-        return begun[0] if begun else None
+        return msgspec.structs.replace(first, precision=precision) if spec.is_shared else first
 
-    def _begun(self, unit: WorkUnit) -> list[ComputeEnvironment]:
-        """What computed the first values of the unit's arrays, once for each key that is begun."""
-        folders = dict.fromkeys(spec.folder(unit.stage.run) for spec in unit.missing)
-        return [self._environments[f] for f in folders if f in self._environments]
+    def _begun(self, unit: WorkUnit) -> list[tuple[ArraySpec, ComputeEnvironment]]:
+        """An array of each key of the unit that is begun, and what computed its first values."""
+        specs = {spec.folder(unit.stage.run): spec for spec in unit.missing}
+        return [
+            (spec, self._environments[folder])
+            for folder, spec in specs.items() if folder in self._environments
+        ]  # fmt: skip
 
     def _difference(self, unit: WorkUnit, environment: ComputeEnvironment) -> str:
         """How an environment differs from that of the unit's arrays; empty where it does not."""
-        found = (environment.difference(begun) for begun in self._begun(unit))
+        found = (
+            _of_array(spec, environment).difference(_of_array(spec, begun))
+            for spec, begun in self._begun(unit)
+        )
         return next(filter(None, found), "")
 
     def finish(self, receipt: Receipt, is_checked: bool = False) -> WorkUnit:
@@ -220,7 +241,7 @@ class UnitPlan:
         if difference := self._difference(unit, environment):
             raise _mixed(unit.stage, difference)
         for spec in unit.missing:
-            self._environments[spec.folder(unit.stage.run)] = environment
+            self._environments[spec.folder(unit.stage.run)] = _of_array(spec, environment)
 
     def close(self) -> None:
         """Remove the folders of the results; all units are finished."""
@@ -283,6 +304,11 @@ class UnitPlan:
         environment = self._environments[shard.spec.folder(shard.stage.run)]
         size, checksum = written.bytes, written.sha256
         return file, LedgerEntry(unit, written.path, size, checksum, count, environment)
+
+
+def _of_array(spec: ArraySpec, environment: ComputeEnvironment) -> ComputeEnvironment:
+    """The environment of an array; no network computes the ones that all runs share."""
+    return msgspec.structs.replace(environment, precision=NUMPY) if spec.is_shared else environment
 
 
 def _mixed(stage: Stage, difference: str) -> RequestError:

@@ -26,6 +26,8 @@ from s2rstore.records import SIDES
 from s2rstore.run_inputs import FRAME_KINDS
 from s2rtools.heatmaps import HEATMAP_KINDS
 
+NUMPY = "numpy"
+"""The precision of arrays that no network computes: that of their own type."""
 FORWARD = "forward"
 """The stage of predictions, embeddings and the heatmaps that need one forward pass."""
 

@@ -19,8 +19,8 @@ from typing import Any
 
 from distributed import Client, Future, as_completed
 
+import s2rstore
 from s2rstore.errors import RequestError
-from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors import dask_worker
@@ -110,7 +110,8 @@ class _Dispatch:
         self._client, self._workers = client, workers
         self._report_line, self._expected = report_line, expected
         self._root, self._worker_root = tasks[0].computation.root, worker_root
-        self._dataset_hash = layout.read_current(self._root).dataset_hash
+        with s2rstore.open(self._root) as store:
+            self._identity = store.identity
         self._queues: dict[str, deque[Task]] = {}
         self._environments: dict[str, ComputeEnvironment] = {}
         for task in tasks:
@@ -188,7 +189,7 @@ class _Dispatch:
         for address in [each for each in connected if each not in self._workers]:
             threads = int(connected[address]["nthreads"])
             worker = self._workers[address] = ConnectedWorker(address, threads, time.monotonic())
-            self._submit(worker, dask_worker.describe, self._worker_root, self._dataset_hash)
+            self._submit(worker, dask_worker.describe, self._worker_root, self._identity)
         for address, worker in self._workers.items():
             worker.accepts = connected[address]["status"] == _RUNNING
         if self._expected is not None and (line := self._expected.news()):

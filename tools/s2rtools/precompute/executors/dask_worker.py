@@ -33,27 +33,31 @@ class WorkerFacts:
     problem: str
 
 
-def describe(root: Path, dataset_hash: str) -> WorkerFacts:
-    """The facts of this worker, which shall compute units of the store at `root`."""
-    return _computing_thread().submit(_describe, root, dataset_hash).result()
+def describe(root: Path, identity: str) -> WorkerFacts:
+    """The facts of this worker, which shall compute units of the store at `root`.
+
+    `identity` is that of the store, which stays the same when instances are appended meanwhile.
+    """
+    return _computing_thread().submit(_describe, root, identity).result()
 
 
-def _describe(root: Path, dataset_hash: str) -> WorkerFacts:
+def _describe(root: Path, identity: str) -> WorkerFacts:
     from s2rtools.precompute.machine import this_machine
 
-    problem = _problem(root, dataset_hash)
+    problem = _problem(root, identity)
     return WorkerFacts(socket.gethostname(), this_machine(), metadata.version("s2rtui"), problem)
 
 
-def _problem(root: Path, dataset_hash: str) -> str:
+def _problem(root: Path, identity: str) -> str:
+    import s2rstore
     from s2rstore.errors import S2RError
-    from s2rstore.files import layout
 
     try:
-        current = layout.read_current(root)
+        with s2rstore.open(root) as store:
+            same = store.identity == identity
     except S2RError as error:
         return f"{error} (mount the folder of the store there)"
-    return "" if current.dataset_hash == dataset_hash else f"{root} is another store there"
+    return "" if same else f"{root} is another store there"
 
 
 def compute_here(task: Task) -> Receipt:

@@ -4,9 +4,9 @@ PCA is fitted first, in batches of both sides, so that memory does not grow with
 is fitted on at most `fit_instances` seeded instances; the others are transformed.
 
 Instances that were appended after the fit are transformed, too, so that the points of the others
-stay where they are. For that the fit is repeated, which gives the same model by its seed on the
-same machine. The repeated points are compared with the stored ones: with another processor or
-library they may be others, and new points would not fit among them.
+stay where they are. For that the fit is repeated on the same sample, which gives the same model by
+its seed on the same machine. The repeated points are compared with the stored ones: with another
+processor or library they may be others, and new points would not fit among them.
 
 Source: McInnes et al., "UMAP", 2018.
 """
@@ -14,10 +14,10 @@ Source: McInnes et al., "UMAP", 2018.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,13 @@ from s2rstore.records import SIDES
 from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.work_units import ArraySpec, Stage, WorkUnit
 
+if TYPE_CHECKING:
+    from sklearn.decomposition import IncrementalPCA
+
+Pair = tuple[NDArray[np.float32], NDArray[np.float32]]
+Transform = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 _BATCH = 512
+_TRANSFORMED = 4096
 _REPEATED = 1e-3
 """Differences to a repeated fit that are allowed, as a share of the spread of its points."""
 
@@ -87,43 +93,69 @@ def _stage(forwards: Sequence[Stage], key: str, first: int, count: int, fitted: 
 
 
 def compute_projection(root: Path, unit: WorkUnit) -> dict[ArraySpec, NDArray[Any]]:
-    """Principal components and UMAP coordinates of both sides of the stage's instances."""
+    """Principal components and UMAP coordinates of both sides of the stage's instances.
+
+    Those of instances that were appended after the fit take time that does not grow with the
+    others, as the fit is repeated on its sample only.
+    """
     stage = unit.stage
-    first, fitted = stage.first_iid, stage.fitted
-    valid = stage.valid_instances(root, range(fitted))
+    fitted = stage.valid_instances(root, range(stage.fitted))
     embeddings = [stage.source_array(root, "embedding", side) for side in SIDES]
-    if first:
-        later = range(first, first + stage.rows)
-        valid = np.concatenate([valid, stage.valid_instances(root, later)])
-        embeddings = [_Joined(side, fitted, later) for side in embeddings]
-    sim, real, _ = principal_components((embeddings[0], embeddings[1]), valid, fitted=fitted)
-    computed = {"pca": (sim, real), "umap": joint_umap((sim, real), valid, fitted=fitted)}
-    if first:
-        for kind, sides in computed.items():
-            for name, values in zip(SIDES, sides, strict=True):
-                stored = stage.source_array(root, kind, name).rows(0, fitted)
-                _check_repeated(stage.run, stored, values[:fitted])
-    wanted = slice(fitted, None) if first else slice(None)
-    return {spec: computed[spec.kind][spec.side == "real"][wanted] for spec in unit.missing}
+    if stage.first_iid:
+        computed = _project_later(root, stage, (embeddings[0], embeddings[1]), fitted)
+    else:
+        sim, real, _ = principal_components((embeddings[0], embeddings[1]), fitted, SETTINGS)
+        computed = {"pca": (sim, real), "umap": joint_umap((sim, real), fitted, SETTINGS)}
+    return {spec: computed[spec.kind][spec.side == "real"] for spec in unit.missing}
 
 
-def _check_repeated(run: str, stored: NDArray[np.float32], repeated: NDArray[np.float32]) -> None:
+def _project_later(
+    root: Path, stage: Stage, embeddings: tuple[Any, Any], fitted: NDArray[np.bool_]
+) -> dict[str, Pair]:
+    """PCA and UMAP of the stage's instances, by the repeated fit on a sample of the `fitted`."""
+    later = slice(stage.first_iid, stage.first_iid + stage.rows)
+    valid = stage.valid_instances(root, range(later.start, later.stop))
+    rows = sample_rows(fitted, SETTINGS.fit_instances // 2, SETTINGS.seed)
+    planes = _empty(valid.size, 2), _empty(valid.size, 2)
+    if rows.size == 0:
+        components = _empty(valid.size, SETTINGS.components)
+        return {"pca": (components, components), "umap": planes}
+    stored = {
+        kind: [np.asarray(stage.source_array(root, kind, side).at(rows)) for side in SIDES]
+        for kind in ("pca", "umap")
+    }
+    model = _fit_components(embeddings, rows, SETTINGS.components)
+    for side, expected in zip(embeddings, stored["pca"], strict=True):
+        _check_repeated(stage, expected, _components(model, _gather(side, rows), SETTINGS))
+    sim, real = (
+        _transform_components(model, _Rows(side, later), valid, SETTINGS) for side in embeddings
+    )
+    points, transform = _fit_points(np.concatenate(stored["pca"]), SETTINGS)
+    for repeated, expected in zip(np.split(points, 2), stored["umap"], strict=True):
+        _check_repeated(stage, expected, repeated)
+    _transform_points(transform, (sim, real), planes, np.flatnonzero(valid))
+    return {"pca": (sim, real), "umap": planes}
+
+
+def _check_repeated(
+    stage: Stage, stored: NDArray[np.float32], repeated: NDArray[np.float32]
+) -> None:
     """Raise RequestError where `repeated` points (n, d) of a fit differ from the `stored` ones."""
-    spread = float(np.ptp(stored[np.isfinite(stored)])) if np.isfinite(stored).any() else 0.0
-    if not np.allclose(stored, repeated, rtol=0, atol=_REPEATED * spread, equal_nan=True):
+    spread = float(np.ptp(stored)) if stored.size else 0.0
+    if not np.allclose(stored, repeated, rtol=0, atol=_REPEATED * spread):
         raise RequestError(
-            f"run {run!r}: the projection of the first {len(stored)} instances cannot be repeated "
-            "here, because it was fitted with another processor or library; add --refit to fit "
-            "it on all instances again"
+            f"run {stage.run!r}: the projection of the first {stage.fitted} instances cannot be "
+            "repeated here, because it was fitted with another processor or library; add --refit "
+            "to fit it on all instances again"
         )
 
 
-class _Joined(RowArray):
-    """The rows [0, `fitted`) of an array, then its rows `later`."""
+class _Rows(RowArray):
+    """The rows `span` of an array."""
 
-    def __init__(self, array: RowArray, fitted: int, later: range) -> None:
-        self._array, self._fitted, self._later = array, fitted, later
-        self.shape = (fitted + len(later), *array.shape[1:])
+    def __init__(self, array: RowArray, span: slice) -> None:
+        self._array, self._first = array, span.start
+        self.shape = (span.stop - span.start, *array.shape[1:])
         self.dtype, self.attrs = array.dtype, array.attrs
 
     @property
@@ -136,74 +168,97 @@ class _Joined(RowArray):
 
     def rows(self, start: int, stop: int) -> NDArray[Any]:
         self._check_range(start, stop)
-        shift = self._later.start - self._fitted
-        early = self._array.rows(min(start, self._fitted), min(stop, self._fitted))
-        low, high = max(start, self._fitted), max(stop, self._fitted)
-        return np.concatenate([early, self._array.rows(low + shift, high + shift)])
+        return self._array.rows(self._first + start, self._first + stop)
 
 
 def principal_components(
     sides: tuple[Any, Any],
     valid: NDArray[np.bool_],
     settings: ProjectionSettings = SETTINGS,
-    fitted: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """PCA over both sides together, fitted on the first `fitted` rows (default: all).
+    """PCA over both sides together, fitted on a seeded sample of the valid rows.
 
     `sides` are two (N, D) arrays (Zarr or numpy) of embeddings; rows that are not valid become
     NaN. Returns two (N, components) arrays and the share of variance that they explain.
     """
-    from sklearn.decomposition import IncrementalPCA
-
-    rows = sample_rows(valid[:fitted], settings.fit_instances // 2, settings.seed)
-    sim, real = (np.full((s.shape[0], settings.components), np.nan, np.float32) for s in sides)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
+        sim, real = (_empty(side.shape[0], settings.components) for side in sides)
         return sim, real, float("nan")
-    cuts = np.array_split(rows, max(1, rows.size // _BATCH))
-    count = min(settings.components, sides[0].shape[1], 2 * cuts[0].size)
-    model = IncrementalPCA(count)
-    with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
-        for cut in cuts:
-            model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
-    for side, out in zip(sides, (sim, real), strict=True):
-        for start in range(0, side.shape[0], _BATCH):
-            block = np.asarray(side[start : start + _BATCH], dtype=np.float32)
-            keep = valid[start : start + _BATCH]
-            if keep.any():
-                part = np.zeros((int(keep.sum()), settings.components), dtype=np.float32)
-                part[:, :count] = model.transform(block[keep])
-                out[start : start + _BATCH][keep] = part
+    model = _fit_components(sides, rows, settings.components)
+    sim, real = (_transform_components(model, side, valid, settings) for side in sides)
     return sim, real, float(model.explained_variance_ratio_.sum())
 
 
+def _fit_components(
+    sides: Sequence[Any], rows: NDArray[np.int64], components: int
+) -> IncrementalPCA:
+    from sklearn.decomposition import IncrementalPCA
+
+    cuts = np.array_split(rows, max(1, rows.size // _BATCH))
+    model = IncrementalPCA(min(components, sides[0].shape[1], 2 * cuts[0].size))
+    with np.errstate(invalid="ignore", divide="ignore"):  # no variance at all
+        for cut in cuts:
+            model.partial_fit(np.concatenate([_gather(side, cut) for side in sides]))
+    return model
+
+
+def _transform_components(
+    model: IncrementalPCA, side: Any, valid: NDArray[np.bool_], settings: ProjectionSettings
+) -> NDArray[np.float32]:
+    """The components (N, components) of embeddings, in batches; NaN where not valid."""
+    out = _empty(side.shape[0], settings.components)
+    for start in range(0, side.shape[0], _BATCH):
+        keep = valid[start : start + _BATCH]
+        if keep.any():
+            block = np.asarray(side[start : start + _BATCH], dtype=np.float32)
+            out[start : start + _BATCH][keep] = _components(model, block[keep], settings)
+    return out
+
+
+def _components(
+    model: IncrementalPCA, embeddings: NDArray[np.float32], settings: ProjectionSettings
+) -> NDArray[np.float32]:
+    """The components of embeddings (n, D), with zeros for those that few data do not have."""
+    out = np.zeros((len(embeddings), settings.components), dtype=np.float32)
+    out[:, : model.n_components_] = model.transform(embeddings)
+    return out
+
+
 def joint_umap(
-    sides: tuple[NDArray[np.float32], NDArray[np.float32]],
-    valid: NDArray[np.bool_],
-    settings: ProjectionSettings = SETTINGS,
-    fitted: int | None = None,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    sides: Pair, valid: NDArray[np.bool_], settings: ProjectionSettings = SETTINGS
+) -> Pair:
     """Coordinates of both sides in one plane, two (N, 2) arrays; NaN where not valid.
 
-    Fitted on the first `fitted` rows (default: all).
+    Fitted on a seeded sample of the valid rows.
     """
-    sim, real = (np.full((valid.size, 2), np.nan, dtype=np.float32) for _ in sides)
-    rows = sample_rows(valid[:fitted], settings.fit_instances // 2, settings.seed)
+    sim, real = _empty(valid.size, 2), _empty(valid.size, 2)
+    rows = sample_rows(valid, settings.fit_instances // 2, settings.seed)
     if rows.size == 0:
         return sim, real
-    points = np.concatenate([side[rows] for side in sides])
-    if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
-        embedded, transform = points[:, :2], lambda others: others[:, :2]
-    else:
-        embedded, transform = _fit(points, settings)
+    embedded, transform = _fit_points(np.concatenate([side[rows] for side in sides]), settings)
     sim[rows], real[rows] = np.split(embedded, 2)
     others = np.setdiff1d(np.flatnonzero(valid), rows)
-    for start in range(0, others.size, 4096):
-        part = others[start : start + 4096]
-        sim[part], real[part] = (transform(side[part]) for side in sides)
+    _transform_points(transform, sides, (sim, real), others)
     return sim, real
 
 
-def _fit(points: NDArray[np.float32], settings: ProjectionSettings) -> tuple[Any, Any]:
+def _transform_points(
+    transform: Transform, sides: Pair, planes: Pair, rows: NDArray[np.int64]
+) -> None:
+    """Set the rows of both planes (N, 2) to the coordinates of those of `sides`, in batches."""
+    for start in range(0, rows.size, _TRANSFORMED):
+        part = rows[start : start + _TRANSFORMED]
+        for side, plane in zip(sides, planes, strict=True):
+            plane[part] = transform(side[part])
+
+
+def _fit_points(
+    points: NDArray[np.float32], settings: ProjectionSettings
+) -> tuple[NDArray[np.float32], Transform]:
+    """Coordinates (n, 2) of points (n, components), and what places others among them."""
+    if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
+        return points[:, :2], lambda others: others[:, :2]
     from s2rtools.common.numba_cache import cached
 
     with warnings.catch_warnings(action="ignore"):
@@ -230,6 +285,11 @@ def sample_rows(valid: NDArray[np.bool_], limit: int, seed: int) -> NDArray[np.i
     if rows.size > limit:
         rows = np.sort(np.random.default_rng(seed).choice(rows, limit, replace=False))
     return rows
+
+
+def _empty(rows: int, width: int) -> NDArray[np.float32]:
+    """NaN for all values (rows, width)."""
+    return np.full((rows, width), np.nan, dtype=np.float32)
 
 
 def _gather(side: Any, rows: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -1,0 +1,81 @@
+"""`--restart`: arrays that cannot be completed here are begun again, and recorded as such."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import s2rstore
+from s2rstore.errors import RequestError
+from s2rstore.maintenance.verify import verify
+from s2rtools.precompute import unit_computer
+from s2rtools.precompute.machine import Machine, this_machine
+from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
+from s2rtools.precompute.run_registration import add_run
+from tests.support.silent_reporter import SilentReporter
+
+pytestmark = pytest.mark.xdist_group("computed")
+KINDS = ("activation", "pixel_difference")
+
+
+@pytest.fixture(scope="module")
+def computed(trained_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with two computed runs of one model."""
+    path = tmp_path_factory.mktemp("restart") / "s.s2r"
+    shutil.copytree(trained_store, path)
+    add_run(path, "again", "vanilla", None, None, {"sim": [], "real": []})
+    precompute(path, SilentReporter(), [], PrecomputeOptions(KINDS, workers=1))
+    return path
+
+
+def other_machine() -> Machine:
+    here = this_machine()
+    return replace(here, versions=(*here.versions, ("numpy", "9.9")))
+
+
+def arrays_of(path: Path, run: str, kind: str) -> list[str]:
+    with s2rstore.open(path) as store:
+        return [record.path for record in store.array_parts(run) if record.kind == kind]
+
+
+def versions_of(path: Path, run: str, kind: str) -> set[str]:
+    """The versions of numpy that computed the arrays of a kind, by the provenance of a run."""
+    keys = {each.split("/")[1] for each in arrays_of(path, run, kind)}
+    with s2rstore.open(path) as store:
+        facts = store.provenance_object(f"run:{run}", "arrays")
+    return {facts[key]["libraries"]["numpy"] for key in keys}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_array_is_begun_again_with_other_libraries(
+    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
+    shutil.copytree(computed, path)
+    (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", kind)[0]).glob("c*")
+    shard.unlink()
+    monkeypatch.setattr(unit_computer, "this_machine", other_machine)
+    with pytest.raises(RequestError, match=r"numpy 9.9 instead of .*--restart"):
+        precompute(path, SilentReporter(), ["vanilla"], options)
+    here = dict(this_machine().versions)["numpy"]
+    assert versions_of(path, "vanilla", kind) == {here}
+    assert precompute(path, SilentReporter(), ["vanilla"], replace(options, restart=True))
+    (other,) = set(KINDS) - {kind}
+    assert versions_of(path, "vanilla", kind) == {"9.9"}
+    assert versions_of(path, "vanilla", other) == {here}
+    assert verify(path) == []
+    is_shared = kind == "pixel_difference"
+    assert precompute(path, SilentReporter(), ["again"], options) == ["again"] * is_shared
+    assert versions_of(path, "again", kind) == ({"9.9"} if is_shared else {here})
+
+
+def test_complete_arrays_are_kept(computed: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.s2r"
+    shutil.copytree(computed, path)
+    options = PrecomputeOptions(KINDS, workers=1, restart=True)
+    files = {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")}
+    assert precompute(path, SilentReporter(), [], options) == []
+    assert {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")} == files != {}
