@@ -1,5 +1,7 @@
 """Planning of runs in a store of 100 runs of 10^6 instances: `python -m bench --only planning`.
 
+A second store has few runs and many parts, as one to which a lab appends every week.
+
 The index is that of `growth`; the arrays of every run are created as the planner wants them, their
 shards are empty files, because planning reads none. The planner is the real one.
 """
@@ -14,6 +16,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -46,22 +49,44 @@ RUNS = 100
 NEW_RUN = "unfinished"
 _TORCH = BackendIdentity("torch", "float32")
 _BACKENDS = RunBackends(_TORCH, _TORCH, "float32")
+_APPENDED_RUNS, _PARTS = 4, 52
 _UNIT_ROWS, _UNITS, _ARRAYS = 64, 256, 13
 
 
 def figures(folder: Path) -> Iterator[BudgetRow]:
     """Measure a store that is built in `folder`."""
     yield from _commit()
-    root = growth.store_of_runs(folder / "planning.s2r", RUNS)
-    count = _create_arrays(root)
+    count, measured = _planned(folder / "planning.s2r", RUNS, 1)
     yield BudgetRow("files of one run of 1e+06 instances", count, "files", 2_000)
-    command = [sys.executable, "-m", "bench.planning", str(root)]
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    measured = json.loads(done.stdout.splitlines()[-1])
     store = f"{RUNS} runs of 1e+06 instances"
     yield BudgetRow(f"{store}: plan all, which are complete", measured["complete"], "s", 15.0)
     yield BudgetRow(f"{store}: plan one more run", measured["one"], "s", 1.0)
     yield BudgetRow(f"{store}: memory of planning", measured["megabytes"], "MB", 2_000)
+    count, measured = _planned(folder / "appended.s2r", _APPENDED_RUNS, _PARTS)
+    store = f"{_PARTS} parts of 1e+06 instances"
+    yield BudgetRow(f"{store}: files of one run for each part", count / _PARTS, "files", 200)
+    taken = measured["complete"] / (_APPENDED_RUNS - 1)
+    yield BudgetRow(f"{store}: plan a complete run", taken, "s", 5.0)
+
+
+def _planned(path: Path, runs: int, parts: int) -> tuple[int, dict[str, float]]:
+    """The files of one of some runs, and the result of `measure` in a process of its own."""
+    root = growth.store_of_runs(path, runs)
+    if parts > 1:
+        _split(root, parts)
+    count = _create_arrays(root, runs)
+    command = [sys.executable, "-m", "bench.planning", str(root)]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return count, json.loads(done.stdout.splitlines()[-1])
+
+
+def _split(root: Path, parts: int) -> None:
+    """Declare that the instances were ingested in some parts of equal size."""
+    ends = [growth.INSTANCES * part // parts for part in range(parts + 1)]
+    with edit(root) as draft:
+        for part, (first, stop) in enumerate(pairwise(ends)):
+            row = {"part": part, "first_iid": first, "instances": stop - first}
+            draft.insert_row("part", {**row, "hash": f"{part:064x}"})
 
 
 def _groups(store: Store, hashes: InputHashes, name: str) -> list[list[Stage]]:
@@ -71,7 +96,7 @@ def _groups(store: Store, hashes: InputHashes, name: str) -> list[list[Stage]]:
     return pipeline._stage_groups(store, hashes, run, model, _BACKENDS, kinds, False)
 
 
-def _create_arrays(root: Path) -> int:
+def _create_arrays(root: Path, runs: int) -> int:
     """Create and list the arrays of all runs but the last; gives the number of files of one."""
     offset = {"height": 0.0, "zoom": 1.0, "frames": 1, "version": rig_calibration.VERSION}
     tolerance = asdict(DepthTolerance(0.02, 0.01, 0.3, 8.0))
@@ -80,7 +105,7 @@ def _create_arrays(root: Path) -> int:
         draft.set_provenance(
             "depth_tolerance:sim|real", {**tolerance, "version": depth_calibration.VERSION}
         )
-        draft.update("run", {"run": growth.linked_name(RUNS - 1)}, {"run": NEW_RUN})
+        draft.update("run", {"run": growth.linked_name(runs - 1)}, {"run": NEW_RUN})
     files = 0
     with s2rstore.open(root) as store, edit(root) as draft:
         hashes = InputHashes(store)

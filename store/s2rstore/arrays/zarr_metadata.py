@@ -10,7 +10,9 @@ allocated.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,8 @@ ITEM_BYTES = 64 * 2**20
 VECTOR_LENGTH = 65_536
 """Values of one row of a two-dimensional array."""
 
+_KEPT_BYTES = 4_096
+"""Longer documents are parsed each time."""
 _ROWS = 2**31 - 1
 _SHARD_CHUNKS = 2**20
 _TEXT = 1_000
@@ -117,19 +121,32 @@ def _document(layout: Layout, attributes: dict[str, Any]) -> dict[str, Any]:
 def parse_document(content: bytes, where: str) -> tuple[Layout, dict[str, str]]:
     """Layout and attributes of a `zarr.json`. RequestError names the array and the difference."""
     try:
-        stored = parse_json(content, where)
+        layout, attributes = (_parsed if len(content) > _KEPT_BYTES else _parsed_once)(content)
     except RequestError as error:
-        raise _refused(where, str(error).removeprefix(f"{where}: ")) from error
+        raise _refused(where, str(error)) from error
+    return layout, dict(attributes)
+
+
+def _parsed(content: bytes) -> tuple[Layout, Mapping[str, str]]:
+    """Layout and attributes; RequestError says why they are refused."""
+    try:
+        stored = parse_json(content, "")
+    except RequestError as error:
+        raise RequestError(str(error).removeprefix(": ")) from error
     try:
         layout, attributes = _layout(stored), _attributes(stored["attributes"])
     except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
-        raise _refused(where, f"{type(error).__name__}: {error}") from error
+        raise RequestError(f"{type(error).__name__}: {error}") from error
     expected = _document(layout, attributes)
     for key in expected.keys() | stored.keys():
         if _text(stored.get(key)) != _text(expected.get(key)):
-            raise _refused(where, f"unexpected {key}")
-    _check_sizes(layout, where)
+            raise RequestError(f"unexpected {key}")
+    _check_sizes(layout)
     return layout, attributes
+
+
+_parsed_once = lru_cache(4096)(_parsed)
+"""Arrays of one shape and kind have one content, whatever their number."""
 
 
 def _layout(stored: Any) -> Layout:
@@ -168,16 +185,16 @@ def _text(value: Any) -> str:
     return json.dumps(value, sort_keys=True)
 
 
-def _check_sizes(layout: Layout, where: str) -> None:
+def _check_sizes(layout: Layout) -> None:
     item = layout.item_bytes
     if item > ITEM_BYTES or (len(layout.shape) == 2 and layout.shape[1] > VECTOR_LENGTH):
-        raise _refused(where, f"{item} bytes a row")
+        raise RequestError(f"{item} bytes a row")
     if layout.shard_rows % layout.rows_per_chunk:
-        raise _refused(where, "its chunks do not divide its shards")
+        raise RequestError("its chunks do not divide its shards")
     if layout.chunk_bytes > max(CHUNK_BYTES, item):
-        raise _refused(where, f"{layout.chunk_bytes} bytes a chunk")
+        raise RequestError(f"{layout.chunk_bytes} bytes a chunk")
     if layout.shard_chunks > _SHARD_CHUNKS:
-        raise _refused(where, f"{layout.shard_chunks} chunks a shard")
+        raise RequestError(f"{layout.shard_chunks} chunks a shard")
 
 
 def _refused(where: str, why: str) -> RequestError:

@@ -45,6 +45,7 @@ class IndexCatalog(OpenIndex):
         generation: int | None = None,
         left_out: Collection[str] = (),
     ) -> None:
+        self._provenance: dict[str, dict[str, str]] = {}
         super().__init__(path, memory, generation, left_out)
         try:
             self._check_rows()
@@ -261,9 +262,11 @@ class IndexCatalog(OpenIndex):
 
     def provenance(self, what: str) -> dict[str, str]:
         """Facts about how `what` came to be, such as `dataset` or `model:NAME`."""
-        query = "SELECT key, value FROM provenance WHERE what = ? ORDER BY key"
-        rows = self.execute(query, [what])
-        return {printable(key): printable_lines(value) for key, value in rows}
+        if what not in self._provenance:
+            query = "SELECT key, value FROM provenance WHERE what = ? ORDER BY key"
+            rows = self.execute(query, [what])
+            self._provenance[what] = {printable(key): printable_lines(value) for key, value in rows}
+        return dict(self._provenance[what])
 
     @cached_property
     def checksums(self) -> dict[str, str]:

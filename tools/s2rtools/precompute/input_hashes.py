@@ -46,7 +46,12 @@ class InputHashes:
 
     def poses(self, part: Part, *domains: str) -> str:
         """The ground truth of a part: of its instances, and of frames with other poses."""
-        own = [d for d in domains if self.store.has_own_poses(d, part.first_iid, part.stop)]
+        own = [
+            domain
+            for domain in domains
+            if domain in self.store.domains_with_own_poses
+            and self.store.has_own_poses(domain, part.first_iid, part.stop)
+        ]
         key = "poses", "|".join(own), part.first_iid
         if key not in self._known:
             truth = self.store.instances
