@@ -26,12 +26,7 @@ from s2rstore.files.ledger import Ledger, LedgerEntry
 from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.receipts import Receipt
-from s2rtools.precompute.unit_results import (
-    ChunkSizes,
-    ResultFiles,
-    UnitResult,
-    decode_totals,
-)
+from s2rtools.precompute.unit_results import ChunkSizes, UnitResult, decode_totals
 from s2rtools.precompute.work_units import NUMPY, ArraySpec, Stage, WorkUnit
 
 _FLUSHES_AT_ONCE = 4
@@ -265,13 +260,10 @@ class UnitPlan:
         if not assembled:
             return
         entries: dict[str, list[LedgerEntry]] = defaultdict(list)
-        with (
-            unit_results.result_files(self._root, unit_results.folder(unit.stage)) as files,
-            ThreadPoolExecutor(_FLUSHES_AT_ONCE) as pool,
-        ):
-            flushes = []  # while the next shard is put together
+        with ThreadPoolExecutor(_FLUSHES_AT_ONCE) as pool:  # while the next one is put together
+            flushes = []
             for shard in assembled:
-                file, entry = self._write(shard, files)
+                file, entry = self._write(shard)
                 flushes.append(pool.submit(array_writer.name_shard, self._root, file))
                 entries[shard.spec.folder(shard.stage.run)].append(entry)
             for flush in flushes:
@@ -285,9 +277,17 @@ class UnitPlan:
                     del self._results[name]
                     atomic_writes.remove(self._root, name)
 
-    def _write(self, shard: _Shard, files: ResultFiles) -> tuple[UnnamedShard, LedgerEntry]:
+    def _write(self, shard: _Shard) -> tuple[UnnamedShard, LedgerEntry]:
         """Write a shard from the results of its units; returns it and its entry for the ledger."""
-        parts = (files.chunks(self._results[name], shard.path) for name in shard.results)
+        results = [self._results[name] for name in shard.results]
+        with safe_files.folder(self._root, shard.folder) as folder:
+            parts = (list(result.chunks(shard.path, folder)) for result in results)
+            return self._write_parts(shard, parts)
+
+    def _write_parts(
+        self, shard: _Shard, parts: Iterator[list[bytes]]
+    ) -> tuple[UnnamedShard, LedgerEntry]:
+        """As `_write`, from the chunks of the units."""
         if shard.stage.is_aggregate:
             totals = ({shard.spec: decode_totals(part, shard.spec.item)} for part in parts)
             rows = self._merge(totals)[shard.spec]

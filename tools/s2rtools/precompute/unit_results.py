@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-import resource
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from io import FileIO
 from itertools import accumulate, chain
@@ -155,56 +153,25 @@ class UnitResult:
     sha256: str
     environment: ComputeEnvironment
 
+    def chunks(self, path: str, folder: int) -> Iterator[bytes]:
+        """The compressed chunks of an array. Raises RequestError where the file has changed.
 
-@contextmanager
-def result_files(root: Path, folder: str) -> Iterator[ResultFiles]:
-    """The files of a stage's results, given by their folder."""
-    with safe_files.folder(root, folder) as descriptor:
-        files = ResultFiles(descriptor)
+        `folder` is a descriptor of the folder of the stage's results.
+        """
+        offset, sizes = self.places[path]
         try:
-            yield files
-        finally:
-            files.close()
-
-
-class ResultFiles:
-    """Files in an open folder, many of which stay open while shards are put together."""
-
-    def __init__(self, folder: int) -> None:
-        self._folder, self._kept = folder, dict[Path, int]()
-        self._most = resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 4
-
-    def close(self) -> None:
-        for descriptor in self._kept.values():
-            os.close(descriptor)
-
-    def chunks(self, result: UnitResult, path: str) -> list[bytes]:
-        """The compressed chunks of an array. Raises RequestError where the file has changed."""
-        descriptor = self._kept.get(result.file)
-        if descriptor is not None:
-            return _read_chunks(descriptor, result, path)
-        try:
-            descriptor = safe_files.open_regular_at(result.file, os.O_RDONLY, self._folder)
+            descriptor = safe_files.open_regular_at(self.file, os.O_RDONLY, folder)
         except FileNotFoundError as error:
-            raise RequestError(
-                f"{result.file}: removed meanwhile; run the command again"
-            ) from error
-        if len(self._kept) < self._most:
-            self._kept[result.file] = descriptor
-            return _read_chunks(descriptor, result, path)
+            raise RequestError(f"{self.file}: removed meanwhile; run the command again") from error
         try:
-            return _read_chunks(descriptor, result, path)
+            for size in sizes:
+                chunk = os.pread(descriptor, size, offset)
+                if len(chunk) != size:
+                    raise RequestError(f"{self.file}: cut; run the command again")
+                yield chunk
+                offset += size
         finally:
             os.close(descriptor)
-
-
-def _read_chunks(descriptor: int, result: UnitResult, path: str) -> list[bytes]:
-    offset, sizes = result.places[path]
-    content = os.pread(descriptor, sum(sizes), offset)
-    if len(content) != sum(sizes):
-        raise RequestError(f"{result.file}: cut; run the command again")
-    starts = accumulate(sizes, initial=0)
-    return [content[start : start + size] for start, size in zip(starts, sizes, strict=False)]
 
 
 def read(
