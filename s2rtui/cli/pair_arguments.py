@@ -14,6 +14,7 @@ from s2rtui.cli.formatting.progress import Reporter
 if TYPE_CHECKING:
     from s2rtools.datasets.floor.floor_poses import FloorOptions
     from s2rtools.datasets.pairing.paired_recordings import PairedScan
+    from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
     from s2rtools.datasets.recording import Recording
 
 _FLOOR = ("up", "ground", "camera_height", "metres_per_unit")
@@ -48,15 +49,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "bounds of the poses and 2 m around them)")  # fmt: skip
 
 
-def scan(options: argparse.Namespace, frame: tuple[int, int], progress: Reporter) -> PairedScan:
-    """Read and pair both recordings. Raises RequestError for unusable arguments and input."""
+def scan(
+    options: argparse.Namespace,
+    frame: tuple[int, int],
+    progress: Reporter,
+    stored: StoredWorlds | None = None,
+) -> PairedScan:
+    """Read and pair both recordings, in the worlds of a store that they are appended to.
+
+    Raises RequestError for unusable arguments and input.
+    """
     from s2rtools.datasets.pairing.paired_recordings import PairOptions, scan_pairs
     from s2rtools.datasets.pairing.recording_pairs import parse_tolerance
 
     floors = {side: _floor(side, getattr(options, f"{side}_floor")) for side in SIDES}
     pair_options = PairOptions(
         options.match, parse_tolerance(options.tolerance, options.match), frame, options.align,
-        floors, options.header, options.allow_outside,
+        floors, options.header, options.allow_outside, stored,
     )  # fmt: skip
     sim, real = (_recording(side, options) for side in SIDES)
     count = sum(len(t.frames) for each in (sim, real) for t in each.trajectories.values())

@@ -179,7 +179,7 @@ def test_align_fits_the_scale_and_keeps_what_is_in_metres(
     np.testing.assert_allclose(found.sim.poses, found.real.poses, atol=1e-9)
     assert found.scan.issues == []
     assert any("2.5 metres per unit" in line for line in found.summary)
-    assert found.scan.provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
+    assert found.scan.part_provenance["recording:sim"]["metres_per_unit"] == pytest.approx(2.5)
 
 
 def test_a_declared_scale_applies_to_depth_in_units_of_the_world(tmp_path: Path) -> None:

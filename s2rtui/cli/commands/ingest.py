@@ -6,7 +6,7 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import s2rstore
 from s2rstore.errors import RequestError, counted
@@ -15,6 +15,9 @@ from s2rstore.records import SIDES
 from s2rstore.security.printable_text import printable
 from s2rtui.cli import interrupts, pair_arguments, store_argument
 from s2rtui.cli.formatting.progress import reporter
+
+if TYPE_CHECKING:
+    from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 
 _LISTED_FILES = 5
 _LISTED_STRICT = 100
@@ -46,26 +49,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                             help="allow images outside the folder of the data, and list their "
                             "folders")  # fmt: skip
     for name, layout in layouts.choices.items():
-        extended = "" if layout is pairs else ", or with --append to extend"
         size = _DEFAULT_SIZES.get(name, _DEFAULT_SIZE)
         edge = "longer edge" if layout is images else "height and width"
         layout.add_argument(
             "--store",
             type=store_argument.folder,
             required=True,
-            help=f"store folder to create{extended}",
+            help="store folder to create, or with --append to extend",
         )
         if layout is not pairs:
             layout.add_argument("--trajectory", action="append", default=[],
                                 help="read only this trajectory (repeatable)")  # fmt: skip
-            layout.add_argument("--append", action="store_true",
-                                help="add what the store does not have: trajectories, instances "
-                                "behind those of a trajectory, domains of all instances; frame "
-                                "size and cameras must be those of the store")  # fmt: skip
+        layout.add_argument("--append", action="store_true",
+                            help="add what the store does not have: trajectories, instances "
+                            "behind those of a trajectory"
+                            f"{'' if layout is pairs else ', domains of all instances'}; frame "
+                            "size and cameras must be those of the store")  # fmt: skip
         layout.add_argument("--size", type=int,
-                            help=f"{edge} of stored frames, pixels (default {size}"
-                            f"{')' if layout is pairs else '; with --append that of the store)'}",
-                            )  # fmt: skip
+                            help=f"{edge} of stored frames, pixels (default {size}; with --append "
+                            "that of the store)")  # fmt: skip
         layout.add_argument("--strict", action="store_true", help="refuse input that has any issue")
     group = world.add_argument_group("world")
     group.add_argument("--seed", type=int, default=1,
@@ -116,19 +118,40 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
-    if options.store.exists():
-        raise RequestError(f"{options.store}: exists; choose another --store, or remove it")
+    stored = None
+    if options.append:
+        stored = _stored_worlds(options)
+    elif options.store.exists():
+        raise RequestError(
+            f"{options.store}: exists; choose another --store, or add recordings by --append"
+        )
     with reporter() as progress:
-        made = pair_arguments.scan(options, (size, size), progress)
+        made = pair_arguments.scan(options, (size, size), progress, stored)
     for line in made.summary:
         print(printable(line))
     _print_outside_folders(made.scan)
     try:
         if options.report is not None:
             made.write_report(options.report)
-        return _build(made.scan, options)
+        return _append(made.scan, options) if options.append else _build(made.scan, options)
     finally:
         _print_issues(made.scan.issues, options.strict)
+
+
+def _stored_worlds(options: argparse.Namespace) -> StoredWorlds:
+    """The worlds of the store that recordings are appended to; says which options do not count."""
+    from s2rtools.datasets.pairing.stored_worlds import stored_worlds
+
+    if not options.store.exists():
+        raise RequestError(
+            f"{options.store}: no such store to append to; leave out --append to make it"
+        )
+    with s2rstore.open(options.store) as store:
+        worlds = stored_worlds(store)
+    for side in SIDES:
+        if getattr(options, f"{side}_floor"):
+            print(f"--{side}-floor is not used: the floor is that of the store")
+    return worlds
 
 
 def _print_outside_folders(scan: Any) -> None:

@@ -152,7 +152,9 @@ class Scan:
 
     `trajectories` maps names to instances in recording order. File names in reports are relative
     to `root`. `floor_plan` is a file or an image (h, w, 3) uint8 RGB that fills the bounds.
-    `provenance` is stored by section. `drives` writes the robot's drives into a new folder.
+    `provenance` is stored by section, and must be that of a store to which the scan is appended;
+    `part_provenance` are facts of what is ingested together. `drives` writes the robot's drives
+    into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
     Without poses (`has_poses` false) there are no depth, no cameras, no bounds and no floor plan.
     """
@@ -170,6 +172,7 @@ class Scan:
     recorded_at: dict[str, str] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
+    part_provenance: dict[str, dict[str, Any]] = field(default_factory=dict)
     drives: Callable[[Path], object] | None = None
     outside_folders: Mapping[str, int] = field(default_factory=dict)
     has_poses: bool = True

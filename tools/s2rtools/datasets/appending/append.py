@@ -262,6 +262,8 @@ def _insert_rows(
         parts.append(added)
         counts = {name: len(stored[name]) for name in sorted(stored)}
         draft.set_provenance("dataset", {f"append:{added.part}": {**facts, "trajectories": counts}})
+        for section, of_part in scan.part_provenance.items():
+            draft.set_provenance(f"{section}:{added.part}", of_part)
     hashes = [part.hash for part in parts] + [row[0] for row in draft.rows(_DOMAIN_HASHES)]
     draft.update("dataset", {"hash": store.dataset.hash}, {"hash": dataset_hash(hashes)})
 

@@ -30,6 +30,9 @@ _LEVEL = math.radians(0.5)
 """Deviation of the cameras' horizontal axes up to which poses alone determine the up axis best."""
 _TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
 """Tilt, in the median and at most, beyond which a camera is reported as not level."""
+_SAME_HEIGHT, _SAME_PITCH = 0.05, math.radians(1.0)
+"""Differences, metres and radians, by which the camera of another recording may stand elsewhere,
+beside its own variation."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
 _MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
@@ -95,6 +98,20 @@ class FittedScale:
     factor: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredFloor:
+    """The floor of a stored recording's world, and how its camera stands on it.
+
+    `world_to_floor` (4, 4) scales by `metres_per_unit`. `camera_height` is in metres, NaN where it
+    is unknown, `pitch` in radians.
+    """
+
+    world_to_floor: Floats
+    metres_per_unit: float
+    camera_height: float
+    pitch: float
+
+
 def parse_up(up: str | Sequence[float]) -> Floats:
     """A unit vector (3,) of "z", "-y" or three numbers. Raises RequestError for anything else."""
     if isinstance(up, str):
@@ -152,41 +169,88 @@ def project_to_floor(
         ground_text += f" of {frames} frames"
         issues += _inclination(recording, up, all_poses, points, tolerance)
     world_to_floor = _world_to_floor(up, 0.0 if math.isnan(ground) else ground, unit)
-    cameras = {
-        name: _moved(trajectory.poses, world_to_floor, unit)
-        for name, trajectory in recording.trajectories.items()
-    }
-    poses = {name: _on_floor(each) for name, each in cameras.items()}
-    issues += _without_heading(recording, poses)
-    everything = np.concatenate(list(cameras.values()))
-    pitch, tilt = _tilt(everything, np.concatenate(list(poses.values()))[:, 2])
-    low, middle, high = (float(each) for each in np.percentile(everything[:, 2, 3], [5, 50, 95]))
-    camera_height = math.nan if math.isnan(ground) else middle
-    tilt_median, tilt_max = float(np.median(tilt)), float(tilt.max())
-    tilt_text = (
-        f"tilt {math.degrees(tilt_median):.1f} degrees in the median, at most "
-        f"{math.degrees(tilt_max):.1f}"
-    )
-    if tilt_median > _TILT_MEDIAN or tilt_max > _TILT_MAX:
-        detail = f"{tilt_text}; roll and changes of pitch are not on the floor plan"
-        issues.append(InputIssue("camera not level", recording.name, detail))
+    moved = _MovedCameras(recording, world_to_floor, unit)
+    issues += moved.issues
+    camera_height = math.nan if math.isnan(ground) else moved.height
     if not recording.is_metric and unit == 1.0 and scale is None:
         own, name = recording.scale_option, recording.layout
         advice = f"option {own} of layout {name}" if own else "metres_per_unit"
         detail = f"the layout leaves it open; give {advice}"
         issues.append(InputIssue("scale of the world not known", recording.name, detail))
-    height_text = "height unknown" if math.isnan(ground) else f"{camera_height:.3f} m above it"
     report: tuple[str, ...] = (
         f"up {', '.join(f'{value:.4f}' for value in up)} ({how}); {ground_text}",
-        f"camera {height_text} ({high - low:.3f} m between the 5th and the 95th percentile), "
-        f"pitch {math.degrees(pitch):.2f} degrees, {tilt_text}",
+        moved.text(camera_height),
     )
     if scale is not None:
         report += (f"scale fitted to the pairs: {unit:.6g} metres per unit of the world",)
     return FloorPoses(
-        poses, cameras, world_to_floor, up, how, unit, camera_height, high - low, pitch,
-        tilt_median, tilt_max, report, issues,
+        moved.poses, moved.cameras, world_to_floor, up, how, unit, camera_height,
+        moved.height_spread, moved.pitch, moved.tilt_median, moved.tilt_max, report, issues,
     )  # fmt: skip
+
+
+def put_on_stored_floor(recording: Recording, floor: StoredFloor) -> FloorPoses:
+    """Put the poses of all trajectories on the floor of a world that they share with stored ones.
+
+    Height and pitch of the camera are the stored ones. Raises RequestError where those of this
+    recording differ by more than they vary: its world or its camera is another one.
+    """
+    if not any(len(t.poses) for t in recording.trajectories.values()):
+        raise RequestError(f"{recording.name}: no image has a pose")
+    moved = _MovedCameras(recording, floor.world_to_floor, floor.metres_per_unit)
+    height, pitch = floor.camera_height, math.degrees(floor.pitch)
+    advice = "append what is recorded in the world of the store, by the same camera"
+    if abs(moved.height - height) > _SAME_HEIGHT + moved.height_spread:  # not where it is unknown
+        raise RequestError(
+            f"{recording.name}: its camera is {moved.height:.3f} m above the floor in the median, "
+            f"that of the store {height:.3f} m; {advice}"
+        )
+    if abs(moved.pitch - floor.pitch) > _SAME_PITCH + moved.tilt_max:
+        raise RequestError(
+            f"{recording.name}: the pitch of its camera is {math.degrees(moved.pitch):.1f} degrees "
+            f"in the median, of that of the store {pitch:.1f}; {advice}"
+        )
+    up = floor.world_to_floor[2, :3] / floor.metres_per_unit
+    how = "of the store"
+    report = (f"floor {how}", moved.text(floor.camera_height))
+    return FloorPoses(
+        moved.poses, moved.cameras, floor.world_to_floor, up, how, floor.metres_per_unit,
+        floor.camera_height, moved.height_spread, floor.pitch, moved.tilt_median, moved.tilt_max,
+        report, moved.issues,
+    )  # fmt: skip
+
+
+class _MovedCameras:
+    """The cameras of a recording in the floor's axes, and how they stand on the floor."""
+
+    def __init__(self, recording: Recording, world_to_floor: Floats, unit: float) -> None:
+        self.cameras = {
+            name: _moved(trajectory.poses, world_to_floor, unit)
+            for name, trajectory in recording.trajectories.items()
+        }
+        self.poses = {name: _on_floor(each) for name, each in self.cameras.items()}
+        everything = np.concatenate(list(self.cameras.values()))
+        self.pitch, tilt = _tilt(everything, np.concatenate(list(self.poses.values()))[:, 2])
+        heights = np.percentile(everything[:, 2, 3], [5, 50, 95])
+        self.height, self.height_spread = float(heights[1]), float(heights[2] - heights[0])
+        self.tilt_median, self.tilt_max = float(np.median(tilt)), float(tilt.max())
+        self._tilt_text = (
+            f"tilt {math.degrees(self.tilt_median):.1f} degrees in the median, at most "
+            f"{math.degrees(self.tilt_max):.1f}"
+        )
+        self.issues = _without_heading(recording, self.poses)
+        if self.tilt_median > _TILT_MEDIAN or self.tilt_max > _TILT_MAX:
+            detail = f"{self._tilt_text}; roll and changes of pitch are not on the floor plan"
+            self.issues.append(InputIssue("camera not level", recording.name, detail))
+
+    def text(self, camera_height: float) -> str:
+        """Height, pitch and tilt in words; `camera_height` is NaN where the floor is not known."""
+        known = math.isfinite(camera_height)
+        height = f"{self.height:.3f} m above it" if known else "height unknown"
+        return (
+            f"camera {height} ({self.height_spread:.3f} m between the 5th and the 95th "
+            f"percentile), pitch {math.degrees(self.pitch):.2f} degrees, {self._tilt_text}"
+        )
 
 
 def _without_heading(recording: Recording, poses: dict[str, Floats]) -> list[InputIssue]:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from s2rstore.errors import RequestError
@@ -25,8 +23,10 @@ from s2rtools.datasets.floor.floor_poses import (
     FloorOptions,
     FloorPoses,
     project_to_floor,
+    put_on_stored_floor,
 )
 from s2rtools.datasets.lazy_sequence import LazySequence
+from s2rtools.datasets.pairing import pair_facts
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance, ReportProgress, Rows
 from s2rtools.datasets.pairing.recording_pairs import (
     Match,
@@ -37,6 +37,7 @@ from s2rtools.datasets.pairing.recording_pairs import (
     paired,
     unmatched_images,
 )
+from s2rtools.datasets.pairing.stored_worlds import StoredWorlds
 from s2rtools.datasets.recording import Recording
 from s2rtools.datasets.recordings.recorded_frame_source import CameraImages, RecordedFrameSource
 from s2rtools.datasets.scan import FramePose, InputIssue, InstanceRecord, Scan
@@ -54,7 +55,8 @@ class PairOptions:
     `tolerance` is that of `recording_pairs.parse_tolerance`. With `align`, the floor of the sim
     recording is fitted to that of the real one by the pairs, which then are those of times or
     names. `floors` say how poses are put on the floor. `calibration` is a file with bounds, rooms
-    and floor plan; its cameras are not used.
+    and floor plan; its cameras are not used. `stored` are the worlds of a store to which the pairs
+    are appended; `floors` are not used then, and `align` needs an alignment in the store.
     """
 
     match: Match
@@ -64,6 +66,7 @@ class PairOptions:
     floors: Mapping[Side, FloorOptions] = field(default_factory=dict)
     calibration: Path | None = None
     allow_outside: bool = False
+    stored: StoredWorlds | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +123,8 @@ def scan_pairs(
     `progress` is called with numbers of images that are compared. Raises RequestError where there
     is no pair, or where poses, cameras or options are not usable.
     """
+    if options.stored is not None:
+        return _scan_further_pairs(sim, real, options, options.stored, progress)
     if options.align and options.match == "pose":
         raise RequestError("--align: the worlds differ; pair by --match time or --match name")
     worlds = _several_worlds(sim, real)
@@ -140,6 +145,40 @@ def scan_pairs(
             alignment = replace(alignment, scale=1.0)
         sides[0].poses = alignment.apply(sides[0].poses)
         pairing = paired(*sides, pairing.sim, pairing.real, pairing.issues)
+    return _paired_scan(sides, pairing, options, alignment, worlds)
+
+
+def _scan_further_pairs(
+    sim: Recording,
+    real: Recording,
+    options: PairOptions,
+    stored: StoredWorlds,
+    progress: ReportProgress,
+) -> PairedScan:
+    """As `scan_pairs`, for recordings in the worlds of a store."""
+    if options.align and stored.alignment is None:
+        raise RequestError("--align: the worlds of the store are not aligned; leave it out")
+    if worlds := _several_worlds(sim, real):
+        raise RequestError(f"{worlds[0].file}: {worlds[0].detail}; nothing can be appended in them")
+    floors = stored.floors
+    sides = (
+        RecordedSide("sim", sim, put_on_stored_floor(sim, floors["sim"])),
+        RecordedSide("real", real, put_on_stored_floor(real, floors["real"])),
+    )
+    if stored.alignment is not None:
+        sides[0].poses = stored.alignment.apply(sides[0].poses)
+    pairing = pair_images(*sides, options.match, options.tolerance, progress)
+    return _paired_scan(sides, pairing, options, stored.alignment, [])
+
+
+def _paired_scan(
+    sides: tuple[RecordedSide, RecordedSide],
+    pairing: Pairing,
+    options: PairOptions,
+    alignment: FloorAlignment | None,
+    worlds: list[InputIssue],
+) -> PairedScan:
+    """The scan of the pairs; `worlds` are issues of recordings without a common world."""
     unmatched = list(unmatched_images(*sides, pairing, options.match))
     if not pairing.sim.size:
         raise RequestError(_no_pairs(*sides, options, unmatched))
@@ -150,14 +189,15 @@ def scan_pairs(
             counts = dict(scan.outside_folders)
             scan.outside_folders = counts | {folder: counts.get(folder, 0) + count}
     scan.issues += worlds
-    scan.issues += [each.of_side(side) for side in SIDES for each in floors[side].issues]
+    scan.issues += [issue.of_side(side.side) for side in sides for issue in side.floor.issues]
     scan.issues += pairing.issues
     scan.issues += [each.issue() for each in unmatched]
     cameras = {each.side: _Cameras(each, options.frame) for each in sides}
     scan.domains = {side: cameras[side].domain for side in SIDES}
     _add_trajectories(scan, *sides, pairing, cameras)
-    scan.provenance = _provenance(*sides, pairing, options, alignment)
-    summary = _summary(*sides, pairing, options, alignment)
+    tolerance = options.match, options.tolerance
+    scan.part_provenance = pair_facts.provenance(*sides, pairing, tolerance, alignment)
+    summary = pair_facts.summary(*sides, pairing, options.match, alignment)
     return PairedScan(scan, *sides, pairing, unmatched, summary)
 
 
@@ -224,10 +264,13 @@ def _empty_scan(
                 f"{config.path}: y_down = true; on the floor of recordings y grows upwards"
             )
         return config.empty_scan(root, options.frame, containment)
+    name, stored = real.recording.name, options.stored
+    if stored is not None:
+        bounds, scale = stored.bounds, stored.accuracy_scale
+        return Scan(name, root, options.frame, False, bounds, scale, ())
     places = np.concatenate([sim.poses[pairing.sim, :2], real.poses[pairing.real, :2]])
     (x0, y0), (x1, y1) = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
     bounds = Bounds(float(x0), float(y0), float(x1), float(y1))
-    name = real.recording.name
     return Scan(name, root, options.frame, False, bounds, bounds.diagonal, ())
 
 
@@ -323,76 +366,3 @@ def _frame_pose(side: RecordedSide, number: int) -> FramePose:
     position = (float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]))
     a, b, c, d = (float(each) for each in Rotation.from_matrix(pose[:3, :3]).as_quat())
     return FramePose(x, y, heading, (*position, a, b, c, d))
-
-
-def _provenance(
-    sim: RecordedSide,
-    real: RecordedSide,
-    pairing: Pairing,
-    options: PairOptions,
-    alignment: FloorAlignment | None,
-) -> dict[str, dict[str, Any]]:
-    facts: dict[str, Any] = {
-        "match": options.match,
-        "pairs": int(pairing.sim.size),
-        "images": {side.side: len(side) for side in (sim, real)},
-        "offsets": _offsets(pairing),
-    }
-    if isinstance(options.tolerance, PoseTolerance):
-        tolerance = options.tolerance
-        facts["tolerance"] = {"m": tolerance.distance, "degrees": math.degrees(tolerance.angle)}
-        facts["cost"] = f"metres + {tolerance.metres_per_radian:.6g} * angle in radians"
-    elif options.tolerance is not None:
-        facts["tolerance"] = {"s": options.tolerance}
-        facts["cost"] = "seconds"
-    if alignment is not None:
-        facts["alignment"] = asdict(alignment)
-    sections: dict[str, dict[str, Any]] = {"pairs": facts}
-    for side in (sim, real):
-        recording = side.recording
-        sections[f"recording:{side.side}"] = {
-            **{str(key): value for key, value in recording.provenance.items()},
-            "layout": recording.layout,
-            "camera": asdict(recording.camera),
-            "floor": list(side.floor.report),
-            "metres_per_unit": side.floor.metres_per_unit,
-            "world_to_floor": side.floor.world_to_floor.tolist(),
-        }
-    return sections
-
-
-def _offsets(pairing: Pairing) -> dict[str, list[float]]:
-    """Median and 95th percentile of the offsets in metres, degrees and seconds where known."""
-    columns = {"m": pairing.metres, "degrees": pairing.degrees, "s": pairing.seconds}
-    return {
-        unit: [round(float(value), 6) for value in np.percentile(known, [50, 95])]
-        for unit, known in ((unit, _finite(each)) for unit, each in columns.items())
-        if known.size
-    }
-
-
-def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return values[np.isfinite(values)]
-
-
-def _summary(
-    sim: RecordedSide,
-    real: RecordedSide,
-    pairing: Pairing,
-    options: PairOptions,
-    alignment: FloorAlignment | None,
-) -> list[str]:
-    lines = [f"{side.side} floor: {line}" for side in (sim, real) for line in side.floor.report]
-    if alignment is not None:
-        lines.append(f"sim floor {alignment.text}")
-    offsets = _offsets(pairing)
-    units = ["m", "degrees", *(["s"] if options.match == "time" else [])]
-    median, high = (
-        ", ".join(f"{offsets[unit][n]:.3g} {unit}" for unit in units if unit in offsets)
-        for n in (0, 1)
-    )
-    lines.append(
-        f"pairs: {pairing.sim.size} of {len(sim)} sim and {len(real)} real images; offset "
-        f"{median} in the median, {high} at the 95th percentile"
-    )
-    return lines

@@ -42,7 +42,7 @@ def write_index(
         insert_domain(draft, domain, scan.has_poses)
     facts = {"command": command, "ingested_at": now(), "problems": problem_counts(scan)}
     draft.set_provenance("dataset", facts)
-    for section, facts in scan.provenance.items():
+    for section, facts in (scan.provenance | scan.part_provenance).items():
         draft.set_provenance(section, facts)
     rule = "block_length 0: the rounded-up square root of n, in recording order"
     draft.set_provenance(

@@ -1,0 +1,92 @@
+"""How two recordings were paired, as the store records it and the user reads it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from s2rtools.datasets.floor.floor_alignment import FloorAlignment
+from s2rtools.datasets.pairing.pair_matching import PoseTolerance
+from s2rtools.datasets.pairing.recording_pairs import Match, Pairing, RecordedSide
+
+
+def provenance(
+    sim: RecordedSide,
+    real: RecordedSide,
+    pairing: Pairing,
+    how: tuple[Match, PoseTolerance | float | None],
+    alignment: FloorAlignment | None,
+) -> dict[str, dict[str, Any]]:
+    """Facts for the provenance, by section: how images were paired, and of both recordings.
+
+    `how` is what the images of a pair have in common, and how far they may differ in it.
+    """
+    match, tolerance = how
+    facts: dict[str, Any] = {
+        "match": match,
+        "pairs": int(pairing.sim.size),
+        "images": {side.side: len(side) for side in (sim, real)},
+        "offsets": _offsets(pairing),
+    }
+    if isinstance(tolerance, PoseTolerance):
+        facts["tolerance"] = {"m": tolerance.distance, "degrees": math.degrees(tolerance.angle)}
+        facts["cost"] = f"metres + {tolerance.metres_per_radian:.6g} * angle in radians"
+    elif tolerance is not None:
+        facts["tolerance"] = {"s": tolerance}
+        facts["cost"] = "seconds"
+    if alignment is not None:
+        facts["alignment"] = asdict(alignment)
+    sections: dict[str, dict[str, Any]] = {"pairs": facts}
+    for side in (sim, real):
+        recording = side.recording
+        sections[f"recording:{side.side}"] = {
+            **{str(key): value for key, value in recording.provenance.items()},
+            "layout": recording.layout,
+            "camera": asdict(recording.camera),
+            "floor": list(side.floor.report),
+            "metres_per_unit": side.floor.metres_per_unit,
+            "world_to_floor": side.floor.world_to_floor.tolist(),
+        }
+    return sections
+
+
+def _offsets(pairing: Pairing) -> dict[str, list[float]]:
+    """Median and 95th percentile of the offsets in metres, degrees and seconds where known."""
+    columns = {"m": pairing.metres, "degrees": pairing.degrees, "s": pairing.seconds}
+    return {
+        unit: [round(float(value), 6) for value in np.percentile(known, [50, 95])]
+        for unit, known in ((unit, _finite(each)) for unit, each in columns.items())
+        if known.size
+    }
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return values[np.isfinite(values)]
+
+
+def summary(
+    sim: RecordedSide,
+    real: RecordedSide,
+    pairing: Pairing,
+    match: Match,
+    alignment: FloorAlignment | None,
+) -> list[str]:
+    """Lines for the user: the floors, the alignment, and the offsets of the pairs."""
+    lines = [f"{side.side} floor: {line}" for side in (sim, real) for line in side.floor.report]
+    if alignment is not None:
+        lines.append(f"sim floor {alignment.text}")
+    offsets = _offsets(pairing)
+    units = ["m", "degrees", *(["s"] if match == "time" else [])]
+    median, high = (
+        ", ".join(f"{offsets[unit][n]:.3g} {unit}" for unit in units if unit in offsets)
+        for n in (0, 1)
+    )
+    lines.append(
+        f"pairs: {pairing.sim.size} of {len(sim)} sim and {len(real)} real images; offset "
+        f"{median} in the median, {high} at the 95th percentile"
+    )
+    return lines
