@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                            help="read only this trajectory (repeatable)")  # fmt: skip
         group.add_argument(f"--{side}-floor", action="append", default=[], metavar="KEY=VALUE",
                            help="how poses are put on the floor: up=z (or -y, or three numbers), "
-                           "ground=Z, camera_height=METRES, metres_per_unit=SCALE")  # fmt: skip
+                           "ground=Z, camera_height=METRES, metres_per_unit=SCALE; with --append "
+                           "the floor is that of the store")  # fmt: skip
     group = parser.add_argument_group("pairing")
     group.add_argument("--match", choices=("pose", "time", "name"), default="pose",
                        help="what the images of a pair have in common (default pose)")  # fmt: skip
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        "times as 0.05s (default)")  # fmt: skip
     group.add_argument("--align", action="store_true",
                        help="fit the sim world to the real one by the pairs; with --match time or "
-                       "name")  # fmt: skip
+                       "name; with --append the alignment is that of the store")  # fmt: skip
     group.add_argument("--report", type=Path, metavar="FILE.csv",
                        help="write all pairs and all unmatched images to a file")  # fmt: skip
     parser.add_argument("--calibration", "--header", dest="header", type=Path, metavar="FILE",

@@ -28,6 +28,7 @@ distributed = pytest.importorskip("distributed")
 from s2rtools.precompute.executors import dask_executor, dask_worker  # noqa: E402
 from s2rtools.precompute.executors.clusters import open_cluster  # noqa: E402
 from s2rtools.precompute.executors.dask_executor import DaskExecutor  # noqa: E402
+from s2rtools.precompute.executors.dask_worker import StoreIdentity  # noqa: E402
 from s2rtools.precompute.executors.local_executors import usual_threads  # noqa: E402
 
 pytestmark = pytest.mark.xdist_group("cluster")
@@ -257,7 +258,7 @@ class _Facts:
     is_wanted = threading.Event()
 
 
-def _describe_late(root: Path, identity: str) -> dask_worker.WorkerFacts:
+def _describe_late(root: Path, identity: StoreIdentity) -> dask_worker.WorkerFacts:
     _Facts.asked += 1
     if _Facts.asked == 2:
         _Facts.is_second_asked.set()
@@ -355,5 +356,6 @@ def test_a_worker_that_connects_after_an_append_sees_the_same_store(tmp_path: Pa
             row = {"part": number, "first_iid": 2 * number, "instances": 2, "hash": sha256}
             draft.insert_row("part", row)
         draft.update("dataset", {"hash": part.hash}, {"hash": "4" * 64})
-    assert dask_worker.describe(root, identity).problem == ""
-    assert "another store" in dask_worker.describe(root, "5" * 64).problem
+    for hashes, problem in (((part.hash, identity), ""), (("4" * 64, ""), ""),
+                            ((part.hash, "5" * 64), f"{root} is another store there")):  # fmt: skip
+        assert dask_worker.describe(root, StoreIdentity(*hashes)).problem == problem

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,12 +36,13 @@ def scaled(path: Path, options: ReadOptions) -> Recording:
     return recording
 
 
-def pitched(path: Path, options: ReadOptions) -> Recording:
-    """A recording whose camera looks 10 degrees downwards."""
+def rotated(axis: str, degrees: float, path: Path, options: ReadOptions) -> Recording:
+    """A recording whose world is rotated."""
     recording = recordings.LAYOUT.read(path, options)
-    turn = Rotation.from_euler("x", -10, degrees=True).as_matrix()
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
     for trajectory in recording.trajectories.values():
-        trajectory.poses[:, :3, :3] = trajectory.poses[:, :3, :3] @ turn
+        trajectory.poses[:] = turn @ trajectory.poses
     return recording
 
 
@@ -146,6 +148,22 @@ def test_a_longer_recording_adds_its_further_pairs(
     assert verify(path) == []
 
 
+def test_other_sim_poses_of_stored_images_are_refused(
+    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, poses = tmp_path / "s.s2r", walks["first"]
+    moved = poses.copy()
+    moved[3, 0] += 0.02
+    real = write(tmp_path / "real", {"walk": poses}, 2)
+    sims = [
+        write(tmp_path / f"sim-{k}", {"walk": each}, 1) for k, each in enumerate((poses, moved))
+    ]
+    floors = "--sim-floor", "ground=0", "--real-floor", "ground=0"
+    assert ingest(sims[0], real, path, *floors) == 0
+    assert ingest(sims[1], real, path, "--append") == 2
+    assert "(the pose of walk/image-0003.png" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("layout", ["test", "scaled"])
 @pytest.mark.parametrize("match", ["name", "pose"])
 def test_worlds_stay_aligned_as_they_are_stored(
@@ -196,22 +214,30 @@ def test_recordings_of_another_world_or_camera_are_refused(
         patch.setattr(recordings, "HEIGHT", recordings.HEIGHT + 0.2)
         assert ingest(*more) == 2
     message = capsys.readouterr().err
-    assert "0.800 m above the floor in the median, that of the store 0.600 m" in message
-    with monkeypatch.context() as patch:
-        patch.setitem(LAYOUTS, "test", Layout(pitched, "recordings of the tests"))
-        assert ingest(*more) == 2
-    assert "is -10.0 degrees in the median, of that of the store 0.0" in capsys.readouterr().err
+    assert "camera 0.800 m above it (0.000 m between" in message
+    assert "the stored camera: 0.600 m (0.000 m), pitch 0.00 degrees" in message
+    for axis, angle in (("x", 10), ("x", 90), ("x", -90), ("y", 30), ("z", 180)):
+        with monkeypatch.context() as patch:
+            layout = Layout(partial(rotated, axis, angle), "recordings of the tests")
+            patch.setitem(LAYOUTS, "test", layout)
+            assert ingest(*more) == (0 if axis == "z" else 2)
+        message = capsys.readouterr().err
+        assert ("append what is recorded in the world of the store" in message) == (axis != "z")
     with s2rstore.open(path) as store:
-        assert [part.instances for part in store.parts] == [N]
+        assert [part.instances for part in store.parts] == [N, MORE]
 
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("world_to_floor", "[[1, 0], [0, 1]]", "4 x 4"),
+        ("world_to_floor", "[[1, 0], [0, 1]]", "no rotation"),
         ("world_to_floor", str(np.diag([1.0, 2.0, 1.0, 1.0]).tolist()), "no rotation and scale"),
         ("world_to_floor", "{}", "recording:real"),
+        ("world_to_floor", str(np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()), "no rotation"),
+        ("world_to_floor", str(np.ones((4, 4)).tolist()), "no rotation"),
         ("metres_per_unit", "0", "no rotation and scale"),
+        ("metres_per_unit", "1e-320", "no rotation and scale"),
+        ("tilt_median", "[]", "tilt_median"),
     ],
 )
 def test_damaged_worlds_are_refused(
@@ -224,6 +250,55 @@ def test_damaged_worlds_are_refused(
         draft.set_provenance("recording:real", {key: value})
     with s2rstore.open(path) as store, pytest.raises(RequestError, match=words):
         stored_worlds(store)
+
+
+@pytest.mark.parametrize("fact", [{"scale": 0.0}, {"scale": -1.0}, {"x": 1e308}, {"angle": "a"}])
+def test_a_damaged_alignment_is_refused(
+    tmp_path: Path, walks: dict[str, Floats], fact: dict[str, object]
+) -> None:
+    path = tmp_path / "s.s2r"
+    sim, real = (write(tmp_path / str(k), {"walk": walks["first"]}, k) for k in (1, 2))
+    assert ingest(sim, real, path, "--match", "name", "--align") == 0
+    with s2rstore.open(path) as store:
+        facts = store.provenance_object("pairs", "alignment")
+    with edit(path) as draft:
+        draft.set_provenance("pairs", {"alignment": facts | fact})
+    with s2rstore.open(path) as store, pytest.raises(RequestError, match="pairs: alignment"):
+        stored_worlds(store)
+
+
+def test_a_trajectory_in_a_world_of_its_own_is_continued_but_not_added(
+    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def odometry(path: Path, options: ReadOptions) -> Recording:
+        recording = recordings.LAYOUT.read(path, options)
+        recording.has_own_worlds = True
+        return recording
+
+    monkeypatch.setitem(LAYOUTS, "test", Layout(odometry, "recordings of the tests"))
+    path = tmp_path / "s.s2r"
+    sims, reals = (
+        [write(tmp_path / f"{k}-{name}", {name: poses}, k) for name, poses in walks.items()]
+        for k in (1, 2)
+    )
+    assert ingest(sims[0], reals[0], path) == 0
+    assert ingest(sims[0], reals[0], path, "--append") == 0
+    monkeypatch.setitem(LAYOUTS, "test", recordings.LAYOUT)  # the store knows it
+    capsys.readouterr()
+    assert ingest(sims[1], reals[1], path, "--append") == 2
+    assert "trajectory second has no known place in the store" in capsys.readouterr().err
+
+
+def test_depth_is_not_added_to_a_domain_without(
+    tmp_path: Path, walks: dict[str, Floats], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, walk = tmp_path / "s.s2r", recordings.side(walks["first"])
+    flat = [recordings.write(tmp_path / str(k), walk, has_depth=False, seed=k) for k in (1, 2)]
+    deep = [write(tmp_path / f"deep-{k}", {"second": walks["second"]}, k) for k in (1, 2)]
+    assert ingest(*flat, path) == 0
+    assert ingest(*deep, path, "--append") == 2
+    assert "has depth, domain sim of the store has none" in capsys.readouterr().err
 
 
 def test_a_store_of_another_origin_is_refused(tiny_store: Path) -> None:

@@ -127,6 +127,7 @@ ROTATIONS = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q
 @given(ROTATIONS, st.integers(0, 1000), st.floats(-0.6, 0.6), st.booleans())
 @example((0.0, 1.0, 5.057877700090312e-06, 0.0), 187, 0.0, True)  # up is nearly -z
 @example((0.0, 1.0, 0.0, 0.0), 187, 0.0, True)
+@example((1.0, 0.125, 5.782451535377022e-164, 0.0), 0, 0.0625, False)
 def test_poses_of_any_world_are_recovered_up_to_a_rigid_motion(
     quaternion: tuple[float, ...], seed: int, pitch: float, declared: bool
 ) -> None:

@@ -405,7 +405,7 @@ def recordings_of_own_worlds(folder: Path) -> tuple[Recording, Recording]:
         times = {name: [math.nan] * len(each) for name, each in poses.items()}
         path = recordings.write(folder / side, Side(poses, names, times))
         found.append(layouts.read("test", path))
-    found[1].has_one_world = False
+    found[1].has_own_worlds = True
     return found[0], found[1]
 
 

@@ -206,10 +206,10 @@ def test_a_fit_that_cannot_be_repeated_is_refused(parted: Path, tmp_path: Path) 
     assert verify(path) == []
 
 
-def test_the_fit_for_later_parts_reads_its_sample_only(
+def test_later_parts_are_transformed_by_the_fit_to_a_sample_and_nothing_else_is(
     trained_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So that it takes no longer where more instances are stored."""
+    """So that the projection takes no longer where more instances are stored."""
     path, fit_points, transformed = tmp_path / "s.s2r", umap_projection._fit_points, []
     shutil.copytree(trained_store, path)
     split_into_parts(path, FIRST, 40)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +10,11 @@ from pathlib import Path
 import pytest
 
 import s2rstore
-from s2rstore.errors import RequestError
+from s2rstore.errors import RequestError, StoreBusyError
+from s2rstore.files import safe_files
+from s2rstore.files.ledger import Ledger
 from s2rstore.maintenance.verify import verify
-from s2rtools.precompute import unit_computer
+from s2rtools.precompute import restart, unit_computer
 from s2rtools.precompute.machine import Machine, this_machine
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
 from s2rtools.precompute.run_registration import add_run
@@ -79,3 +82,71 @@ def test_complete_arrays_are_kept(computed: Path, tmp_path: Path) -> None:
     files = {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")}
     assert precompute(path, SilentReporter(), [], options) == []
     assert {file: file.stat().st_ino for file in path.glob("runs.zarr/*/*/*/c*")} == files != {}
+
+
+def test_a_key_that_has_lost_all_files_is_not_computed_elsewhere_in_silence(
+    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
+    shutil.copytree(computed, path)
+    for array in arrays_of(path, "vanilla", "activation"):
+        for shard in (path / "runs.zarr" / array).glob("c*"):
+            shard.unlink()
+    with monkeypatch.context() as patch:
+        patch.setattr(unit_computer, "this_machine", other_machine)
+        with pytest.raises(RequestError, match=r"numpy 9.9 instead of .*--restart"):
+            precompute(path, SilentReporter(), ["vanilla"], options)
+    assert precompute(path, SilentReporter(), ["vanilla"], options) == []
+    assert verify(path) == []
+
+
+def test_a_restart_that_was_killed_is_repeated(
+    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has removed the files of an array, and not yet their entries in the ledger."""
+    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1)
+    shutil.copytree(computed, path)
+    (shard,) = (path / "runs.zarr" / arrays_of(path, "vanilla", "activation")[0]).glob("c*")
+    shard.unlink()
+
+    def killed(ledger: Ledger, removed: set[str]) -> None:
+        raise KeyboardInterrupt
+
+    again = replace(options, restart=True)
+    monkeypatch.setattr(unit_computer, "this_machine", other_machine)
+    with monkeypatch.context() as patch:
+        patch.setattr(Ledger, "remove_entries", killed)
+        with pytest.raises(KeyboardInterrupt):
+            precompute(path, SilentReporter(), ["vanilla"], again)
+    with pytest.raises(RequestError, match=r"numpy 9.9 instead of .*--restart"):
+        precompute(path, SilentReporter(), ["vanilla"], options)
+    assert precompute(path, SilentReporter(), ["vanilla"], again)
+    assert versions_of(path, "vanilla", "activation") == {"9.9"}
+    assert verify(path) == []
+
+
+def test_nothing_is_removed_where_a_file_cannot_be_examined(
+    computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, options = tmp_path / "s.s2r", PrecomputeOptions(KINDS, workers=1, restart=True)
+    shutil.copytree(computed, path)
+    size = safe_files.size
+
+    def failing(root: Path, relative: str) -> int:
+        if "/activation." in relative:
+            raise OSError(errno.EIO, "Input/output error", str(root / relative))
+        return size(root, relative)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(restart.safe_files, "size", failing)
+        with pytest.raises(OSError, match="Input/output"):
+            precompute(path, SilentReporter(), ["vanilla"], options)
+    assert verify(path) == []
+
+
+def test_nothing_is_removed_without_the_lease(computed: Path) -> None:
+    def lost() -> None:
+        raise StoreBusyError("lost")
+
+    with s2rstore.open(computed) as store, pytest.raises(StoreBusyError):
+        restart.discard_incomplete(store, [], lost)

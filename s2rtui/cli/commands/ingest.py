@@ -139,7 +139,7 @@ def _ingest_pairs(options: argparse.Namespace, size: int) -> int:
 
 
 def _stored_worlds(options: argparse.Namespace) -> StoredWorlds:
-    """The worlds of the store that recordings are appended to; says which options do not count."""
+    """The worlds of the store that recordings are appended to; prints which options are ignored."""
     from s2rtools.datasets.pairing.stored_worlds import stored_worlds
 
     if not options.store.exists():

@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--restart",
         action="store_true",
-        help="begin arrays again that are not complete; needed to go on with another kind of "
-        "machine, because all values of an array come from one kind",
+        help="begin arrays again that are not complete or have lost a file; needed to go on with "
+        "another kind of machine, because all values of an array come from one kind",
     )
     add(
         "--cluster",

@@ -113,8 +113,9 @@ class Recording:
     per raw unit. `depth_raw_max` is the largest valid value, 0 is always invalid. `up` is the
     direction against gravity in the world's axes where the layout defines it. `is_metric` is False
     where the layout leaves the scale of the world open; `scale_option` then names the option of the
-    layout that states it, if there is one. `has_one_world` is False where each trajectory has a
-    world of its own, so that poses of different trajectories cannot be compared. `issues`
+    layout that states it, if there is one. `has_own_worlds` is True where each trajectory has a
+    world of its own, as in odometry, so that poses of different trajectories cannot be compared.
+    `issues`
     report images and poses that were left out, `provenance` states options and facts of the reader.
     `outside_folders` counts the files that were read outside of the recording, by folder.
     """
@@ -130,11 +131,16 @@ class Recording:
     up: tuple[float, float, float] | None = None
     is_metric: bool = True
     scale_option: str | None = None
-    has_one_world: bool = True
+    has_own_worlds: bool = False
     trajectories: dict[str, RecordedTrajectory] = field(default_factory=dict)
     issues: list[InputIssue] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     outside_folders: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def has_one_world(self) -> bool:
+        """Whether the poses of all trajectories can be compared."""
+        return len(self.trajectories) <= 1 or not self.has_own_worlds
 
     def metres_of_depth(self, metres_per_unit: float) -> float:
         """Metres per raw unit of depth where a unit of the world is `metres_per_unit` long."""

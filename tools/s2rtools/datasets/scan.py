@@ -152,9 +152,9 @@ class Scan:
 
     `trajectories` maps names to instances in recording order. File names in reports are relative
     to `root`. `floor_plan` is a file or an image (h, w, 3) uint8 RGB that fills the bounds.
-    `provenance` is stored by section, and must be that of a store to which the scan is appended;
-    `part_provenance` are facts of what is ingested together. `drives` writes the robot's drives
-    into a new folder.
+    `provenance` is stored by section; a scan can be appended to stores of the same provenance
+    only. `part_provenance` are facts that each append records anew. `drives` writes the robot's
+    drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
     Without poses (`has_poses` false) there are no depth, no cameras, no bounds and no floor plan.
     """

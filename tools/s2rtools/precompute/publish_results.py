@@ -27,6 +27,7 @@ from s2rtools.precompute.array_keys import content_key
 from s2rtools.precompute.prediction_rows import decode_split, prediction_columns
 from s2rtools.precompute.tasks import outliers
 from s2rtools.precompute.tasks.umap_projection import SETTINGS
+from s2rtools.precompute.unit_plan import recorded_environment
 from s2rtools.precompute.work_units import ArraySpec, Stage, open_parts
 
 ARRAY_FACTS = "arrays"
@@ -96,8 +97,8 @@ def _are_listed(
     store: Store, run: str, specs: Sequence[ArraySpec], listed: Sequence[ArrayRecord]
 ) -> bool:
     """Whether the index lists all arrays as they are in the store, and what computed them."""
-    if ARRAY_FACTS in (known := store.provenance(f"run:{run}")):
-        facts = parse_object(known[ARRAY_FACTS], ARRAY_FACTS)
+    if ARRAY_FACTS in store.provenance(f"run:{run}"):
+        facts = store.provenance_object(f"run:{run}", ARRAY_FACTS)
         if not facts.keys() >= {spec.key for spec in specs}:
             return False
     checksums = {record.path: record.metadata_sha256 for record in listed}
@@ -223,13 +224,13 @@ def _environments(
 
 def _environment(root: Path, folder: str) -> dict[str, Any] | None:
     """What the ledger states of the arrays in a folder of runs.zarr; None where it is nothing."""
-    for entries in Ledger(root).array_entries(folder).values():
-        for entry in entries:
-            if entry.environment is not None:
-                facts: dict[str, Any] = msgspec.to_builtins(entry.environment)
-                facts["libraries"] = facts.pop("versions")
-                return facts
-    return None
+    ledger = Ledger(root)
+    found = recorded_environment(ledger, ledger.array_entries(folder).values())
+    if found is None:
+        return None
+    facts: dict[str, Any] = msgspec.to_builtins(found)
+    facts["libraries"] = facts.pop("versions")
+    return facts
 
 
 def _provenance(

@@ -18,10 +18,12 @@ def discard_incomplete(store: Store, stages: Sequence[Stage], check: Callable[[]
     """Remove what is incomplete of some stages: all arrays of each key, and results of units.
 
     An array is complete if it is published and no file of it is missing. Keys that were published
-    lose their provenance in all runs, so that it is recorded again. `check` is called before a
-    generation is published, see `edit`.
+    lose their provenance in all runs, so that it is recorded again; readers miss these arrays until
+    they are computed. `check` is called before anything is removed or published, see `edit`. Raises
+    OSError where a file can neither be found nor is missing.
     """
     root, folders = store.path, set[str]()
+    check()
     for stage in stages:
         atomic_writes.remove(root, unit_results.folder(stage))
         for spec in stage.specs:
@@ -30,6 +32,7 @@ def discard_incomplete(store: Store, stages: Sequence[Stage], check: Callable[[]
     _forget_provenance(store, folders, check)
     ledger, removed = Ledger(root), set[str]()
     for folder in folders:
+        check()
         removed |= ledger.array_entries(folder).keys()
         path = f"{layout.RUNS}/{folder}"
         if safe_files.kind(root, path) is not None:
@@ -44,10 +47,16 @@ def _is_complete(store: Store, run: str, spec: ArraySpec) -> bool:
         return False
     try:
         array = spec.open_array(store.path, run)
-    except RequestError:
+        for number in range(array.layout.shards):
+            safe_files.size(store.path, array.file(number))
+    except FileNotFoundError:
         return False
-    names = (array.file(number) for number in range(array.layout.shards))
-    return all(safe_files.kind(store.path, name) == "file" for name in names)
+    except RequestError as error:  # of the metadata
+        cause = error.__cause__
+        if isinstance(cause, OSError) and not isinstance(cause, FileNotFoundError):
+            raise
+        return False
+    return True
 
 
 def _forget_provenance(store: Store, folders: set[str], check: Callable[[], None]) -> None:

@@ -20,9 +20,9 @@ from s2rstore.arrays import array_writer
 from s2rstore.arrays.array_writer import UnnamedShard
 from s2rstore.arrays.stored_array import StoredArray
 from s2rstore.errors import RequestError
-from s2rstore.files import atomic_writes, safe_files
+from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.compute_environment import ComputeEnvironment
-from s2rstore.files.ledger import Ledger, LedgerEntry
+from s2rstore.files.ledger import Ledger, LedgerEntry, LedgerReader
 from s2rstore.geometry.map_grid import TOTALS
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.receipts import Receipt
@@ -139,7 +139,7 @@ class UnitPlan:
         if is_published and files.keys() >= set(names):
             return
         entries = self._entries(spec, stage.run, array)
-        self._bind(spec.folder(stage.run), entries)
+        self._bind(spec.folder(stage.run), entries, is_published)
         per_shard, per_unit = array.layout.shard_rows, stage.unit_rows
         for number, name in enumerate(names):
             sizes = {entry.bytes for entry in entries.get(name, ())}
@@ -164,20 +164,30 @@ class UnitPlan:
     def _entries(
         self, spec: ArraySpec, run: str, array: StoredArray
     ) -> dict[str, list[LedgerEntry]]:
-        """The ledger's entries of an array; releases up to 0.2.0 wrote them among all others."""
-        if not array.layout.is_flat:
-            return self._shared_entries
-        return self._ledger.array_entries(spec.folder(run))
+        """The ledger's entries of the arrays of a key, by file."""
+        entries = self._ledger.array_entries(spec.folder(run))
+        if array.layout.is_flat:
+            return entries
+        shared = self._shared_entries
+        paths = entries.keys() | shared.keys()
+        return {path: [*shared.get(path, ()), *entries.get(path, ())] for path in paths}
 
-    def _bind(self, folder: str, entries: Mapping[str, list[LedgerEntry]]) -> None:
-        """Bind the arrays of a key to the environment of those of their shards that exist."""
-        if folder in self._environments:
-            return
-        for recorded in entries.values():
-            for entry in recorded:
-                if entry.environment is not None and self._ledger.states_size([entry]):
-                    self._environments[folder] = entry.environment
-                    return
+    def _bind(
+        self, folder: str, entries: Mapping[str, list[LedgerEntry]], is_published: bool
+    ) -> None:
+        """Bind the arrays of a key to the environment that computed them, as far as it is recorded.
+
+        Of arrays that are not published, only shards that exist count.
+        """
+        if folder not in self._environments:
+            of_key = (
+                recorded
+                for path, recorded in entries.items()
+                if path.startswith(f"{layout.RUNS}/{folder}/")
+            )
+            found = recorded_environment(self._ledger, of_key, is_published)
+            if found is not None:
+                self._environments[folder] = found
 
     def _chunk_sizes(self, unit: WorkUnit) -> dict[str, ChunkSizes]:
         """What the result of a unit holds of its missing arrays, by their paths."""
@@ -188,10 +198,10 @@ class UnitPlan:
         }
 
     def environment(self, unit: WorkUnit, precision: str) -> ComputeEnvironment | None:
-        """What has to compute a unit, because of the values that its arrays have; None where none.
+        """The environment that a unit must be computed in; None where any will do.
 
-        `precision` is that of its stage. Raises RequestError where arrays of the unit differ in
-        their environment.
+        It is that of the values which the arrays of the unit have already. `precision` is that of
+        the stage. Raises RequestError where arrays of the unit were computed in different ones.
         """
         begun = self._begun(unit)
         if not begun:
@@ -306,6 +316,21 @@ class UnitPlan:
         return file, LedgerEntry(unit, written.path, size, checksum, count, environment)
 
 
+def recorded_environment(
+    ledger: LedgerReader, entries: Iterable[list[LedgerEntry]], may_be_lost: bool = True
+) -> ComputeEnvironment | None:
+    """The environment that computed some files, given by their entries; None if it is not recorded.
+
+    Entries that fit existing files count first, and those of lost files only if they `may_be_lost`.
+    """
+    known = [entry for recorded in entries for entry in recorded if entry.environment is not None]
+    existing = [entry for entry in known if ledger.states_size([entry])]
+    if len({msgspec.json.encode(entry.environment) for entry in existing}) > 1:
+        existing = [entry for entry in existing if ledger.proves([entry])]
+    chosen = existing or (known if may_be_lost else [])
+    return chosen[0].environment if chosen else None
+
+
 def _of_array(spec: ArraySpec, environment: ComputeEnvironment) -> ComputeEnvironment:
     """The environment of an array; no network computes the ones that all runs share."""
     return msgspec.structs.replace(environment, precision=NUMPY) if spec.is_shared else environment
@@ -321,10 +346,9 @@ def _mixed(stage: Stage, difference: str) -> RequestError:
 
 def _chunk_range(shard: _Shard) -> tuple[int, int]:
     """Those of the chunks of the shard's units that lie in the shard."""
-    layout = shard.array.layout
-    first_row = shard.number * layout.shard_rows - shard.units.start * shard.stage.unit_rows
-    first = first_row // layout.rows_per_chunk
-    return first, first - (-shard.array.rows_in(shard.number) // layout.rows_per_chunk)
+    per_shard, per_chunk = shard.array.layout.shard_rows, shard.array.layout.rows_per_chunk
+    first = (shard.number * per_shard - shard.units.start * shard.stage.unit_rows) // per_chunk
+    return first, first - (-shard.array.rows_in(shard.number) // per_chunk)
 
 
 def _file_sizes(root: Path, array: StoredArray) -> dict[str, int]:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import partial
 
 from s2rstore.errors import RequestError, counted
@@ -89,9 +90,12 @@ class Additions:
 
 @dataclass(frozen=True, slots=True)
 class _StoredInstance:
+    """`frame_poses` are those of frames that have other poses than their instances."""
+
     seq: int
     pose: tuple[float, float, float]
     checksums: dict[str, str]
+    frame_poses: dict[str, tuple[float, float, float]]
 
 
 class _DifferenceError(Exception):
@@ -163,15 +167,23 @@ def _stored_instances(store: Store, trajectory: str) -> Iterator[_StoredInstance
         FROM instance JOIN frame USING (iid)
         WHERE iid >= ? AND iid < ? GROUP BY iid ORDER BY iid
     """
+    pose_query = "SELECT iid, domain, x, y, heading FROM frame_pose WHERE iid >= ? AND iid < ?"
+    has_poses = store.has_table("frame_pose")
     for part in store.trajectory_parts:
         if part.trajectory != trajectory:
             continue
         for start in range(part.first_iid, part.stop, _BLOCK):
             stop = min(start + _BLOCK, part.stop)
-            for _, seq, x, y, heading, domains, sums in store.execute(query, [start, stop]):
+            frame_poses: dict[int, dict[str, tuple[float, float, float]]] = defaultdict(dict)
+            for iid, domain, *of_frame in (
+                store.execute(pose_query, [start, stop]) if has_poses else ()
+            ):
+                frame_poses[iid][domain] = (of_frame[0], of_frame[1], of_frame[2])
+            for iid, seq, x, y, heading, domains, sums in store.execute(query, [start, stop]):
                 known = None not in (x, y, heading)
                 pose = (x, y, heading) if known else (math.nan, math.nan, math.nan)
-                yield _StoredInstance(seq, pose, dict(zip(domains, sums, strict=True)))
+                checksums = dict(zip(domains, sums, strict=True))
+                yield _StoredInstance(seq, pose, checksums, frame_poses.get(iid, {}))
 
 
 def _compare(
@@ -196,6 +208,12 @@ def _compare(
                 if not all(map(is_close, pose, expected.pose)):
                     file = _file(scan, record, next(iter(checksums)), len(rows))
                     raise _DifferenceError(f"the pose of {file}")
+                for domain, of_frame in expected.frame_poses.items():
+                    found_pose = record.frame_poses.get(domain)
+                    own = pose if found_pose is None else astuple(found_pose)[:3]
+                    if not all(map(is_close, own, of_frame)):
+                        file = _file(scan, record, domain, len(rows))
+                        raise _DifferenceError(f"the pose of {file}")
                 if record.seq is not None and record.seq != expected.seq:
                     found.renumbered.setdefault(name, Renumbered()).add(record.seq, expected.seq)
                 rows.append(number)

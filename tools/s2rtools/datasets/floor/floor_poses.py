@@ -30,9 +30,9 @@ _LEVEL = math.radians(0.5)
 """Deviation of the cameras' horizontal axes up to which poses alone determine the up axis best."""
 _TILT_MEDIAN, _TILT_MAX = math.radians(1.0), math.radians(5.0)
 """Tilt, in the median and at most, beyond which a camera is reported as not level."""
-_SAME_HEIGHT, _SAME_PITCH = 0.05, math.radians(1.0)
-"""Differences, metres and radians, by which the camera of another recording may stand elsewhere,
-beside its own variation."""
+_SAME_HEIGHT, _SAME_ANGLE = 0.05, math.radians(1.0)
+"""Metres and radians by which height, pitch and tilt of a camera may differ between recordings,
+beside how they vary in the stored one."""
 _INCLINED = math.radians(5)
 """Angle between the up axis and the fitted floor that is reported."""
 _MOST_METRES_PER_UNIT, _MOST_GROUND, _MOST_HEIGHT = 1e6, 1e6, 1000.0
@@ -102,14 +102,15 @@ class FittedScale:
 class StoredFloor:
     """The floor of a stored recording's world, and how its camera stands on it.
 
-    `world_to_floor` (4, 4) scales by `metres_per_unit`. `camera_height` is in metres, NaN where it
-    is unknown, `pitch` in radians.
+    See `FloorPoses`; `camera_height` is NaN where it is unknown.
     """
 
     world_to_floor: Floats
     metres_per_unit: float
     camera_height: float
+    height_spread: float
     pitch: float
+    tilt_median: float
 
 
 def parse_up(up: str | Sequence[float]) -> Floats:
@@ -192,23 +193,28 @@ def project_to_floor(
 def put_on_stored_floor(recording: Recording, floor: StoredFloor) -> FloorPoses:
     """Put the poses of all trajectories on the floor of a world that they share with stored ones.
 
-    Height and pitch of the camera are the stored ones. Raises RequestError where those of this
-    recording differ by more than they vary: its world or its camera is another one.
+    Height and pitch of the camera are the stored ones. Raises RequestError where it stands on the
+    floor in another way than the stored one: its world or the camera is another one.
     """
     if not any(len(t.poses) for t in recording.trajectories.values()):
         raise RequestError(f"{recording.name}: no image has a pose")
     moved = _MovedCameras(recording, floor.world_to_floor, floor.metres_per_unit)
-    height, pitch = floor.camera_height, math.degrees(floor.pitch)
-    advice = "append what is recorded in the world of the store, by the same camera"
-    if abs(moved.height - height) > _SAME_HEIGHT + moved.height_spread:  # not where it is unknown
+    tilt, spread = floor.tilt_median, floor.height_spread
+    height_differs = abs(moved.height - floor.camera_height) > _SAME_HEIGHT + spread
+    differs = (
+        height_differs  # False where the stored height is NaN
+        or moved.height_spread > 2 * spread + 2 * _SAME_HEIGHT
+        or abs(moved.pitch - floor.pitch) > _SAME_ANGLE + tilt
+        or moved.tilt_median > _SAME_ANGLE + 2 * tilt
+    )
+    if differs:
+        known = math.isfinite(floor.camera_height)
+        height = f"{floor.camera_height:.3f} m" if known else "height unknown"
         raise RequestError(
-            f"{recording.name}: its camera is {moved.height:.3f} m above the floor in the median, "
-            f"that of the store {height:.3f} m; {advice}"
-        )
-    if abs(moved.pitch - floor.pitch) > _SAME_PITCH + moved.tilt_max:
-        raise RequestError(
-            f"{recording.name}: the pitch of its camera is {math.degrees(moved.pitch):.1f} degrees "
-            f"in the median, of that of the store {pitch:.1f}; {advice}"
+            f"{recording.name}: on the floor of the store: {moved.text(floor.camera_height)}; the "
+            f"stored camera: {height} ({spread:.3f} m), pitch {math.degrees(floor.pitch):.2f} "
+            f"degrees, tilt {math.degrees(tilt):.1f} degrees; append what is recorded in the world "
+            "of the store, by the same camera"
         )
     up = floor.world_to_floor[2, :3] / floor.metres_per_unit
     how = "of the store"
@@ -337,8 +343,9 @@ def _inclination(
 def _world_to_floor(up: Floats, ground: float, unit: float) -> Floats:
     """(4, 4): the smallest rotation that turns `up` into z, the floor to z = 0, world to metres."""
     axis = np.cross(up, _AXES["z"])
-    sine = float(np.linalg.norm(axis))
-    axis = axis / sine if sine else np.array(_AXES["x"])
+    sine, largest = float(np.linalg.norm(axis)), float(np.abs(axis).max())
+    axis = axis / largest if largest else np.array(_AXES["x"])
+    axis /= np.linalg.norm(axis)  # in two steps, because squares of tiny numbers are 0
     rotation = Rotation.from_rotvec(math.atan2(sine, up[2]) * axis).as_matrix()
     result = np.eye(4)
     result[:3, :3] = unit * rotation

@@ -77,8 +77,7 @@ def read_bag(path: Path, options: ReadOptions) -> Recording:
             recording.trajectories[name] = trajectory
     require_frames("bag", path, recording.trajectories, recording.issues)
     worlds = {part.world for name, part in parts if name in recording.trajectories}
-    is_shared = len(worlds) == 1 and worlds.issubset(_FIXED_WORLDS)
-    recording.has_one_world = len(recording.trajectories) == 1 or is_shared
+    recording.has_own_worlds = len(worlds) != 1 or not worlds.issubset(_FIXED_WORLDS)
     if all(part.world in _LEVEL_WORLDS for _, part in parts):
         recording.up = (0.0, 0.0, 1.0)
     return recording

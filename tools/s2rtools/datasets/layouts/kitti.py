@@ -101,7 +101,7 @@ def read(path: Path, options: ReadOptions) -> Recording:
         root=folder,
         camera=_common_camera(sequences, folder),
         up=(0.0, -1.0, 0.0),
-        has_one_world=len(trajectories) == 1,
+        has_own_worlds=True,
         trajectories=trajectories,
         issues=issues,
         provenance={"camera": f"image_{camera}"},

@@ -23,7 +23,7 @@ def provenance(
 ) -> dict[str, dict[str, Any]]:
     """Facts for the provenance, by section: how images were paired, and of both recordings.
 
-    `how` is what the images of a pair have in common, and how far they may differ in it.
+    `how` are the values of `--match` and of `--tolerance`.
     """
     match, tolerance = how
     facts: dict[str, Any] = {
@@ -50,6 +50,9 @@ def provenance(
             "floor": list(side.floor.report),
             "metres_per_unit": side.floor.metres_per_unit,
             "world_to_floor": side.floor.world_to_floor.tolist(),
+            "height_spread": side.floor.height_spread,
+            "tilt_median": side.floor.tilt_median,
+            "own_worlds": recording.has_own_worlds,
         }
     return sections
 

@@ -158,8 +158,9 @@ def _scan_further_pairs(
     """As `scan_pairs`, for recordings in the worlds of a store."""
     if options.align and stored.alignment is None:
         raise RequestError("--align: the worlds of the store are not aligned; leave it out")
-    if worlds := _several_worlds(sim, real):
-        raise RequestError(f"{worlds[0].file}: {worlds[0].detail}; nothing can be appended in them")
+    names = {checked_name(name, "trajectory") for name in real.trajectories}
+    stored.check("sim", sim, names)
+    stored.check("real", real, names)
     floors = stored.floors
     sides = (
         RecordedSide("sim", sim, put_on_stored_floor(sim, floors["sim"])),

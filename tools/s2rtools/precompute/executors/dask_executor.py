@@ -30,7 +30,7 @@ from s2rtools.precompute.executors.connected_worker import (
     error_text,
     is_loss,
 )
-from s2rtools.precompute.executors.dask_worker import WorkerFacts
+from s2rtools.precompute.executors.dask_worker import StoreIdentity, WorkerFacts
 from s2rtools.precompute.executors.executor import Task
 from s2rtools.precompute.executors.requested_workers import RequestedWorkers
 from s2rtools.precompute.receipts import Receipt
@@ -111,7 +111,7 @@ class _Dispatch:
         self._report_line, self._expected = report_line, expected
         self._root, self._worker_root = tasks[0].computation.root, worker_root
         with s2rstore.open(self._root) as store:
-            self._identity = store.identity
+            self._identity = StoreIdentity(store.dataset.hash, store.identity)
         self._queues: dict[str, deque[Task]] = {}
         self._environments: dict[str, ComputeEnvironment] = {}
         for task in tasks:

@@ -33,28 +33,39 @@ class WorkerFacts:
     problem: str
 
 
-def describe(root: Path, identity: str) -> WorkerFacts:
-    """The facts of this worker, which shall compute units of the store at `root`.
+@dataclass(frozen=True, slots=True)
+class StoreIdentity:
+    """The hash of all data of a store, and that of its first part, which an append does not change.
 
-    `identity` is that of the store, which stays the same when instances are appended meanwhile.
+    The first is read without opening the index, which another host may see late.
     """
+
+    dataset_hash: str
+    identity: str
+
+
+def describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
+    """The facts of this worker, which shall compute units of the store at `root`."""
     return _computing_thread().submit(_describe, root, identity).result()
 
 
-def _describe(root: Path, identity: str) -> WorkerFacts:
+def _describe(root: Path, identity: StoreIdentity) -> WorkerFacts:
     from s2rtools.precompute.machine import this_machine
 
     problem = _problem(root, identity)
     return WorkerFacts(socket.gethostname(), this_machine(), metadata.version("s2rtui"), problem)
 
 
-def _problem(root: Path, identity: str) -> str:
+def _problem(root: Path, identity: StoreIdentity) -> str:
     import s2rstore
     from s2rstore.errors import S2RError
+    from s2rstore.files import layout
 
     try:
-        with s2rstore.open(root) as store:
-            same = store.identity == identity
+        if layout.read_current(root).dataset_hash == identity.dataset_hash:
+            return ""
+        with s2rstore.open(root) as store:  # instances may have been appended
+            same = store.identity == identity.identity
     except S2RError as error:
         return f"{error} (mount the folder of the store there)"
     return "" if same else f"{root} is another store there"
