@@ -167,8 +167,9 @@ def test_other_sim_poses_of_stored_images_are_refused(
 @pytest.mark.parametrize("layout", ["test", "scaled"])
 @pytest.mark.parametrize("match", ["name", "pose"])
 def test_worlds_stay_aligned_as_they_are_stored(
-    tmp_path: Path, walks: dict[str, Floats], layout: str, match: str
-) -> None:
+    tmp_path: Path, walks: dict[str, Floats], layout: str, match: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     """The further pairs alone would be aligned otherwise: their sim poses are off by 5 cm."""
     path = tmp_path / "s.s2r"
     off = {"first": np.zeros(3), "second": np.array([0.05, 0.0, 0.0])}
@@ -185,6 +186,13 @@ def test_worlds_stay_aligned_as_they_are_stored(
     )
     again = ("--align",) if match == "name" else ()
     assert ingest(sims[1], reals[1], path, "--append", "--match", match, *again, layout=layout) == 0
+    output = capsys.readouterr()
+    assert "sim floor as in the store, turned by" in output.out
+    assert "far apart" not in output.err
+    other = write(tmp_path / "other", {"third": walks["first"]}, 3)
+    third = write(tmp_path / "real-third", {"third": walks["first"]}, 4)
+    assert ingest(other, third, path, "--append", "--match", "name", "--strict", layout=layout) == 2
+    assert "poses of pairs far apart" in capsys.readouterr().err
     with s2rstore.open(path) as store:
         truth = np.concatenate([walks[name] + off[name] for name in walks])
         np.testing.assert_allclose(store.poses("sim")[:, :2], truth[:, :2], atol=1e-9)
@@ -238,6 +246,8 @@ def test_recordings_of_another_world_or_camera_are_refused(
         ("metres_per_unit", "0", "no rotation and scale"),
         ("metres_per_unit", "1e-320", "no rotation and scale"),
         ("tilt_median", "[]", "tilt_median"),
+        ("tilt_median", "-1", "implausible"),
+        ("height_spread", "1e300", "implausible"),
     ],
 )
 def test_damaged_worlds_are_refused(

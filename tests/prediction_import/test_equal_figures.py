@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import s2rstore
+from s2rstore.errors import RequestError
 from s2rstore.maintenance.verify import verify
 from s2rstore.records import SIDES
 from s2rtools.precompute.pipeline import PrecomputeOptions, precompute
@@ -201,6 +202,23 @@ def test_nothing_is_computed_twice_and_nothing_is_damaged(imported: Path) -> Non
     assert precompute(imported, reporter, ["exported"], PrecomputeOptions(KINDS)) == []
     assert reporter.steps == 0
     assert verify(imported) == []
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_lost_predictions_have_to_be_imported_again(
+    imported: Path, tmp_path: Path, restart: bool
+) -> None:
+    path, options = tmp_path / "s.s2r", PrecomputeOptions((), restart=restart)
+    shutil.copytree(imported, path)
+    with s2rstore.open(path) as store:
+        arrays = {(r.kind, r.side): r.path for r in store.array_parts("exported")}
+    for name in (arrays["prediction", "sim"], arrays["umap", "real"]):
+        (shard,) = (path / "runs.zarr" / name).glob("c*")
+        shard.unlink()
+    files = sorted(path.rglob("c.*"))
+    with pytest.raises(RequestError, match="its imported arrays are missing; import it again"):
+        precompute(path, SilentReporter(), ["exported"], options)
+    assert sorted(path.rglob("c.*")) == files
 
 
 def test_instances_that_are_appended_stay_without_predictions(

@@ -309,22 +309,21 @@ class _Verification:
         try:
             array = open_array()
         except _FAILURES as error:
-            self._add(relative, first_line(error))
+            reason = first_line(error).removesuffix("; run `s2r verify`")
+            self._add(relative, f"{reason}; {_cure(relative)}")
             return
         for shard in range(array.layout.shards):
             path, rows = array.file(shard), array.rows_in(shard)
             entries = self._entries.get(path)
             if self.files.kind(path) is None:
-                self._add(path, "missing")
+                self._add(path, f"missing; {_cure(path)}")
             elif entries is None and not self.files.lists_files:
                 self.uncompared += 1
                 self._check_structure(array, shard)
             elif entries is None:
                 self._add(path, "no ledger entry proves it")
             elif not self._ledger.proves(entries):
-                is_computed = path.startswith(f"{layout.RUNS}/")
-                cure = "; remove it and run `s2r precompute`" if is_computed else ""
-                self._add(path, f"its checksum is not the ledger's{cure}")
+                self._add(path, f"its checksum is not the ledger's; remove it, and {_cure(path)}")
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
             elif not is_covered:
@@ -399,3 +398,10 @@ class _Verification:
                 f"{layout.LEDGER}: {lines} cannot be read (cut by a killed write, or damaged); "
                 "they prove nothing"
             )
+
+
+def _cure(path: str) -> str:
+    """How a missing array, or a missing file of one, is replaced."""
+    if path.startswith(f"{layout.RUNS}/"):
+        return "run `s2r precompute`"
+    return "restore it from a copy of the store, or ingest again"

@@ -197,6 +197,7 @@ class DatasetConfig:
             accuracy_scale=bounds.diagonal if isinstance(scale, msgspec.UnsetType) else scale,
             rooms=tuple(Room(name, n, *edges) for n, (name, edges) in enumerate(rectangles)),
             outside_folders=containment.outside_folders,
+            has_default_scale=isinstance(scale, msgspec.UnsetType),
         )
         if plan is not None:
             result.floor_plan = plan.resampled(bounds, table.y_down)

@@ -156,6 +156,7 @@ class Scan:
     only. `part_provenance` are facts that each append records anew. `drives` writes the robot's
     drives into a new folder.
     `outside_folders` counts the files that were read outside the data set's folder, by folder.
+    With `has_default_scale`, `accuracy_scale` is not stated, and that of a store counts.
     Without poses (`has_poses` false) there are no depth, no cameras, no bounds and no floor plan.
     """
 
@@ -176,6 +177,7 @@ class Scan:
     drives: Callable[[Path], object] | None = None
     outside_folders: Mapping[str, int] = field(default_factory=dict)
     has_poses: bool = True
+    has_default_scale: bool = False
 
     @property
     def unit(self) -> str:

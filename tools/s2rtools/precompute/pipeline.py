@@ -31,7 +31,7 @@ from s2rtools.precompute.executors.local_executors import (
 from s2rtools.precompute.imported_arrays import imported_stage
 from s2rtools.precompute.input_hashes import InputHashes
 from s2rtools.precompute.publish_results import publish_run
-from s2rtools.precompute.restart import discard_incomplete
+from s2rtools.precompute.restart import discard_incomplete, is_complete
 from s2rtools.precompute.run_backends import RunBackends
 from s2rtools.precompute.tasks.image_heatmaps import image_stages
 from s2rtools.precompute.tasks.map_grids import map_stages, merge_grids
@@ -254,7 +254,8 @@ def _compute_imported(
             forwards.append(forward)
             heatmaps += images
             maps += map_stages(store, keys, forward, images)
-    if not forwards:
+    imported = [spec for forward in forwards for spec in forward.specs]
+    if not imported or not all(is_complete(store, run.run, spec) for spec in imported):
         raise RequestError(f"run {run.run!r}: its imported arrays are missing; import it again")
     groups = [heatmaps, maps]
     if forwards[0].specs_of_kind("embedding"):

@@ -27,7 +27,7 @@ def discard_incomplete(store: Store, stages: Sequence[Stage], check: Callable[[]
     for stage in stages:
         atomic_writes.remove(root, unit_results.folder(stage))
         for spec in stage.specs:
-            if not _is_complete(store, stage.run, spec):
+            if not is_complete(store, stage.run, spec):
                 folders.add(spec.folder(stage.run))
     _forget_provenance(store, folders, check)
     ledger, removed = Ledger(root), set[str]()
@@ -42,7 +42,8 @@ def discard_incomplete(store: Store, stages: Sequence[Stage], check: Callable[[]
         ledger.remove_entries(removed)
 
 
-def _is_complete(store: Store, run: str, spec: ArraySpec) -> bool:
+def is_complete(store: Store, run: str, spec: ArraySpec) -> bool:
+    """Whether an array is published and has all files. OSError where they cannot be examined."""
     if spec.path(run) not in store.array_paths:
         return False
     try:

@@ -61,7 +61,8 @@ def _differences(scan: Scan, store: Store) -> Iterator[tuple[str, object, object
         yield "frame size (--size)", f"{width}x{height}", f"{columns}x{rows}"
     if scan.y_down != dataset.y_down:
         yield "y_down", scan.y_down, dataset.y_down
-    if not is_close(scan.accuracy_scale, dataset.accuracy_scale):
+    is_stated = not scan.has_default_scale
+    if is_stated and not is_close(scan.accuracy_scale, dataset.accuracy_scale):
         yield "accuracy_scale", f"{scan.accuracy_scale:g} m", f"{dataset.accuracy_scale:g} m"
     missing = store.domains.keys() - scan.domains.keys()
     if missing or (not store.has_poses and scan.domains.keys() != store.domains.keys()):

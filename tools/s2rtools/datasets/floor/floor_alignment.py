@@ -45,12 +45,17 @@ class FloorAlignment:
         return moved
 
     @property
+    def motion(self) -> str:
+        """The transform in words."""
+        scale = f", scaled by {self.scale:.4f}" if self.scale != 1 else ""
+        angle = math.degrees(self.angle)
+        return f"turned by {angle:.2f} degrees{scale}, moved by ({self.x:.3f}, {self.y:.3f}) m"
+
+    @property
     def text(self) -> str:
         """The transform and its residual in words."""
-        scale = f", scaled by {self.scale:.4f}" if self.scale != 1 else ""
         return (
-            f"turned by {math.degrees(self.angle):.2f} degrees{scale}, moved by "
-            f"({self.x:.3f}, {self.y:.3f}) m; residual of {self.pairs} pairs {self.residual:.3f} m "
+            f"{self.motion}; residual of {self.pairs} pairs {self.residual:.3f} m "
             f"(root mean square), {self.residual_median:.3f} m and "
             f"{math.degrees(self.residual_angle):.2f} degrees (median)"
         )

@@ -190,7 +190,7 @@ def project_to_floor(
     )  # fmt: skip
 
 
-def put_on_stored_floor(recording: Recording, floor: StoredFloor) -> FloorPoses:
+def put_on_stored_floor(recording: Recording, floor: StoredFloor, side: str) -> FloorPoses:
     """Put the poses of all trajectories on the floor of a world that they share with stored ones.
 
     Height and pitch of the camera are the stored ones. Raises RequestError where it stands on the
@@ -208,12 +208,12 @@ def put_on_stored_floor(recording: Recording, floor: StoredFloor) -> FloorPoses:
         or moved.tilt_median > _SAME_ANGLE + 2 * tilt
     )
     if differs:
-        known = math.isfinite(floor.camera_height)
-        height = f"{floor.camera_height:.3f} m" if known else "height unknown"
+        stored_height = floor.camera_height
+        height = "height unknown" if math.isnan(stored_height) else f"{stored_height:.3f} m"
         raise RequestError(
-            f"{recording.name}: on the floor of the store: {moved.text(floor.camera_height)}; the "
-            f"stored camera: {height} ({spread:.3f} m), pitch {math.degrees(floor.pitch):.2f} "
-            f"degrees, tilt {math.degrees(tilt):.1f} degrees; append what is recorded in the world "
+            f"{side} recording {recording.name}: on the floor of the store: "
+            f"{moved.text(stored_height)}; the stored camera: {height} ({spread:.3f} m), pitch "
+            f"{math.degrees(floor.pitch):.2f} degrees, tilt {math.degrees(tilt):.1f} degrees; append what is recorded in the world "
             "of the store, by the same camera"
         )
     up = floor.world_to_floor[2, :3] / floor.metres_per_unit

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from s2rtools.datasets.floor.floor_alignment import FloorAlignment
 from s2rtools.datasets.pairing.pair_matching import PoseTolerance
 from s2rtools.datasets.pairing.recording_pairs import Match, Pairing, RecordedSide
+from s2rtools.datasets.scan import InputIssue
+
+_FAR, _TURNED = 1.0, 20.0
+"""Metres and degrees between the poses of pairs, in the median, that are reported."""
 
 
 def provenance(
@@ -77,11 +81,16 @@ def summary(
     pairing: Pairing,
     match: Match,
     alignment: FloorAlignment | None,
+    is_stored: bool,
 ) -> list[str]:
-    """Lines for the user: the floors, the alignment, and the offsets of the pairs."""
+    """Lines for the user: the floors, the alignment, and the offsets of the pairs.
+
+    An alignment that `is_stored` was fitted to other pairs.
+    """
     lines = [f"{side.side} floor: {line}" for side in (sim, real) for line in side.floor.report]
     if alignment is not None:
-        lines.append(f"sim floor {alignment.text}")
+        how = f"as in the store, {alignment.motion}" if is_stored else alignment.text
+        lines.append(f"sim floor {how}")
     offsets = _offsets(pairing)
     units = ["m", "degrees", *(["s"] if match == "time" else [])]
     median, high = (
@@ -93,3 +102,18 @@ def summary(
         f"{median} in the median, {high} at the 95th percentile"
     )
     return lines
+
+
+def far_apart(real: RecordedSide, pairing: Pairing, is_stored: bool) -> list[InputIssue]:
+    """An issue where pairs of times or names do not seem to lie in the same world."""
+    metres, degrees = (
+        float(np.median(known)) if (known := _finite(each)).size else 0.0
+        for each in (pairing.metres, pairing.degrees)
+    )
+    if metres <= _FAR and degrees <= _TURNED:
+        return []
+    advice = "the worlds may be others than those of the store" if is_stored else (
+        "the worlds may differ, and --align fits one to the other"
+    )  # fmt: skip
+    detail = f"{metres:.3g} m and {degrees:.3g} degrees in the median; {advice}"
+    return [InputIssue("poses of pairs far apart", real.recording.name, detail)]

@@ -163,8 +163,8 @@ def _scan_further_pairs(
     stored.check("real", real, names)
     floors = stored.floors
     sides = (
-        RecordedSide("sim", sim, put_on_stored_floor(sim, floors["sim"])),
-        RecordedSide("real", real, put_on_stored_floor(real, floors["real"])),
+        RecordedSide("sim", sim, put_on_stored_floor(sim, floors["sim"], "sim")),
+        RecordedSide("real", real, put_on_stored_floor(real, floors["real"], "real")),
     )
     if stored.alignment is not None:
         sides[0].poses = stored.alignment.apply(sides[0].poses)
@@ -198,7 +198,10 @@ def _paired_scan(
     _add_trajectories(scan, *sides, pairing, cameras)
     tolerance = options.match, options.tolerance
     scan.part_provenance = pair_facts.provenance(*sides, pairing, tolerance, alignment)
-    summary = pair_facts.summary(*sides, pairing, options.match, alignment)
+    is_stored = options.stored is not None
+    if options.match != "pose":
+        scan.issues += pair_facts.far_apart(sides[1], pairing, is_stored)
+    summary = pair_facts.summary(*sides, pairing, options.match, alignment, is_stored)
     return PairedScan(scan, *sides, pairing, unmatched, summary)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from typing import TypeVar
@@ -17,6 +18,8 @@ from s2rtools.datasets.floor.floor_poses import StoredFloor
 from s2rtools.datasets.recording import Recording
 
 T = TypeVar("T")
+_LARGEST_SPREAD = 100.0
+"""Metres between heights of a camera over the floor."""
 _LARGEST = 1e6
 """Largest scale, its inverse the smallest, and the largest number of a transform."""
 
@@ -104,6 +107,8 @@ def _floor(store: Store, side: Side) -> StoredFloor:
     domain = store.domain(side)
     spread = _fact(store, side, "height_spread", float, 0.0)
     tilt = _fact(store, side, "tilt_median", float, 0.0)
+    if not (0 <= spread <= _LARGEST_SPREAD and 0 <= tilt <= math.pi):
+        raise RequestError(f"{where}: implausible height_spread or tilt_median; restore it")
     return StoredFloor(matrix, unit, domain.camera_height, spread, domain.rgb.pitch, tilt)
 
 
