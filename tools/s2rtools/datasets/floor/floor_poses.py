@@ -213,8 +213,8 @@ def put_on_stored_floor(recording: Recording, floor: StoredFloor, side: str) -> 
         raise RequestError(
             f"{side} recording {recording.name}: on the floor of the store: "
             f"{moved.text(stored_height)}; the stored camera: {height} ({spread:.3f} m), pitch "
-            f"{math.degrees(floor.pitch):.2f} degrees, tilt {math.degrees(tilt):.1f} degrees; append what is recorded in the world "
-            "of the store, by the same camera"
+            f"{math.degrees(floor.pitch):.2f} degrees, tilt {math.degrees(tilt):.1f} degrees; "
+            "append what is recorded in the world of the store, by the same camera"
         )
     up = floor.world_to_floor[2, :3] / floor.metres_per_unit
     how = "of the store"
