@@ -116,7 +116,8 @@ def test_a_missing_shard_is_an_error_that_names_it(served: ServedStore, capsys) 
     ):
         store.heatmap("vanilla", "feature_distance", "sim", 0)
     assert main(["verify", served.url]) == 1
-    assert capsys.readouterr().out.splitlines()[-1].split() == [SHARD, "missing"]
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line.split(maxsplit=1) == [SHARD, "missing; push the store again"]
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from s2rstore.files import atomic_writes, layout, safe_files
 from s2rstore.files.image_header import floor_plan_bytes
 from s2rstore.files.ingest_folder import appending_folders, building_folders
 from s2rstore.files.ledger import LedgerReader
-from s2rstore.files.store_files import StoreFiles
+from s2rstore.files.store_files import LocalFiles, StoreFiles
 from s2rstore.gap_history import reader
 from s2rstore.index import locked_connection, row_files, schema
 from s2rstore.maintenance.table_rules import (
@@ -310,24 +310,34 @@ class _Verification:
             array = open_array()
         except _FAILURES as error:
             reason = first_line(error).removesuffix("; run `s2r verify`")
-            self._add(relative, f"{reason}; {_cure(relative)}")
+            self._add(relative, f"{reason}; {self._cure(relative)}")
             return
         for shard in range(array.layout.shards):
             path, rows = array.file(shard), array.rows_in(shard)
             entries = self._entries.get(path)
             if self.files.kind(path) is None:
-                self._add(path, f"missing; {_cure(path)}")
+                self._add(path, f"missing; {self._cure(path)}")
             elif entries is None and not self.files.lists_files:
                 self.uncompared += 1
                 self._check_structure(array, shard)
             elif entries is None:
                 self._add(path, "no ledger entry proves it")
             elif not self._ledger.proves(entries):
-                self._add(path, f"its checksum is not the ledger's; remove it, and {_cure(path)}")
+                self._add(
+                    path, f"its checksum is not the ledger's; remove it, and {self._cure(path)}"
+                )
             elif not any(entry.count == rows for entry in entries):
                 self._add(path, f"the ledger counts {entries[0].count} rows, not {rows}")
             elif not is_covered:
                 self._check_structure(array, shard)
+
+    def _cure(self, path: str) -> str:
+        """How a missing array, or a missing file of one, is replaced."""
+        if not isinstance(self.files, LocalFiles):
+            return "push the store again"
+        if path.startswith(f"{layout.RUNS}/"):
+            return "run `s2r precompute`"
+        return "restore it from a copy of the store, or ingest again"
 
     def _check_structure(self, array: StoredArray, shard: int) -> None:
         try:
@@ -398,10 +408,3 @@ class _Verification:
                 f"{layout.LEDGER}: {lines} cannot be read (cut by a killed write, or damaged); "
                 "they prove nothing"
             )
-
-
-def _cure(path: str) -> str:
-    """How a missing array, or a missing file of one, is replaced."""
-    if path.startswith(f"{layout.RUNS}/"):
-        return "run `s2r precompute`"
-    return "restore it from a copy of the store, or ingest again"
