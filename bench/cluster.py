@@ -47,6 +47,7 @@ class _Sleep:
     root: Path
     seconds: float
     durable: bool = False
+    identity: str = ""
 
     def open(self, threads: int) -> Callable[[WorkUnit], Receipt]:
         def compute(unit: WorkUnit) -> Receipt:

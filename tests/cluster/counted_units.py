@@ -42,6 +42,7 @@ class CountedComputation:
     gpu_stage: str = ""
     fails: int | None = None
     durable: bool = False
+    identity: str = ""
     host: str = field(default="host", compare=False)
 
     def open(self, threads: int) -> Callable[[WorkUnit], Receipt]:

@@ -339,7 +339,9 @@ def _compute_stages(
         label = names[0] if len(names) == 1 else f"{names[0]} .. {names[-1]}"
         total = sum(len(unit.instances) for unit in plan.units)
         reporter.begin(f"{plan.units[0].stage.run}: {label}", total)
-        computation = Computation(root, store.generation, backends, options.trust)
+        computation = Computation(
+            root, store.generation, backends, options.trust, identity=store.identity
+        )
         precision = computation.precision
         tasks = [
             Task(computation, unit, plan.environment(unit, precision(unit.stage)))

@@ -46,7 +46,8 @@ class Computation:
     """What computes units of a store: the backends of a run, and the store as it is published.
 
     `backends` are those that the arrays' keys contain; None where no unit runs a network. Results
-    of a process of another host are `durable`.
+    of a process of another host are `durable`. `identity` is that of the store, by which such a
+    process recognises it.
     """
 
     root: Path
@@ -54,6 +55,7 @@ class Computation:
     backends: RunBackends | None = None
     trust: bool = False
     durable: bool = False
+    identity: str = ""
 
     def open(self, threads: int) -> UnitComputer:
         """Make this process compute units with some threads.

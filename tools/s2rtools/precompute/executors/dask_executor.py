@@ -19,8 +19,8 @@ from typing import Any
 
 from distributed import Client, Future, as_completed
 
-import s2rstore
 from s2rstore.errors import RequestError
+from s2rstore.files import layout
 from s2rstore.files.compute_environment import ComputeEnvironment
 from s2rtools.precompute import unit_results
 from s2rtools.precompute.executors import dask_worker
@@ -110,8 +110,8 @@ class _Dispatch:
         self._client, self._workers = client, workers
         self._report_line, self._expected = report_line, expected
         self._root, self._worker_root = tasks[0].computation.root, worker_root
-        with s2rstore.open(self._root) as store:
-            self._identity = StoreIdentity(store.dataset.hash, store.identity)
+        dataset_hash = layout.read_current(self._root).dataset_hash
+        self._identity = StoreIdentity(dataset_hash, tasks[0].computation.identity)
         self._queues: dict[str, deque[Task]] = {}
         self._environments: dict[str, ComputeEnvironment] = {}
         for task in tasks:
