@@ -70,7 +70,7 @@ def figures(folder: Path) -> Iterator[BudgetRow]:
 
 
 def _planned(path: Path, runs: int, parts: int) -> tuple[int, dict[str, float]]:
-    """The files of one of some runs, and the result of `measure` in a process of its own."""
+    """Build a store; the number of files of one run, and the result of `measure` on the store."""
     root = growth.store_of_runs(path, runs)
     if parts > 1:
         _split(root, parts)

@@ -11,7 +11,7 @@ from s2rtui.canvas import Panel, Size
 def line_panels(
     name: str, entries: Sequence[int | None], first: int, size: Size
 ) -> tuple[Panel, ...]:
-    """A panel that tells which entry a line belongs to: y is its number, -1 where it has none.
+    """A panel whose y coordinate is the number of the entry on a line; -1 on lines without one.
 
     `entries` has the entry of every line, `first` is the line in the first row of `size` (columns,
     rows). An entry of several lines lies at its first one. There is no panel without lines.

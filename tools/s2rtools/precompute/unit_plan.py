@@ -212,7 +212,7 @@ class UnitPlan:
         return msgspec.structs.replace(first, precision=precision) if spec.is_shared else first
 
     def _begun(self, unit: WorkUnit) -> list[tuple[ArraySpec, ComputeEnvironment]]:
-        """An array of each key of the unit that is begun, and what computed its first values."""
+        """For each array key of the unit that has values: one array, and their environment."""
         specs = {spec.folder(unit.stage.run): spec for spec in unit.missing}
         return [
             (spec, self._environments[folder])
@@ -319,7 +319,7 @@ class UnitPlan:
 def recorded_environment(
     ledger: LedgerReader, entries: Iterable[list[LedgerEntry]], may_be_lost: bool = True
 ) -> ComputeEnvironment | None:
-    """The environment that computed some files, given by their entries; None if it is not recorded.
+    """The environment recorded in ledger entries of an array key; None if none is recorded.
 
     Entries that fit existing files count first, and those of lost files only if they `may_be_lost`.
     """

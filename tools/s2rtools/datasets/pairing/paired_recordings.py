@@ -155,7 +155,7 @@ def _scan_further_pairs(
     stored: StoredWorlds,
     progress: ReportProgress,
 ) -> PairedScan:
-    """As `scan_pairs`, for recordings in the worlds of a store."""
+    """Pair two recordings that are appended to a store; poses are placed on its floors."""
     if options.align and stored.alignment is None:
         raise RequestError("--align: the worlds of the store are not aligned; leave it out")
     names = {checked_name(name, "trajectory") for name in real.trajectories}

@@ -19,18 +19,17 @@ from s2rtools.datasets.recording import Recording
 
 T = TypeVar("T")
 _LARGEST_SPREAD = 100.0
-"""Metres between heights of a camera over the floor."""
+"""Largest plausible `height_spread` in a store, metres."""
 _LARGEST = 1e6
 """Largest scale, its inverse the smallest, and the largest number of a transform."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredWorlds:
-    """The floors of both sides, the alignment of the sim floor to the real one if there is one,
-    and the map of the store.
+    """The floors, the alignment and the map bounds of a store.
 
-    `own_worlds` are the sides whose trajectories each have a world of their own, `with_depth` those
-    that have depth.
+    `alignment` maps the sim floor to the real one; None where none was fitted. `own_worlds` are
+    the sides whose trajectories each have a world of their own, `with_depth` those with depth.
     """
 
     floors: Mapping[Side, StoredFloor]

@@ -219,7 +219,7 @@ def _transform_components(
 def _components(
     model: IncrementalPCA, embeddings: NDArray[np.float32], settings: ProjectionSettings
 ) -> NDArray[np.float32]:
-    """The components of embeddings (n, D), with zeros for those that few data do not have."""
+    """PCA components of embeddings (n, D); zeros for components that were not fitted."""
     out = np.zeros((len(embeddings), settings.components), dtype=np.float32)
     out[:, : model.n_components_] = model.transform(embeddings)
     return out
@@ -256,7 +256,7 @@ def _transform_points(
 def _fit_points(
     points: NDArray[np.float32], settings: ProjectionSettings
 ) -> tuple[NDArray[np.float32], Transform]:
-    """Coordinates (n, 2) of points (n, components), and what places others among them."""
+    """UMAP coordinates (n, 2) of points (n, components), and the function that maps others."""
     if len(points) <= settings.neighbours + 1 or not np.ptp(points, axis=0).any():
         return points[:, :2], lambda others: others[:, :2]
     from s2rtools.common.numba_cache import cached
